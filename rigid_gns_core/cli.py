@@ -1,0 +1,50 @@
+"""`rigid-gns`: one command per stage. A stage's module owns its options and is imported only when asked for."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+# name: (module with add_arguments(parser) and run(arguments) -> int, one-line help)
+COMMANDS: dict[str, tuple[str, str]] = {
+    'teacher-card': ('rigid_gns_core.teacher_card', 'check the Bullet teacher against closed forms'),
+    'generate': ('rigid_gns_core.generate', 'generate Bullet trajectories into an HDF5 file'),
+    'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
+    'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
+    'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `rigid-gns COMMAND ...`; returns the exit code: 0 done, 1 a check failed, 2 bad input."""
+    argv = sys.argv[1:] if argv is None else list(argv)
+    parser = argparse.ArgumentParser(
+        prog='rigid-gns', description='Learned simulators of rigid spheres.',
+        epilog='rigid-gns COMMAND --help shows the options of a command and an example.',
+    )
+    subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    chosen = next((word for word in argv if not word.startswith('-')), None)
+    for name, (module, text) in COMMANDS.items():
+        subparser = subparsers.add_parser(
+            name, help=text, description=text[0].upper() + text[1:] + '.',
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name == chosen:
+            stage = importlib.import_module(module)
+            stage.add_arguments(subparser)
+            subparser.set_defaults(run=stage.run)
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments) or 0)
+    except (ValueError, FileNotFoundError, FileExistsError, ModuleNotFoundError) as error:
+        print(f'rigid-gns {arguments.command}: error: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f'rigid-gns {arguments.command}: interrupted', file=sys.stderr)
+        return 130
+
+
+if __name__ == '__main__':
+    sys.exit(main())

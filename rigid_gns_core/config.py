@@ -1,0 +1,146 @@
+"""Frozen dataclasses from YAML, with errors that name the key and list the allowed ones."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+T = TypeVar('T')
+
+
+class ConfigError(ValueError):
+    """A configuration holds something that cannot be used."""
+
+
+def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T:
+    """Make dataclass `cls` from a mapping; nested dataclasses from nested mappings.
+
+    Raises:
+        ConfigError: An unknown key (the allowed ones are listed), a missing key, or a wrong type.
+    """
+    where = where or cls.__name__
+    if not isinstance(mapping, Mapping):
+        raise ConfigError(f'{where} is {mapping!r}, expected a mapping')
+    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
+    if unknown := sorted(set(mapping) - set(fields), key=str):
+        raise ConfigError(f'{where}: unknown key {unknown[0]!r}, allowed: {", ".join(fields)}')
+    hints = typing.get_type_hints(cls)
+    values = {
+        key: _convert(hints[key], value, f'{where}.{key}') for key, value in mapping.items()
+    }
+    missing = [
+        name for name, field in fields.items()
+        if name not in values and field.default is dataclasses.MISSING
+        and field.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise ConfigError(f'{where}: missing key {missing[0]!r}')
+    try:
+        return cls(**values)
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(f'{where}: {error}') from error
+
+
+def to_mapping(config: Any) -> dict[str, Any]:
+    """Plain mapping of a configuration dataclass; the inverse of `from_mapping`."""
+    return {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in dataclasses.asdict(config).items()
+    }
+
+
+def load_yaml(path: str | Path) -> dict[str, Any]:
+    """Read a YAML file that holds one mapping."""
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except FileNotFoundError:
+        raise ConfigError(f'{path}: no such file') from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f'{path}: not valid YAML: {error}') from error
+    if not isinstance(content, dict):
+        raise ConfigError(f'{path}: holds {type(content).__name__}, expected a mapping')
+    return content
+
+
+def config_folder() -> Path:
+    """Folder of the shipped YAML files: beside a source tree, else share/ of the installation."""
+    package = Path(__file__).resolve().parent
+    beside = package.parent / 'config'
+    if (package.parent / 'package.xml').is_file() and beside.is_dir():
+        return beside
+    for parent in package.parents:
+        installed = parent / 'share' / 'rigid_gns_ros' / 'config'
+        if installed.is_dir():
+            return installed
+    raise ConfigError('the folder config/ of rigid_gns_ros was not found; reinstall the package')
+
+
+def find_config(kind: str, name: str | Path) -> Path:
+    """Path of a YAML file: `name` itself where it is a file, else a shipped `config/kind/name.yaml`.
+
+    Raises:
+        ConfigError: Neither exists; the shipped names are listed.
+    """
+    path = Path(name)
+    if path.suffix in ('.yaml', '.yml'):
+        if path.is_file():
+            return path
+        raise ConfigError(f'{path}: no such file')
+    folder = config_folder() / kind
+    shipped = folder / f'{name}.yaml'
+    if shipped.is_file():
+        return shipped
+    names = ', '.join(sorted(file.stem for file in folder.glob('*.yaml'))) or 'none'
+    raise ConfigError(f'{kind}: no file and no shipped configuration {str(name)!r}; shipped: {names}')
+
+
+def _convert(hint: Any, value: Any, where: str) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if hint is Any:
+        return value
+    if origin in (typing.Union, types.UnionType):
+        if value is None and type(None) in arguments:
+            return None
+        errors = []
+        for argument in (a for a in arguments if a is not type(None)):
+            try:
+                return _convert(argument, value, where)
+            except ConfigError as error:
+                errors.append(str(error))
+        raise ConfigError(errors[-1] if len(errors) == 1 else f'{where} is {value!r}: {errors}')
+    if origin is typing.Literal:
+        if value not in arguments:
+            allowed = ', '.join(str(argument) for argument in arguments)
+            raise ConfigError(f'{where} is {value!r}, allowed: {allowed}')
+        return value
+    if origin is tuple:
+        if isinstance(value, str) or not isinstance(value, (list, tuple)):
+            raise ConfigError(f'{where} is {value!r}, expected a list')
+        if len(arguments) == 2 and arguments[1] is Ellipsis:
+            arguments = (arguments[0],) * len(value)
+        if len(arguments) != len(value):
+            raise ConfigError(f'{where} has {len(value)} values, expected {len(arguments)}')
+        return tuple(
+            _convert(argument, item, f'{where}[{index}]')
+            for index, (argument, item) in enumerate(zip(arguments, value, strict=True))
+        )
+    if dataclasses.is_dataclass(hint):
+        return value if isinstance(value, hint) else from_mapping(hint, value, where)  # type: ignore[arg-type]
+    if hint is float:
+        if value == 'inf':
+            return float('inf')
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            return float(value)
+        raise ConfigError(f'{where} is {value!r}, expected a number')
+    if isinstance(hint, type) and (not isinstance(value, hint) or (hint is int and value is True)):
+        raise ConfigError(f'{where} is {value!r}, expected {hint.__name__}')
+    return value
