@@ -1,0 +1,174 @@
+"""Which spheres and surfaces are connected in a step (thesis section 3.2.1).
+
+"Distance" is the gap between surfaces of bodies, not between centres: with centres, two slow spheres
+that touch (2 r apart) would never connect under a radius of V dt. No neighbour limit is applied.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from .scene import Plane, Scene, closest_points
+from .state import Array
+
+Connectivity = Literal['epsilon', 'vmax', 'vi', 'swept']
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far a step's graph reaches; lengths are absolute [m], in the model's units.
+
+    Args:
+        connectivity: `epsilon`: gap below `epsilon`. `vmax`: gap below V_max dt. `vi`: gap below
+            the larger V_i dt of the two. `swept`: smallest gap during the step of straight relative
+            motion below `margin` (design of the contact model; the fewest edges).
+        epsilon: Reach of `epsilon` connectivity [m].
+        margin: Added to the reach of all others [m]: covers what V dt leaves out, the
+            g dt^2 / 2 that a resting sphere falls when its support goes.
+        ground_edge: Connect every sphere to the ground at any height, so that gravity can be learned.
+    """
+
+    connectivity: Connectivity = 'vi'
+    epsilon: float = 0.1
+    margin: float = 0.05
+    ground_edge: bool = True
+
+    def __post_init__(self) -> None:
+        if self.connectivity not in get_args(Connectivity):
+            raise ValueError(
+                f'connectivity is {self.connectivity!r}, allowed: {", ".join(get_args(Connectivity))}'
+            )
+        for name in ('epsilon', 'margin'):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected 0 or more')
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Edges of one step. Particle edges come in both directions: edge e and `reverse[e]`.
+
+    Args:
+        senders, receivers: Sphere indices of the particle edges, shape (edges,).
+        reverse: Index of the opposite edge, shape (edges,).
+        surface_receivers: Sphere index of each surface edge, shape (surface_edges,).
+        surface_senders: Surface index of each surface edge, shape (surface_edges,).
+        surface_points: Closest point p_s of the surface to the sphere [m], shape (surface_edges, 3).
+    """
+
+    senders: Indices
+    receivers: Indices
+    reverse: Indices
+    surface_receivers: Indices
+    surface_senders: Indices
+    surface_points: Array
+
+
+def build_graph(
+    positions: Array, velocities: Array, scene: Scene, dt: float, reach: Reach,
+) -> Graph:
+    """Connect spheres with spheres and with surfaces for the step that starts now.
+
+    Args:
+        positions: Centres [m], shape (n, 3).
+        velocities: Velocities [m/s], shape (n, 3).
+        scene: Surfaces and radii.
+        dt: Time step [s].
+        reach: Connectivity and its lengths.
+    """
+    radii = scene.per_sphere('radius', len(positions))
+    low, high = sphere_pairs(positions, velocities, radii, dt, reach)
+    pairs = len(low)
+    order = np.arange(2 * pairs)
+    receivers, senders, points = surface_edges(positions, velocities, radii, scene, dt, reach)
+    return Graph(
+        senders=np.concatenate([low, high]), receivers=np.concatenate([high, low]),
+        reverse=np.where(order < pairs, order + pairs, order - pairs),
+        surface_receivers=receivers, surface_senders=senders, surface_points=points,
+    )
+
+
+def sphere_pairs(
+    positions: Array, velocities: Array, radii: Array, dt: float, reach: Reach,
+) -> tuple[Indices, Indices]:
+    """Pairs i < j that a step may bring together, sorted; shapes (pairs,) and (pairs,)."""
+    empty = np.zeros(0, dtype=np.int64)
+    if len(positions) < 2:
+        return empty, empty
+    travel = np.linalg.norm(velocities, axis=1) * dt
+    fastest = {
+        'epsilon': reach.epsilon, 'vmax': travel.max() + reach.margin,
+        'vi': travel.max() + reach.margin, 'swept': 2 * travel.max() + reach.margin,
+    }[reach.connectivity]
+    tree = cKDTree(positions)
+    pairs = tree.query_pairs(2 * radii.max() + fastest, output_type='ndarray')
+    low, high = pairs[:, 0].astype(np.int64), pairs[:, 1].astype(np.int64)
+    offset = positions[high] - positions[low]
+    touching = radii[low] + radii[high]
+    gap = np.linalg.norm(offset, axis=1) - touching
+    if reach.connectivity == 'epsilon':
+        near = gap <= reach.epsilon
+    elif reach.connectivity == 'vmax':
+        near = gap <= travel.max() + reach.margin
+    elif reach.connectivity == 'vi':
+        near = gap <= np.maximum(travel[low], travel[high]) + reach.margin
+    else:
+        moved = (velocities[high] - velocities[low]) * dt
+        near = swept_distance(offset, moved) - touching <= reach.margin
+    low, high = low[near], high[near]
+    order = np.lexsort((high, low))
+    return low[order], high[order]
+
+
+def swept_distance(offset: Array, moved: Array) -> Array:
+    """Smallest distance [m] of `offset + s moved` for s in 0..1, shape (pairs,)."""
+    square = np.einsum('ij,ij->i', moved, moved)
+    along = -np.einsum('ij,ij->i', offset, moved) / np.maximum(square, 1e-300)
+    nearest = offset + np.clip(along, 0.0, 1.0)[:, None] * moved
+    return np.linalg.norm(nearest, axis=1)
+
+
+def surface_edges(
+    positions: Array, velocities: Array, radii: Array, scene: Scene, dt: float, reach: Reach,
+) -> tuple[Indices, Indices, Array]:
+    """Receivers (spheres), senders (surfaces) and closest points [m] of the surface edges.
+
+    A sphere is connected whichever way it moves, and stays connected while it penetrates.
+    """
+    points, heights = closest_points(scene.surfaces, positions)
+    gap = _surface_gap(points, heights, positions, scene.surfaces) - radii[:, None]
+    travel = np.linalg.norm(velocities, axis=1) * dt
+    if reach.connectivity == 'epsilon':
+        near = gap <= reach.epsilon
+    elif reach.connectivity == 'vmax':
+        near = gap <= (travel.max() if len(travel) else 0.0) + reach.margin
+    elif reach.connectivity == 'vi':
+        near = gap <= travel[:, None] + reach.margin
+    else:
+        ahead = positions + velocities * dt + 0.5 * np.asarray(scene.gravity) * dt**2
+        ahead_points, ahead_heights = closest_points(scene.surfaces, ahead)
+        ahead_gap = _surface_gap(ahead_points, ahead_heights, ahead, scene.surfaces)
+        near = np.minimum(gap, ahead_gap - radii[:, None]) <= reach.margin
+    if reach.ground_edge and scene.ground is not None:
+        near[:, scene.ground] = True
+    receivers, senders = np.nonzero(near)
+    return receivers, senders, points[receivers, senders]
+
+
+def _surface_gap(
+    points: Array, heights: Array, positions: Array, surfaces: tuple[Plane, ...],
+) -> Array:
+    """Distance [m] of centres to bounded planes, shape (n, surfaces).
+
+    Behind a plane without end (ground, walls) it is negative, so that a sphere that went through
+    stays connected however deep. A plane with an end on all sides may have spheres behind it that
+    have nothing to do with it (a ramp above the floor), so its distance has no sign.
+    """
+    distance = np.linalg.norm(positions[:, None] - points, axis=-1)
+    endless = np.array([np.isinf([p.length_x, p.length_y]).any() for p in surfaces], dtype=bool)
+    return np.where(endless & (heights < 0), -distance, distance)

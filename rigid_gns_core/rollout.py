@@ -1,0 +1,173 @@
+"""Load a learned simulator and roll it out, at any radius and gravity."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .checkpoint import CheckpointError, find_model, load_card, load_weights
+from .config import from_mapping
+from .models.gns import GNS, GNSConfig
+from .models.stepping import GNSStepper
+from .scene import Scene
+from .similarity import ModelUnits, Similarity
+from .state import State, Trajectory
+
+
+class Stepper(Protocol):
+    """Advances a state in the model's units."""
+
+    def step(self) -> State:
+        """The state one model step later."""
+        ...
+
+
+class Rollout:
+    """A simulation in progress: `state` is now, `step` advances it by `dt` [s]."""
+
+    def __init__(self, stepper: Stepper, similarity: Similarity, state: State, dt: float) -> None:
+        self._stepper = stepper
+        self._similarity = similarity
+        self.state = state
+        self.dt = dt
+        self.steps = 0
+
+    def step(self) -> State:
+        """Advance by `dt` and return the new state.
+
+        Velocities of the state are means over the step (backward differences, thesis section 3.3).
+
+        Raises:
+            FloatingPointError: The rollout diverged; `state` is the last finite one.
+        """
+        state = self._similarity.to_world(self._stepper.step())
+        self.state = state
+        self.steps += 1
+        return state
+
+
+class Simulator:
+    """A trained model, ready to predict.
+
+    Args:
+        network: The trained network.
+        card: What is known of it: configuration, units, recipe, metrics.
+        name: Name for messages and reports.
+    """
+
+    def __init__(self, network: GNS, card: dict[str, Any], name: str) -> None:
+        self.network = network.eval()
+        self.card = card
+        self.name = name
+        self.units = from_mapping(ModelUnits, card['units'], f'{name}: units')
+
+    @property
+    def history(self) -> int:
+        """H, the number of previous velocities the model uses."""
+        return self.network.config.history
+
+    def native_dt(self, scene: Scene) -> float:
+        """The model's time step for this radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
+        return self.units.dt * Similarity.between(scene, self.units).time
+
+    def check(self, scene: Scene, count: int) -> None:
+        """Refuse a scene that the model cannot serve; warn where it was not trained for it.
+
+        Raises:
+            ValueError: Radii or masses differ, a property has the wrong length, or no gravity.
+        """
+        for name in ('radius', 'mass'):
+            values = scene.per_sphere(name, count)
+            if count and np.ptp(values) > 1e-9 * values.max():
+                raise ValueError(
+                    f'{name} differs between spheres ({values.min():g} to {values.max():g}), '
+                    f'but model {self.name!r} knows spheres of one {name} only'
+                )
+        Similarity.between(scene, self.units)
+        trained = self.card.get('materials', {})
+        for name, value in trained.items():
+            own = scene.per_sphere(name, count)
+            surfaces = scene.surface_values(name) if name != 'rolling_friction' else own
+            both = np.concatenate([own, surfaces])
+            if both.size and np.abs(both - value).max() > 1e-3:
+                warnings.warn(
+                    f'{name} of the scene is {both.min():g} to {both.max():g}, but model '
+                    f'{self.name!r} was trained at {value:g} and will behave like that',
+                    stacklevel=3,
+                )
+
+    def start(
+        self, scene: Scene, positions: ArrayLike, velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None, *, quaternions: ArrayLike | None = None,
+    ) -> Rollout:
+        """Begin a simulation that is advanced step by step.
+
+        Args:
+            scene: Surfaces, radius, materials and gravity.
+            positions: Centres [m], world frame, shape (n, 3).
+            velocities: Velocities now [m/s], shape (n, 3). None: at rest.
+            angular_velocities: [rad/s], world frame, shape (n, 3). None: no spin.
+            quaternions: Rotations (x, y, z, w), shape (n, 4). None: identity.
+
+        Raises:
+            ValueError: Shapes are wrong, values not finite, or the model cannot serve the scene.
+        """
+        state = State(
+            positions=positions, quaternions=quaternions, velocities=velocities,  # type: ignore[arg-type]
+            angular_velocities=angular_velocities,  # type: ignore[arg-type]
+        )
+        self.check(scene, len(state))
+        similarity = Similarity.between(scene, self.units)
+        stepper = GNSStepper(
+            self.network, similarity.scene(scene), similarity.to_model(state), self.units.dt
+        )
+        return Rollout(stepper, similarity, state, self.native_dt(scene))
+
+    def rollout(
+        self, scene: Scene, positions: ArrayLike, velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None, steps: int = 300, *,
+        quaternions: ArrayLike | None = None,
+    ) -> Trajectory:
+        """Predict `steps` steps of `native_dt(scene)` from a start; arguments as in `start`.
+
+        A rollout that diverges is filled with NaN from there on and a warning says when;
+        `Trajectory.diverged_at` tells it too.
+        """
+        if steps < 0:
+            raise ValueError(f'steps is {steps}, expected 0 or more')
+        rollout = self.start(
+            scene, positions, velocities, angular_velocities, quaternions=quaternions
+        )
+        count = len(rollout.state)
+        shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
+        arrays = {name: np.full((steps + 1, count, k), np.nan) for name, k in shapes.items()}
+        for step in range(steps + 1):
+            if step:
+                try:
+                    rollout.step()
+                except FloatingPointError as error:
+                    warnings.warn(f'{error} (step {step} of {steps})', stacklevel=2)
+                    break
+            for name in shapes:
+                arrays[name][step] = getattr(rollout.state, name)
+        return Trajectory(dt=rollout.dt, **arrays)
+
+
+def load_simulator(name_or_path: str | Path | None = None) -> Simulator:
+    """Load a shipped model by name, any model by path, or the shipped default.
+
+    Raises:
+        CheckpointError: There is no such model, or its files are damaged or of another version.
+    """
+    path = find_model(name_or_path)
+    card = load_card(path)
+    kind = card.get('kind')
+    if kind != 'gns':
+        raise CheckpointError(f'{path}: its card is of a model of kind {kind!r}, known: gns')
+    network = GNS(from_mapping(GNSConfig, card.get('config', {}), f'{path}: config'))
+    load_weights(network, path)
+    return Simulator(network, card, path.stem)

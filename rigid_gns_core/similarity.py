@@ -1,0 +1,114 @@
+"""Dynamic similarity: any radius and gravity in the units of a model (design: motion depends on g dt^2 / r).
+
+Lengths are measured in radii of the model, times so that gravity is the model's, and the frame is
+turned so that gravity points along -z. Materials have no units and carry over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .scene import Plane, Scene
+from .state import Array, State, quaternion_multiply
+
+
+@dataclass(frozen=True)
+class ModelUnits:
+    """Size and time step a model was trained with."""
+
+    radius: float
+    gravity: float
+    dt: float
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Maps a scene and its states to a model's units and back.
+
+    Args:
+        length: Length of the world per length of the model.
+        time: Time of the world per time of the model.
+        rotation: Rows are the model's axes in the world frame, shape (3, 3).
+        quaternion: The same rotation, world to model, (x, y, z, w).
+    """
+
+    length: float
+    time: float
+    rotation: Array
+    quaternion: Array
+
+    @classmethod
+    def between(cls, scene: Scene, units: ModelUnits) -> Similarity:
+        """Similarity of `scene` to a model. The largest sphere counts as the model's radius.
+
+        Raises:
+            ValueError: There is no gravity, which the model was trained with.
+        """
+        gravity = float(np.linalg.norm(scene.gravity))
+        if gravity == 0:
+            raise ValueError('gravity is 0, but the model was trained with gravity; set it')
+        length = float(np.max(scene.radius)) / units.radius
+        time = float(np.sqrt(length * units.gravity / gravity))
+        return cls(length, time, *_upright(scene.up))
+
+    def scene(self, scene: Scene) -> Scene:
+        """The scene in the model's units."""
+        surfaces = tuple(
+            replace(
+                plane, point=tuple(self.rotation @ plane.point / self.length),
+                normal=tuple(self.rotation @ plane.normal),
+                direction=tuple(self.rotation @ plane.axes[0]),
+                length_x=plane.length_x / self.length, length_y=plane.length_y / self.length,
+            )
+            for plane in scene.surfaces
+        )
+        gravity = np.asarray(scene.gravity) * self.time**2 / self.length
+        return replace(
+            scene, surfaces=tuple[Plane, ...](surfaces), gravity=tuple(self.rotation @ gravity),
+            radius=_divide(scene.radius, self.length),
+        )
+
+    def to_model(self, state: State) -> State:
+        """A state of the world in the model's units."""
+        turn = self.rotation.T
+        return State(
+            positions=state.positions @ turn / self.length,
+            quaternions=quaternion_multiply(self.quaternion, state.quaternions),
+            velocities=state.velocities @ turn * (self.time / self.length),
+            angular_velocities=state.angular_velocities @ turn * self.time,
+        )
+
+    def to_world(self, state: State) -> State:
+        """A state of the model in the world's units; inverse of `to_model`."""
+        turn = self.rotation
+        back = self.quaternion * [-1.0, -1.0, -1.0, 1.0]
+        return State(
+            positions=state.positions @ turn * self.length,
+            quaternions=quaternion_multiply(back, state.quaternions),
+            velocities=state.velocities @ turn * (self.length / self.time),
+            angular_velocities=state.angular_velocities @ turn / self.time,
+        )
+
+
+def _divide(value: float | tuple[float, ...], by: float) -> float | tuple[float, ...]:
+    return tuple(v / by for v in value) if isinstance(value, tuple) else value / by
+
+
+def _upright(up: Array) -> tuple[Array, Array]:
+    """Rotation matrix and quaternion that turn `up` to +z by the shortest way."""
+    z = np.array([0.0, 0.0, 1.0])
+    axis, cosine = np.cross(up, z), float(up @ z)
+    if cosine < -1 + 1e-12:
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about x
+    else:
+        quaternion = np.array([*axis, 1.0 + cosine])
+        quaternion /= np.linalg.norm(quaternion)
+    x, y, z_, w = quaternion
+    matrix = np.array([
+        [1 - 2 * (y * y + z_ * z_), 2 * (x * y - w * z_), 2 * (x * z_ + w * y)],
+        [2 * (x * y + w * z_), 1 - 2 * (x * x + z_ * z_), 2 * (y * z_ - w * x)],
+        [2 * (x * z_ - w * y), 2 * (y * z_ + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+    return matrix, quaternion

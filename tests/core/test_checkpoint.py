@@ -1,0 +1,80 @@
+"""A loader refuses what it does not know, and says what and why."""
+
+import json
+
+import pytest
+import torch
+
+from rigid_gns_core.checkpoint import CheckpointError, find_model, load_card, save_model
+from rigid_gns_core.config import to_mapping
+from rigid_gns_core.models.gns import GNS, GNSConfig
+from rigid_gns_core.rollout import load_simulator
+
+CONFIG = GNSConfig(message_passing_steps=1, width=8)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    card = {
+        'kind': 'gns', 'config': to_mapping(CONFIG),
+        'units': {'radius': 1.0, 'gravity': 9.81, 'dt': 0.1}, 'materials': {},
+    }
+    save_model(tmp_path / 'model', GNS(CONFIG), card)
+    return tmp_path / 'model.safetensors'
+
+
+def change_card(path, **changes):
+    card_path = path.with_suffix('.json')
+    card_path.write_text(json.dumps({**json.loads(card_path.read_text()), **changes}))
+
+
+def test_weights_come_back_as_they_were(saved):
+    torch.manual_seed(3)
+    network = GNS(CONFIG)
+    save_model(saved.with_suffix(''), network, load_card(saved))
+    loaded = load_simulator(saved).network.state_dict()
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(loaded[name], value, rtol=0, atol=0)
+
+
+def test_path_works_with_and_without_suffix(saved):
+    assert load_simulator(saved).name == load_simulator(saved.with_suffix('')).name == 'model'
+
+
+def test_unknown_model_lists_the_shipped_ones():
+    with pytest.raises(CheckpointError, match=r"no model 'nosuch'.*gns"):
+        find_model('nosuch')
+
+
+def test_missing_card(saved):
+    saved.with_suffix('.json').unlink()
+    with pytest.raises(CheckpointError, match='card model.json is missing'):
+        load_simulator(saved)
+
+
+@pytest.mark.parametrize(('changes', 'message'), [
+    ({'format_version': 99}, 'format_version is 99, this program reads 1'),
+    ({'kind': 'mystery'}, "kind 'mystery'"),
+    ({'config': {'widht': 8}}, "unknown key 'widht', allowed: .*width"),
+    ({'config': {'width': 16, 'message_passing_steps': 1}}, 'has shape'),
+    ({'config': {'width': 8, 'message_passing_steps': 2}}, 'blocks.1.* is missing'),
+])
+def test_a_card_that_does_not_fit(saved, changes, message):
+    change_card(saved, **changes)
+    with pytest.raises(ValueError, match=message):
+        load_simulator(saved)
+
+
+def test_truncated_weights(saved):
+    saved.write_bytes(saved.read_bytes()[:-100])
+    with pytest.raises(CheckpointError, match='damaged'):
+        load_simulator(saved)
+
+
+def test_weights_that_are_not_finite(saved):
+    network = GNS(CONFIG)
+    with torch.no_grad():
+        network.decoder.bias[0] = float('nan')
+    save_model(saved.with_suffix(''), network, load_card(saved))
+    with pytest.raises(CheckpointError, match='decoder.bias.*not finite'):
+        load_simulator(saved)
