@@ -1,0 +1,257 @@
+"""Record messages into a rosbag2 folder (MCAP and metadata.yaml) without ROS.
+
+What rosbag2 of ROS 2 Jazzy writes is written here, key for key, so that `ros2 bag`, `rosbags` and
+`mcap-ros2-support` read the result. docs/bags.md describes the format.
+"""
+
+from __future__ import annotations
+
+import atexit
+import io
+import os
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.writer import CompressionType, Writer
+
+from .bag_metadata import Qos, RecordedTopic, bag_information, qos_profiles, to_yaml
+from .definitions import full_text, type_hash
+
+FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
+_CHUNK_SIZE = 768 * 1024  # rosbag2's
+
+
+@dataclass
+class _Topic(RecordedTopic):
+    channel: int = 0  # of the MCAP file; 0: not there yet
+
+
+class BagWriter:
+    """Records messages in a thread of its own: `write` only queues.
+
+    Every 0.5 s what was written is flushed, so that a killed process loses no more than that
+    (`read_bag` reads the rest). `close` writes the index and metadata.yaml; it also runs at the
+    exit of the interpreter. When the disk fails, recording stops, `error` says why, and the caller
+    goes on.
+
+    Args:
+        folder: Folder to make; must not exist.
+        queue_bytes: Most bytes that wait for the disk; messages beyond are counted in `lost`.
+        on_error: Called from the recording thread with a sentence, once when recording has stopped
+            and once when the first message was lost.
+
+    Raises:
+        FileExistsError: The folder exists already.
+        OSError: The folder cannot be made.
+    """
+
+    def __init__(
+        self, folder: str | Path, *, queue_bytes: int = 256 * 2**20,
+        on_error: Callable[[str], None] | None = None,
+    ) -> None:
+        self.folder = Path(folder)
+        self.path = self.folder / f'{self.folder.resolve().name}_0.mcap'
+        try:
+            self.folder.mkdir(parents=True)
+        except FileExistsError:
+            raise FileExistsError(
+                f'{self.folder} exists already and a bag is never overwritten; '
+                'choose another folder or remove it'
+            ) from None
+        self._raw = open(self.path, 'xb', buffering=0)  # noqa: SIM115 - closed by the thread
+        self._writer = Writer(
+            io.BufferedWriter(self._raw),  # type: ignore[arg-type]
+            chunk_size=_CHUNK_SIZE, compression=CompressionType.NONE,
+        )
+        self._queue: queue.SimpleQueue[tuple[_Topic, bytes, int] | _Topic | None]
+        self._queue = queue.SimpleQueue()
+        self._queue_bytes, self._waiting = queue_bytes, 0
+        self._lock = threading.Lock()
+        self._on_error = on_error
+        self._topics: dict[str, _Topic] = {}
+        self._schemas: dict[str, int] = {}
+        self._times: tuple[int, int] | None = None  # first and last log time [ns]
+        self._lost, self._unflushed, self._loss_reported = 0, 0, False
+        self._error: str | None = None
+        self._closed = False
+        self._thread = threading.Thread(target=self._record, name='bag writer', daemon=True)
+        self._thread.start()
+        atexit.register(self.close)
+
+    @property
+    def error(self) -> str | None:
+        """Why recording has stopped, or None."""
+        return self._error
+
+    @property
+    def lost(self) -> int:
+        """Number of messages that were handed to `write` and not recorded."""
+        return self._lost
+
+    @property
+    def topics(self) -> dict[str, int]:
+        """Number of messages recorded so far of each topic."""
+        return {name: topic.count for name, topic in self._topics.items()}
+
+    def add_topic(self, name: str, type_name: str, qos: Qos) -> None:
+        """Announce a topic.
+
+        Args:
+            name: Resolved name, as `/lab/predicted_poses`.
+            type_name: Type, as `geometry_msgs/msg/PoseArray`.
+            qos: Profile of its publisher: `reliable` (depth 10), `sensor_data` (best effort,
+                depth 5) or `latched` (transient local, depth 1).
+
+        Raises:
+            ValueError: An unknown type or profile, a name without its leading slash, or a topic
+                that was added with another type.
+        """
+        qos_profiles(qos)  # raises where it is unknown, as does the next
+        type_hash(type_name)
+        if not name.startswith('/'):
+            raise ValueError(f'topic {name!r} does not start with a slash; give its resolved name')
+        known = self._topics.get(name)
+        if known and (known.type_name, known.qos) != (type_name, qos):
+            raise ValueError(f'topic {name} was added before, with {known.type_name}, {known.qos}')
+        if not known:
+            self._topics[name] = topic = _Topic(name, type_name, qos)
+            self._queue.put(topic)
+
+    def write(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
+        """Queue one message; never waits for the disk.
+
+        After `close`, after an error, with a full queue or with a time before the epoch the message
+        is counted in `lost`.
+
+        Raises:
+            ValueError: The topic was not added, a mistake in the program.
+        """
+        entry = self._topics.get(topic)
+        if entry is None:
+            raise ValueError(f'topic {topic} was not added; added: {", ".join(self._topics)}')
+        with self._lock:
+            if (
+                self._closed or self._error or not 0 <= log_time_ns < 2**63
+                or self._waiting + len(cdr) > self._queue_bytes
+            ):
+                self._lost += 1
+                return
+            self._waiting += len(cdr)
+            self._queue.put((entry, bytes(cdr), int(log_time_ns)))
+
+    def close(self) -> None:
+        """Write what is queued, the index and metadata.yaml. A second call does nothing."""
+        with self._lock:
+            first, self._closed = not self._closed, True
+        if first:
+            self._queue.put(None)
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+        atexit.unregister(self.close)
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    # --- the recording thread ---
+
+    def _record(self) -> None:
+        try:
+            self._writer.start(profile='ros2', library='rigid_gns_ros')
+            self._drain()
+            self._finish()
+        except Exception as error:  # the caller's work must go on whatever the recording meets
+            with self._lock:
+                self._error = f'recording into {self.folder} has stopped: {error}'
+                self._lost += self._unflushed + self._discard()
+            self._report(self._error)
+        finally:
+            self._raw.close()
+
+    def _drain(self) -> None:
+        flush_at = time.monotonic() + FLUSH_PERIOD
+        while True:
+            try:
+                item = self._queue.get(timeout=max(0.0, flush_at - time.monotonic()))
+            except queue.Empty:
+                pass
+            else:
+                if item is None:
+                    return
+                if isinstance(item, _Topic):
+                    self._register(item)
+                else:
+                    self._add(*item)
+            if time.monotonic() >= flush_at:
+                self._writer.flush()
+                self._unflushed = 0
+                self._report_loss()
+                flush_at = time.monotonic() + FLUSH_PERIOD
+
+    def _register(self, topic: _Topic) -> None:
+        if topic.type_name not in self._schemas:
+            self._schemas[topic.type_name] = self._writer.register_schema(
+                topic.type_name, 'ros2msg', full_text(topic.type_name).encode(),
+            )
+        topic.channel = self._writer.register_channel(
+            topic.name, 'cdr', self._schemas[topic.type_name],
+            {
+                'offered_qos_profiles': to_yaml(qos_profiles(topic.qos)),
+                'topic_type_hash': type_hash(topic.type_name),
+            },
+        )
+
+    def _add(self, topic: _Topic, cdr: bytes, log_time_ns: int) -> None:
+        with self._lock:
+            self._waiting -= len(cdr)
+        self._unflushed += 1
+        self._writer.add_message(
+            topic.channel, log_time_ns, cdr, publish_time=log_time_ns, sequence=topic.count,
+        )
+        topic.count += 1
+        first, last = self._times or (log_time_ns, log_time_ns)
+        self._times = min(first, log_time_ns), max(last, log_time_ns)
+
+    def _discard(self) -> int:
+        """Empty the queue; the number of messages that were in it."""
+        count = 0
+        while True:
+            try:
+                count += isinstance(self._queue.get_nowait(), tuple)
+            except queue.Empty:
+                return count
+
+    def _finish(self) -> None:
+        topics = [topic for topic in list(self._topics.values()) if topic.channel]
+        information = bag_information(self.path.name, topics, *(self._times or (0, 0)))
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
+        self._writer.finish()
+        self._writer.flush()
+        self._unflushed = 0
+        os.fsync(self._raw.fileno())
+        # whole or not at all: a bag with half a metadata.yaml is worse than one without
+        temporary = self.folder / 'metadata.yaml.tmp'
+        with open(temporary, 'w', encoding='utf-8') as file:
+            file.write(to_yaml({'rosbag2_bagfile_information': information}))
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, self.folder / 'metadata.yaml')
+        self._report_loss()
+
+    def _report_loss(self) -> None:
+        if self._lost and not self._loss_reported:
+            self._loss_reported = True
+            self._report(f'{self.folder} does not hold every message: {self._lost} lost so far')
+
+    def _report(self, text: str) -> None:
+        if self._on_error is None:
+            print(f'rigid_gns_ros: {text}', file=sys.stderr)
+        else:
+            self._on_error(text)

@@ -1,0 +1,235 @@
+"""Read bags: finished folders, single MCAP files, and what a killed recorder has left.
+
+No ROS needed. A file is read from its start, record by record, never through its index: a torn file
+has none, and every record that is whole is still there.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import yaml
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Schema
+from mcap.stream_reader import breakup_chunk
+from numpy.typing import NDArray
+
+_MAGIC = b'\x89MCAP0\r\n'
+_HEAD = struct.Struct('<BQ')  # opcode, length of the content
+
+
+class BagError(ValueError):
+    """A folder or file is not a bag that can be read."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Messages of one topic in the order of their log times.
+
+    Args:
+        name: Topic.
+        type_name: Type, as `geometry_msgs/msg/PoseArray`.
+        times: Log times [ns], int64, shape (messages,).
+        messages: CDR bytes of each.
+    """
+
+    name: str
+    type_name: str
+    times: NDArray[np.int64]
+    messages: list[bytes]
+
+    def __len__(self) -> int:
+        return len(self.messages)
+
+
+@dataclass(frozen=True)
+class Bag:
+    """Content of a bag.
+
+    Args:
+        path: Folder or file.
+        topics: By name.
+        warnings: What is damaged or missing; empty for a sound bag.
+    """
+
+    path: Path
+    topics: dict[str, Topic]
+    warnings: tuple[str, ...]
+
+
+def read_bag(path: str | Path) -> Bag:
+    """Read every whole message of a rosbag2 folder or of an .mcap file.
+
+    Raises:
+        BagError: There is nothing to read, or it is not MCAP.
+    """
+    path = Path(path)
+    warnings: list[str] = []
+    files, information = _files(path, warnings)
+    unpack = _message_unpacker(information)
+    gathered: dict[str, _Gathered] = {}
+    for file in files:
+        _read_file(file, gathered, warnings)
+    topics = {}
+    for name, found in gathered.items():
+        times = np.array(found.times, dtype=np.int64)
+        order = np.argsort(times, kind='stable')
+        messages = [unpack(found.messages[index]) for index in order]
+        topics[name] = Topic(name, found.type_name, times[order], messages)
+    count, expected = sum(map(len, topics.values())), information.get('message_count')
+    if expected is not None and count != expected:
+        warnings.append(f'{path}: metadata.yaml counts {expected} messages, {count} were read')
+    return Bag(path, topics, tuple(warnings))
+
+
+def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]:
+    """MCAP files of a bag in order, and what metadata.yaml says."""
+    if path.is_file():
+        return [path], {}
+    if not path.is_dir():
+        raise BagError(f'{path}: no such bag')
+    metadata = path / 'metadata.yaml'
+    if not metadata.is_file():
+        files = sorted(path.glob('*.mcap*'), key=_natural)
+        if not files:
+            raise BagError(f'{path}: holds neither metadata.yaml nor an .mcap file; not a bag')
+        warnings.append(
+            f'{path}: no metadata.yaml, so the recorder did not finish; '
+            'reading what it had written (`ros2 bag reindex` makes the file anew)'
+        )
+        return files, {}
+    try:
+        information = yaml.safe_load(metadata.read_text('utf-8'))['rosbag2_bagfile_information']
+        names = [str(name) for name in information['relative_file_paths']]
+        storage = information['storage_identifier']
+    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise BagError(f'{metadata}: not the metadata of a bag: {error!r}') from error
+    if storage != 'mcap':
+        raise BagError(
+            f'{path}: stored as {storage}, expected mcap; convert it with `ros2 bag convert`'
+        )
+    files = [path / name for name in names]
+    for file in [file for file in files if not file.is_file()]:
+        warnings.append(f'{file}: named in metadata.yaml, but missing')
+        files.remove(file)
+    if not files:
+        raise BagError(f'{path}: none of the files that metadata.yaml names is there')
+    return files, information
+
+
+def _natural(path: Path) -> list[int | str]:
+    """Key that puts bag_10 after bag_9."""
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
+
+
+def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
+    """Function that undoes `ros2 bag record --compression-mode message`."""
+    if str(information.get('compression_mode', '')).lower() != 'message':
+        return lambda data: data
+    return _zstd_decompress
+
+
+def _zstd_decompress(data: bytes) -> bytes:
+    import zstandard
+
+    return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+
+
+@dataclass
+class _Gathered:
+    type_name: str
+    times: list[int] = field(default_factory=list)
+    messages: list[bytes] = field(default_factory=list)
+
+
+def _read_file(file: Path, gathered: dict[str, _Gathered], warnings: list[str]) -> None:
+    """Add the messages of one file to those of each topic."""
+    schemas: dict[int, str] = {}
+    channels: dict[int, _Gathered | None] = {}  # None: not CDR
+    homeless = 0
+    for record in _records(file, warnings):
+        if isinstance(record, Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            channels[record.id] = None
+            if record.message_encoding == 'cdr':
+                type_name = schemas.get(record.schema_id, 'unknown')
+                topic = gathered.setdefault(record.topic, _Gathered(type_name))
+                if topic.type_name != type_name:
+                    raise BagError(
+                        f'{file}: topic {record.topic} is {type_name}, before {topic.type_name}'
+                    )
+                channels[record.id] = topic
+        elif record.channel_id not in channels:
+            homeless += 1
+        elif topic := channels[record.channel_id]:
+            topic.times.append(record.log_time)
+            topic.messages.append(record.data)
+    if homeless:
+        warnings.append(
+            f'{file}: {homeless} messages are lost, as the record of their topic is damaged'
+        )
+
+
+def _records(file: Path, warnings: list[str]) -> Iterator[Schema | Channel | Message]:
+    """Schemas, channels and messages of a file, with those in chunks, as far as they are whole."""
+    with _open(file) as stream:
+        size = stream.seek(0, 2)
+        stream.seek(0)
+        if stream.read(len(_MAGIC)) != _MAGIC:
+            raise BagError(f'{file}: does not start as an MCAP file')
+        while True:
+            start = stream.tell()
+            if start == size:
+                warnings.append(f'{file}: has no end, so the recorder did not finish')
+                return
+            # a damaged length may be huge: compare before reading
+            opcode, length = _HEAD.unpack(stream.read(_HEAD.size).ljust(_HEAD.size, b'\xff'))
+            if start + _HEAD.size + length > size:
+                warnings.append(
+                    f'{file}: torn, so the recorder did not finish; '
+                    f'its last {size - start} bytes are lost'
+                )
+                return
+            content = stream.read(length)
+            if opcode == Opcode.FOOTER:
+                if stream.read() != _MAGIC:
+                    warnings.append(f'{file}: torn in its last bytes; every message is read')
+                return
+            try:
+                records = _parse(opcode, content)
+            except Exception as error:  # anything may come out of a decompressor or parser here
+                warnings.append(f'{file}: {length} bytes at {start} are damaged and lost: {error}')
+            else:
+                yield from records
+
+
+def _open(file: Path) -> BinaryIO:
+    if file.suffix != '.zstd':
+        return open(file, 'rb')
+    try:  # `ros2 bag record --compression-mode file`
+        return BytesIO(_zstd_decompress(file.read_bytes()))
+    except Exception as error:
+        raise BagError(f'{file}: cannot be decompressed: {error}') from error
+
+
+def _parse(opcode: int, content: bytes) -> list[Schema | Channel | Message]:
+    stream = ReadDataStream(BytesIO(content))
+    if opcode == Opcode.SCHEMA:
+        return [Schema.read(stream)]
+    if opcode == Opcode.CHANNEL:
+        return [Channel.read(stream)]
+    if opcode == Opcode.MESSAGE:
+        return [Message.read(stream, len(content))]
+    if opcode == Opcode.CHUNK:
+        records = breakup_chunk(Chunk.read(stream), validate_crc=True)
+        return [r for r in records if isinstance(r, (Schema, Channel, Message))]
+    return []

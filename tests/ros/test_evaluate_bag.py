@@ -1,0 +1,253 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigid_gns_core.evaluate import read_json
+from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.state import rotate_quaternions
+from rigid_gns_ros.alignment import interpolate
+from rigid_gns_ros.bag import BagWriter
+from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
+from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+
+ROOT = Path(__file__).parents[2]
+START = 1_700_000_000_123_456_789
+PERIOD = 100_000_000  # [ns]
+POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
+SCENE = Scene(surfaces=Plane.box(60.0, 60.0))
+SPHERES = np.array([[-5.0, 0.0, 60.0], [0.0, 0.0, 60.0], [5.0, 0.0, 60.0]])
+SPIN = np.array([0.0, 1.0, 2.0])  # [rad/s]
+
+
+def flight(stamp_ns: int) -> np.ndarray:
+    """Poses of three spheres in free flight, shape (3, 7)."""
+    t = (stamp_ns - START) * 1e-9
+    positions = SPHERES + [1.0 * t, 2.0 * t, -0.5 * 9.81 * t * t]
+    quaternions = rotate_quaternions(np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)), SPIN * t)
+    return np.concatenate([positions, quaternions], axis=1)
+
+
+def every_period(first: int, last: int, offset: int = 0) -> list[int]:
+    return [START + k * PERIOD + offset for k in range(first, last)]
+
+
+def write_bag(
+    folder: Path, predicted: Iterable[int], tracked: Iterable[int], *, error: float = 0.05,
+    lateness: Callable[[int], int] = lambda k: 3_000_000, scene: bool = True, start: str = 'first',
+    poses: Callable[[int], np.ndarray] = flight, namespace: str = '/lab',
+) -> Path:
+    """A bag of predictions for the given stamps, `error` [m] off along x, `lateness` [ns] late."""
+    codec = PoseArrayCodec('world', 3)
+    with BagWriter(folder) as bag:
+        bag.add_topic(f'{namespace}/tracked_poses', POSE_ARRAY, 'sensor_data')
+        bag.add_topic(f'{namespace}/predicted_poses', POSE_ARRAY, 'reliable')
+        if scene:
+            bag.add_topic(f'{namespace}/simulator/scene', 'std_msgs/msg/String', 'latched')
+            bag.write(f'{namespace}/simulator/scene', encode_string(json.dumps({
+                'scene': SCENE.to_mapping(), 'model': 'gns', 'dt': 0.1, 'model_card': {},
+                'parameters': {'start': start},
+            })), START)
+        bag.add_topic(f'{namespace}/simulator/step_time', 'std_msgs/msg/Float64', 'reliable')
+        for stamp in tracked:
+            cdr = codec.encode(poses(stamp), stamp)
+            bag.write(f'{namespace}/tracked_poses', cdr, stamp + 1_000_000)
+        for k, stamp in enumerate(predicted):
+            cdr = codec.encode(flight(stamp) + error * np.eye(7)[0], stamp)
+            bag.write(f'{namespace}/predicted_poses', cdr, stamp + lateness(k))
+            bag.write(f'{namespace}/simulator/step_time', encode_float64(1e-3 * (k % 2 + 1)), stamp)
+    return folder
+
+
+def test_a_known_error_and_a_known_lateness(tmp_path):
+    # lateness 0, 1, ... 19 ms
+    bag = write_bag(
+        tmp_path / 'bag', every_period(1, 21), every_period(0, 30), lateness=lambda k: k * 10**6,
+    )
+    report = evaluate_bag(bag)
+    # float64 positions of 60 m: rounding far below 1e-12
+    assert report['errors']['mse'] == pytest.approx(0.05**2, abs=1e-12)
+    assert report['errors']['position_error'] == pytest.approx(0.05, abs=1e-12)
+    # differences of positions over 0.1 s
+    assert report['errors']['velocity_error'] == pytest.approx(0.0, abs=1e-11)
+    assert report['errors']['spin_error'] == pytest.approx(0.0, abs=1e-7)
+    assert report['laws']['predicted']['rotational_energy'] > 0
+    assert (report['steps'], report['dt'], report['spheres']) == (19, 0.1, 3)
+    frames = report['frames']
+    assert (frames['tracked'], frames['predicted'], frames['compared']) == (30, 20, 20)
+    assert (frames['restarts'], frames['missing'], frames['interpolated']) == (0, 0, 0)
+    timing = report['timing']
+    assert timing['lateness_p50_ms'] == pytest.approx(9.5)
+    assert timing['lateness_max_ms'] == pytest.approx(19.0)
+    assert timing['period_mean_ms'] == pytest.approx(101.0)  # a millisecond later each time
+    assert timing['period_std_ms'] == pytest.approx(0.0, abs=1e-9)
+    assert timing['publishing_rate_hz'] == pytest.approx(1 / 0.101)
+    assert (timing['step_p50_ms'], timing['step_max_ms']) == (1.5, 2.0)
+    assert report['recording']['model'] == 'gns'
+
+
+def test_tracked_poses_between_the_predicted_times_are_interpolated(tmp_path):
+    bag = write_bag(
+        tmp_path / 'bag', every_period(1, 21), every_period(0, 30, PERIOD // 2), error=0.0,
+    )
+    report = evaluate_bag(bag)
+    assert report['frames']['interpolated'] == 20
+    # a chord of free flight lies g T^2 / 8 below it
+    assert report['errors']['position_error'] == pytest.approx(9.81 * 0.1**2 / 8, rel=1e-6)
+    assert report['errors']['rotation_error'] == pytest.approx(0.0, abs=1e-7)
+    assert any('20 of 20 tracked poses are interpolated' in note for note in report['notes'])
+
+
+def test_interpolation_is_exact_on_frames_and_halves_rotations():
+    stamps = np.array([START, START + 10, START + 30])
+    turns = np.zeros((3, 1, 3))
+    turns[:, 0, 2] = [0.0, 1.0, 3.0]
+    poses = np.concatenate(
+        [10 * turns, rotate_quaternions(np.tile([0.0, 0.0, 0.0, 1.0], (3, 1, 1)), turns)], axis=-1,
+    )
+    poses[1, :, 3:] *= -1  # the same rotation
+    got = interpolate(stamps, poses, stamps - np.array([0, 0, 10]))
+    np.testing.assert_allclose(got[0], poses[0], atol=1e-15)
+    np.testing.assert_allclose(got[1], poses[1], atol=1e-15)
+    assert got[2, 0, 2] == pytest.approx(20.0)
+    half = rotate_quaternions([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 2.0])
+    assert abs(got[2, 0, 3:] @ half) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_only_the_longest_stretch_of_one_start_is_compared(tmp_path):
+    # 5 predictions, a start anew half a period later, 12 predictions, of which one is missing
+    stamps = every_period(1, 6) + every_period(6, 18, PERIOD // 2)
+    del stamps[9]
+    report = evaluate_bag(write_bag(tmp_path / 'bag', stamps, every_period(0, 60, 0)))
+    frames = report['frames']
+    assert (frames['restarts'], frames['missing'], frames['bridged']) == (1, 1, 1)
+    assert (frames['predicted'], frames['compared']) == (16, 12)
+    notes = ' '.join(report['notes'])
+    assert 'started anew 1 times; the longest stretch, 1.1 s' in notes
+    assert '1 predictions are missing and were interpolated' in notes
+
+
+def test_a_long_gap_ends_a_stretch(tmp_path):
+    stamps = every_period(1, 6) + every_period(10, 20)
+    report = evaluate_bag(write_bag(tmp_path / 'bag', stamps, every_period(0, 30)))
+    frames = report['frames']
+    assert (frames['restarts'], frames['missing'], frames['compared']) == (0, 4, 10)
+
+
+def test_predictions_from_every_frame_follow_an_uneven_tracker(tmp_path):
+    rng = np.random.default_rng(0)
+    tracked = [stamp + int(rng.integers(-5_000_000, 5_000_000)) for stamp in every_period(0, 30)]
+    predicted = [stamp + PERIOD for stamp in tracked[:20]]
+    report = evaluate_bag(write_bag(tmp_path / 'bag', predicted, tracked, start='every'))
+    assert report['frames']['compared'] == 20
+    assert any('one period ahead' in note for note in report['notes'])
+
+
+def test_only_the_time_that_was_tracked_is_compared(tmp_path):
+    report = evaluate_bag(write_bag(tmp_path / 'bag', every_period(1, 40), every_period(3, 20)))
+    assert report['frames']['compared'] == 17
+
+
+def test_tracked_frames_that_the_node_refuses_are_left_out(tmp_path):
+    def poses(stamp: int) -> np.ndarray:
+        values = flight(stamp)
+        if stamp == START + 5 * PERIOD:
+            values[1, 2] = np.nan
+        if stamp == START + 6 * PERIOD:
+            values[1, 3:] = 0.0
+        return values
+
+    tracked = [*every_period(0, 10), *every_period(8, 20)]
+    report = evaluate_bag(write_bag(tmp_path / 'bag', every_period(1, 18), tracked, poses=poses))
+    assert report['frames']['tracked_refused'] == 4
+    assert any(
+        '1 for their not finite, 1 for their quaternion, 2 for their stamp' in note
+        for note in report['notes']
+    )
+
+
+def test_what_is_missing_is_named_with_what_is_there(tmp_path):
+    with BagWriter(tmp_path / 'other') as bag:
+        bag.add_topic('/lab/tracked_poses', POSE_ARRAY, 'sensor_data')
+    with pytest.raises(ValueError, match=r'no topic .*predicted_poses .*--predicted. The bag holds '
+                       r'/lab/tracked_poses \(geometry_msgs/msg/PoseArray, 0 messages\)'):
+        evaluate_bag(tmp_path / 'other')
+    apart = write_bag(tmp_path / 'apart', every_period(1, 10), every_period(50, 60))
+    with pytest.raises(ValueError, match='do not overlap: predictions are for 1700000000.223'):
+        evaluate_bag(apart)
+    single = write_bag(tmp_path / 'single', every_period(1, 2), every_period(0, 10))
+    with pytest.raises(ValueError, match='no two in a row'):
+        evaluate_bag(single)
+    counts = write_bag(
+        tmp_path / 'counts', every_period(1, 10), every_period(0, 20),
+    )
+    with BagWriter(tmp_path / 'four') as bag:
+        bag.add_topic('/tracked_poses', POSE_ARRAY, 'reliable')
+        bag.add_topic('/predicted_poses', POSE_ARRAY, 'reliable')
+        for stamp in every_period(0, 10):
+            cdr = PoseArrayCodec('world', 4).encode(np.ones((4, 7)), stamp)
+            bag.write('/tracked_poses', cdr, stamp)
+            cdr = PoseArrayCodec('world', 3).encode(flight(stamp), stamp)
+            bag.write('/predicted_poses', cdr, stamp)
+    with pytest.raises(ValueError, match='no .*/scene topic .* --scene'):
+        evaluate_bag(tmp_path / 'four')
+    with pytest.raises(ValueError, match=r'3 spheres in frame .world.*refused: 10 for their count'):
+        evaluate_bag(tmp_path / 'four', scene='box_154')
+    with pytest.raises(ValueError, match='no topic /nowhere of type'):
+        evaluate_bag(counts, tracked='/nowhere')
+
+
+def test_a_bag_of_another_recorder_needs_only_topics_and_a_scene(tmp_path):
+    bag = write_bag(
+        tmp_path / 'bag', every_period(1, 10), every_period(0, 20), scene=False, namespace='',
+    )
+    (bag / 'metadata.yaml').unlink()
+    report = evaluate_bag(
+        bag / 'bag_0.mcap', scene='box_154', tracked='/tracked_poses', predicted='/predicted_poses',
+    )
+    assert report['errors']['position_error'] == pytest.approx(0.05, abs=1e-12)
+    assert report['recording']['model'] == 'unknown'
+
+
+def test_command_line_prints_and_writes_beside_the_bag(tmp_path, capsys):
+    bag = write_bag(tmp_path / 'bag', every_period(1, 10), every_period(0, 20))
+    assert main([str(bag), '--no-figure']) == 0
+    printed = capsys.readouterr().out
+    report = read_json(tmp_path / 'bag_evaluation.json')
+    assert format_report(report) in printed
+    assert 'Lateness p50 ms' in printed
+    assert f'numbers: {tmp_path / "bag_evaluation.json"}' in printed
+    assert sorted(file.name for file in bag.iterdir()) == ['bag_0.mcap', 'metadata.yaml']
+    assert main([str(tmp_path / 'nowhere')]) == 2
+    assert 'no such bag' in capsys.readouterr().err
+
+
+def test_figure_is_drawn(tmp_path):
+    pytest.importorskip('matplotlib', reason='matplotlib is not installed')
+    bag = write_bag(tmp_path / 'bag', every_period(1, 6), every_period(0, 10))
+    numbers, figure = tmp_path / 'a.json', tmp_path / 'a.png'
+    assert main([str(bag), '--json', str(numbers), '--figure', str(figure)]) == 0
+    assert numbers.is_file()
+    assert figure.read_bytes().startswith(b'\x89PNG')
+
+
+def test_evaluation_needs_no_ros(tmp_path):
+    bag = write_bag(tmp_path / 'bag', every_period(1, 10), every_period(0, 20))
+    code = (
+        'import sys\n'
+        'for name in ("rclpy", "geometry_msgs", "std_msgs", "torch", "pybullet", "matplotlib"):\n'
+        '    sys.modules[name] = None\n'
+        'from rigid_gns_ros.evaluate_bag import main\n'
+        f'sys.exit(main([{str(bag)!r}]))\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True, check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert 'not drawn, as matplotlib is not installed' in done.stdout
