@@ -1,0 +1,70 @@
+# `make help` lists the targets. Everything is installed into .venv; nothing else is touched.
+#
+#   PYTHON=python3.12 make test                the interpreter that .venv is made from
+#   PIP_FLAGS='--extra-index-url ...' make     more options for pip (README: the CPU build of torch)
+
+PYTHON ?= python3
+PIP_FLAGS ?=
+VENV := .venv
+BIN := $(VENV)/bin
+LOCKED := $(VENV)/.locked
+READY := $(VENV)/.ready
+INDEX := $(VENV)/share/ament_index/resource_index/packages
+PIP = $(CLEAN) $(BIN)/python -m pip install --disable-pip-version-check
+CHATTER := '^Collecting|^Looking in|^Requirement already|Obtaining dep|\.metadata|WARNING: Location|ninstall'
+SHARE := $(VENV)/share/rigid_gns_ros
+# A ROS workspace or another environment that is active must not reach into this one.
+CLEAN := env -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV -u LD_LIBRARY_PATH -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
+TESTS ?= tests
+
+.DEFAULT_GOAL := help
+.PHONY: help venv demo test lint format lock clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+venv: $(READY)  ## make .venv from requirements.lock, anew when that changes
+
+demo: $(READY)  ## tracker, simulator, bag and report of 20 s with 154 spheres
+	@$(CLEAN) $(BIN)/python -m rigid_gns_ros.demo
+
+test: $(READY)  ## run all tests (TESTS=tests/core for a part)
+	@$(CLEAN) $(BIN)/python -m pytest -n 2 $(TESTS)
+
+lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files
+	@$(CLEAN) $(BIN)/ruff check .
+	@$(CLEAN) $(BIN)/ruff format --check .
+	@$(CLEAN) $(BIN)/mypy
+	@$(CLEAN) $(BIN)/python .ci/check_files.py
+
+format: $(READY)  ## let ruff format the code and repair what it can
+	@$(CLEAN) $(BIN)/ruff check --fix .
+	@$(CLEAN) $(BIN)/ruff format .
+
+lock:  ## resolve requirements.lock anew from setup.py (Python 3.11, network)
+	@$(CLEAN) $(PYTHON) .ci/lock.py $(PIP_FLAGS)
+
+clean:  ## remove .venv and everything that was built
+	rm -rf $(VENV) build dist install log *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A changed lock gives a new environment, so that nothing stale is left in it.
+$(LOCKED): requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null || { \
+	  echo "make: $(PYTHON) is $$($(PYTHON) --version 2>/dev/null || echo not there), but Python 3.11 or 3.12 is needed." >&2; \
+	  echo "      Name one that is installed: make PYTHON=python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
+	@echo 'make: installing requirements.lock into $(VENV): once, some minutes, 2 GB'
+	@$(CLEAN) $(PYTHON) -m venv --clear $(VENV)
+	@# pip's progress without its chatter; its exit status passes the filter by a file
+	@{ $(PIP) --progress-bar off $(PIP_FLAGS) -r requirements.lock 2>&1; echo $$? > $(VENV)/.status; } \
+	  | grep --line-buffered -vE $(CHATTER); exit $$(cat $(VENV)/.status)
+	@touch $@
+
+$(READY): $(LOCKED) setup.py setup.cfg pyproject.toml
+	@$(PIP) --quiet --no-deps --no-build-isolation -e .
+	@# an editable install has no ament marker: with these, AMENT_PREFIX_PATH=$$PWD/.venv is a ROS prefix
+	@mkdir -p $(INDEX) $(SHARE) $(VENV)/lib/rigid_gns_ros
+	@ln -sfn $(CURDIR)/resource/rigid_gns_ros $(INDEX)/rigid_gns_ros
+	@for name in package.xml config launch; do ln -sfn $(CURDIR)/$$name $(SHARE)/$$name; done
+	@for name in simulator tracker evaluate; do ln -sfn ../../bin/$$name $(VENV)/lib/rigid_gns_ros/$$name; done
+	@touch $@

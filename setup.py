@@ -1,0 +1,91 @@
+"""Package metadata, for pip and colcon alike; tool settings are in pyproject.toml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'rigid_gns_ros'
+
+# What prediction, data, bags and evaluation need: small wheels that exist for every platform.
+CORE = [
+    'numpy>=1.26',
+    'PyYAML>=6.0',
+    'h5py>=3.10',
+    'scipy>=1.11',
+    'safetensors>=0.4',
+    'tqdm>=4.66',
+    'mcap>=1.2',
+]
+# What a user may want to choose (a CUDA or a CPU torch), cannot have everywhere (pybullet has no
+# wheel for Python 3.12, ROS wheels are x86-64 Linux only), or has from apt (ROS).
+EXTRAS = {
+    'torch': ['torch>=2.6'],
+    'teacher': ["pybullet>=3.2.6; python_version < '3.12'"],
+    'plot': ['matplotlib>=3.8'],
+    # the meta packages pin Jazzy; a plain `ros-rclpy` would be a newer distribution
+    'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
+    'test': [
+        'pytest>=7.4',
+        'pytest-xdist>=3.5',
+        'rosbags>=0.10',
+        'mcap-ros2-support>=0.5',
+        'colcon-common-extensions',
+        'setuptools>=68,<80',
+    ],
+    'dev': ['ruff>=0.9', 'mypy>=1.11', 'types-PyYAML', 'pre-commit>=3.6'],
+}
+EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
+
+
+def shared_files() -> list[tuple[str, list[str]]]:
+    """What ROS looks for under share/: (folder, files), sub-folders of config/ kept."""
+    share = f'share/{NAME}'
+    files = {
+        'share/ament_index/resource_index/packages': [f'resource/{NAME}'],
+        share: ['package.xml', 'README.md', 'LICENSE'],
+        f'{share}/launch': sorted(str(path) for path in Path('launch').glob('*_launch.py')),
+    }
+    for path in sorted(Path('config').rglob('*')):
+        if path.is_file():
+            files.setdefault(f'{share}/{path.parent.as_posix()}', []).append(str(path))
+    return [(folder, content) for folder, content in files.items() if content]
+
+
+setup(
+    name=NAME,
+    version='0.1.0',  # as in package.xml and CHANGELOG.rst, which a test compares
+    description='Learned simulators of rigid spheres: real-time prediction in ROS 2',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    author='rigid_gns maintainers',
+    author_email='rigid-gns@example.org',
+    maintainer='rigid_gns maintainers',
+    maintainer_email='rigid-gns@example.org',
+    license='Apache-2.0',
+    keywords=['ROS', 'physics', 'simulation', 'graph neural network', 'rigid bodies'],
+    classifiers=[
+        'Intended Audience :: Science/Research',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Topic :: Scientific/Engineering :: Physics',
+    ],
+    python_requires='>=3.11',
+    packages=find_packages(include=['rigid_gns_ros*', 'rigid_gns_core*']),
+    package_data={
+        '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg']
+    },
+    data_files=shared_files(),
+    install_requires=CORE,
+    extras_require=EXTRAS,
+    zip_safe=False,  # weights and recordings are opened as files
+    entry_points={
+        'console_scripts': [
+            'simulator = rigid_gns_ros.simulator_node:main',
+            'tracker = rigid_gns_ros.tracker_node:main',
+            'evaluate = rigid_gns_ros.evaluate_bag:main',
+            'rigid-gns = rigid_gns_core.cli:main',
+        ]
+    },
+)

@@ -1,0 +1,167 @@
+"""One version everywhere, every file in the wheel, every dependency in the lock."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib import metadata
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = (
+    'setup.py',
+    'setup.cfg',
+    'pyproject.toml',
+    'package.xml',
+    'README.md',
+    'LICENSE',
+    'resource',
+    'config',
+    'launch',
+    'rigid_gns_core',
+    'rigid_gns_ros',
+)
+
+
+def canonical(name: str) -> str:
+    return re.sub(r'[-_.]+', '-', name).lower()
+
+
+def lock() -> dict[str, str]:
+    """Name to the rest of its line in the lock."""
+    lines = (ROOT / 'requirements.lock').read_text(encoding='utf-8').splitlines()
+    entries = [line.split('==', 1) for line in lines if line and not line.startswith('#')]
+    return dict(entries)
+
+
+@pytest.fixture(scope='module')
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """The wheel of a copy of the source tree: building leaves files behind."""
+    folder = tmp_path_factory.mktemp('wheel')
+    (folder / 'tree').mkdir()
+    for name in SOURCES:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(
+                source, folder / 'tree' / name, ignore=shutil.ignore_patterns('__pycache__')
+            )
+        else:
+            shutil.copy(source, folder / 'tree' / name)
+    subprocess.run(
+        [
+            sys.executable,
+            '-m',
+            'pip',
+            'wheel',
+            '--quiet',
+            '--no-deps',
+            '--no-build-isolation',
+            '--wheel-dir',
+            str(folder),
+            str(folder / 'tree'),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    (path,) = folder.glob('*.whl')
+    return zipfile.ZipFile(path)
+
+
+def wheel_metadata(wheel: zipfile.ZipFile, name: str) -> str:
+    (member,) = (n for n in wheel.namelist() if n.endswith(f'.dist-info/{name}'))
+    return wheel.read(member).decode()
+
+
+def test_one_version(wheel: zipfile.ZipFile) -> None:
+    package = ElementTree.parse(ROOT / 'package.xml').getroot()
+    version = package.findtext('version')
+    assert f'\nVersion: {version}\n' in wheel_metadata(wheel, 'METADATA')
+    changelog = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    newest = re.search(r'^(\d+\.\d+\.\d+) \(\d{4}-\d\d-\d\d\)$|^Forthcoming$', changelog, re.M)
+    assert newest, 'CHANGELOG.rst has no section'
+    assert newest[1] in (None, version)
+
+
+def test_package_xml_agrees_with_setup(wheel: zipfile.ZipFile) -> None:
+    parser = pytest.importorskip('catkin_pkg.package', reason='comes with colcon')
+    package = parser.parse_package(str(ROOT / 'package.xml'), warnings=(warnings := []))
+    assert not warnings
+    text = wheel_metadata(wheel, 'METADATA')
+    assert f'\nName: {package.name}\n' in text
+    assert f'\nMaintainer-email: {package.maintainers[0].email}\n' in text
+    assert package.licenses == ['Apache-2.0']
+    assert package.get_build_type() == 'ament_python'
+
+
+def test_wheel_holds_every_file_of_both_packages(wheel: zipfile.ZipFile) -> None:
+    held = set(wheel.namelist())
+    for package in ('rigid_gns_core', 'rigid_gns_ros'):
+        for path in (ROOT / package).rglob('*'):
+            if path.is_file() and '__pycache__' not in path.parts:
+                assert path.relative_to(ROOT).as_posix() in held
+
+
+def test_wheel_holds_what_ros_looks_for(wheel: zipfile.ZipFile) -> None:
+    shared = {name.split('.data/data/')[1] for name in wheel.namelist() if '.data/data/' in name}
+    expected = {
+        'share/ament_index/resource_index/packages/rigid_gns_ros',
+        'share/rigid_gns_ros/package.xml',
+    }
+    for folder, pattern in (('config', '*.yaml'), ('launch', '*_launch.py')):
+        expected |= {
+            f'share/rigid_gns_ros/{path.relative_to(ROOT).as_posix()}'
+            for path in (ROOT / folder).rglob(pattern)
+        }
+    assert expected <= shared
+    assert 'tests/conftest.py' not in wheel.namelist()
+
+
+def test_console_scripts_start(wheel: zipfile.ZipFile) -> None:
+    text = wheel_metadata(wheel, 'entry_points.txt')
+    scripts = dict(re.findall(r'^([\w-]+) = ([\w.]+:main)$', text, re.M))
+    assert set(scripts) == {'simulator', 'tracker', 'evaluate', 'rigid-gns'}
+    for target in scripts.values():
+        module = ROOT / f'{target.split(":")[0].replace(".", "/")}.py'
+        assert re.search(r'^def main\(', module.read_text(encoding='utf-8'), re.M), module
+
+
+def test_lock_holds_every_requirement(wheel: zipfile.ZipFile) -> None:
+    locked = lock()
+    required = re.findall(r'^Requires-Dist: ([\w.-]+)', wheel_metadata(wheel, 'METADATA'), re.M)
+    assert {canonical(name) for name in required} <= set(locked)
+    assert 'python_version < "3.12"' in locked['pybullet']  # no wheel for 3.12
+    assert locked['torch'] == '2.13.0'
+    assert not [name for name in locked if name.startswith(('nvidia-', 'cuda-', 'triton'))]
+    assert int(locked['setuptools'].split('.')[0]) < 80
+
+
+def test_lock_is_installed() -> None:
+    """`make` installed the lock: what is here has its versions."""
+    if not (Path(sys.prefix) / '.ready').exists():
+        pytest.skip('this environment was not made by make')
+    for name, rest in lock().items():
+        version, _, marker = rest.partition(' ; ')
+        if not marker or sys.version_info < (3, 12):
+            assert metadata.version(name).split('+')[0] == version, name
+
+
+def test_editable_install_is_a_ros_prefix() -> None:
+    if not (Path(sys.prefix) / '.ready').exists():
+        pytest.skip('this environment was not made by make')
+    prefix = Path(sys.prefix)
+    assert (prefix / 'share/ament_index/resource_index/packages/rigid_gns_ros').is_file()
+    assert (prefix / 'share/rigid_gns_ros/package.xml').is_file()
+    for name in ('simulator', 'tracker', 'evaluate'):
+        assert (prefix / 'lib/rigid_gns_ros' / name).is_file()
+
+
+def test_pyproject_holds_no_metadata() -> None:
+    content = tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))
+    assert 'project' not in content  # it would compete with setup.py, which colcon reads
