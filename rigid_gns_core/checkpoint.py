@@ -54,7 +54,7 @@ def save_model(path: str | Path, network: torch.nn.Module, card: dict[str, Any])
 
 
 def find_model(name: str | Path | None = None) -> Path:
-    """Path of a model's .safetensors: a shipped name, a path with or without suffix, or the default.
+    """Path of a model's .safetensors: of a shipped name, a path (suffix or not), or the default.
 
     Raises:
         CheckpointError: There is no such model; the shipped ones are listed.

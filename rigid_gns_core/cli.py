@@ -1,4 +1,4 @@
-"""`rigid-gns`: one command per stage. A stage's module owns its options and is imported only when asked for."""
+"""`rigid-gns`: one command per stage, whose module owns its options and is imported on demand."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 # name: (module with add_arguments(parser) and run(arguments) -> int, one-line help)
 COMMANDS: dict[str, tuple[str, str]] = {
-    'teacher-card': ('rigid_gns_core.teacher_card', 'check the Bullet teacher against closed forms'),
+    'teacher-card': ('rigid_gns_core.teacher_card', 'check the teacher against closed forms'),
     'generate': ('rigid_gns_core.generate', 'generate Bullet trajectories into an HDF5 file'),
     'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
@@ -21,18 +21,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `rigid-gns COMMAND ...`; returns the exit code: 0 done, 1 a check failed, 2 bad input."""
     argv = sys.argv[1:] if argv is None else list(argv)
     parser = argparse.ArgumentParser(
-        prog='rigid-gns', description='Learned simulators of rigid spheres.',
+        prog='rigid-gns',
+        description='Learned simulators of rigid spheres.',
         epilog='rigid-gns COMMAND --help shows the options of a command and an example.',
     )
     subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     chosen = next((word for word in argv if not word.startswith('-')), None)
     for name, (module, text) in COMMANDS.items():
         subparser = subparsers.add_parser(
-            name, help=text, description=text[0].upper() + text[1:] + '.',
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + '.',
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if name == chosen:
-            stage = importlib.import_module(module)
+            try:
+                stage = importlib.import_module(module)
+            except ModuleNotFoundError as error:
+                print(
+                    f'rigid-gns {name}: error: {error}; this command needs an extra: '
+                    "pip install 'rigid_gns_ros[torch,teacher,plot]'",
+                    file=sys.stderr,
+                )
+                return 2
             stage.add_arguments(subparser)
             subparser.set_defaults(run=stage.run)
     arguments = parser.parse_args(argv)

@@ -31,12 +31,12 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T
     if unknown := sorted(set(mapping) - set(fields), key=str):
         raise ConfigError(f'{where}: unknown key {unknown[0]!r}, allowed: {", ".join(fields)}')
     hints = typing.get_type_hints(cls)
-    values = {
-        key: _convert(hints[key], value, f'{where}.{key}') for key, value in mapping.items()
-    }
+    values = {key: _convert(hints[key], value, f'{where}.{key}') for key, value in mapping.items()}
     missing = [
-        name for name, field in fields.items()
-        if name not in values and field.default is dataclasses.MISSING
+        name
+        for name, field in fields.items()
+        if name not in values
+        and field.default is dataclasses.MISSING
         and field.default_factory is dataclasses.MISSING
     ]
     if missing:
@@ -85,7 +85,7 @@ def config_folder() -> Path:
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """Path of a YAML file: `name` itself where it is a file, else a shipped `config/kind/name.yaml`.
+    """Path of a YAML file: `name` where it is one, else the shipped `config/kind/name.yaml`.
 
     Raises:
         ConfigError: Neither exists; the shipped names are listed.
@@ -100,7 +100,9 @@ def find_config(kind: str, name: str | Path) -> Path:
     if shipped.is_file():
         return shipped
     names = ', '.join(sorted(file.stem for file in folder.glob('*.yaml'))) or 'none'
-    raise ConfigError(f'{kind}: no file and no shipped configuration {str(name)!r}; shipped: {names}')
+    raise ConfigError(
+        f'{kind}: no file and no shipped configuration {str(name)!r}; shipped: {names}'
+    )
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

@@ -1,7 +1,8 @@
 """Which spheres and surfaces are connected in a step (thesis section 3.2.1).
 
-"Distance" is the gap between surfaces of bodies, not between centres: with centres, two slow spheres
-that touch (2 r apart) would never connect under a radius of V dt. No neighbour limit is applied.
+"Distance" is the gap between surfaces of bodies, not between centres: with centres, two slow
+spheres that touch (2 r apart) would never connect under a radius of V dt. There is no limit to the
+number of neighbours.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Reach:
         epsilon: Reach of `epsilon` connectivity [m].
         margin: Added to the reach of all others [m]: covers what V dt leaves out, the
             g dt^2 / 2 that a resting sphere falls when its support goes.
-        ground_edge: Connect every sphere to the ground at any height, so that gravity can be learned.
+        ground_edge: Connect every sphere to the ground at any height: gravity can be learned.
     """
 
     connectivity: Connectivity = 'vi'
@@ -41,9 +42,8 @@ class Reach:
 
     def __post_init__(self) -> None:
         if self.connectivity not in get_args(Connectivity):
-            raise ValueError(
-                f'connectivity is {self.connectivity!r}, allowed: {", ".join(get_args(Connectivity))}'
-            )
+            allowed = ', '.join(get_args(Connectivity))
+            raise ValueError(f'connectivity is {self.connectivity!r}, allowed: {allowed}')
         for name in ('epsilon', 'margin'):
             if not getattr(self, name) >= 0:
                 raise ValueError(f'{name} is {getattr(self, name)}, expected 0 or more')
@@ -58,7 +58,7 @@ class Graph:
         reverse: Index of the opposite edge, shape (edges,).
         surface_receivers: Sphere index of each surface edge, shape (surface_edges,).
         surface_senders: Surface index of each surface edge, shape (surface_edges,).
-        surface_points: Closest point p_s of the surface to the sphere [m], shape (surface_edges, 3).
+        surface_points: Closest point p_s of the surface [m], shape (surface_edges, 3).
     """
 
     senders: Indices
@@ -70,7 +70,7 @@ class Graph:
 
 
 def build_graph(
-    positions: Array, velocities: Array, scene: Scene, dt: float, reach: Reach,
+    positions: Array, velocities: Array, scene: Scene, dt: float, reach: Reach
 ) -> Graph:
     """Connect spheres with spheres and with surfaces for the step that starts now.
 
@@ -87,14 +87,17 @@ def build_graph(
     order = np.arange(2 * pairs)
     receivers, senders, points = surface_edges(positions, velocities, radii, scene, dt, reach)
     return Graph(
-        senders=np.concatenate([low, high]), receivers=np.concatenate([high, low]),
+        senders=np.concatenate([low, high]),
+        receivers=np.concatenate([high, low]),
         reverse=np.where(order < pairs, order + pairs, order - pairs),
-        surface_receivers=receivers, surface_senders=senders, surface_points=points,
+        surface_receivers=receivers,
+        surface_senders=senders,
+        surface_points=points,
     )
 
 
 def sphere_pairs(
-    positions: Array, velocities: Array, radii: Array, dt: float, reach: Reach,
+    positions: Array, velocities: Array, radii: Array, dt: float, reach: Reach
 ) -> tuple[Indices, Indices]:
     """Pairs i < j that a step may bring together, sorted; shapes (pairs,) and (pairs,)."""
     empty = np.zeros(0, dtype=np.int64)
@@ -102,8 +105,10 @@ def sphere_pairs(
         return empty, empty
     travel = np.linalg.norm(velocities, axis=1) * dt
     fastest = {
-        'epsilon': reach.epsilon, 'vmax': travel.max() + reach.margin,
-        'vi': travel.max() + reach.margin, 'swept': 2 * travel.max() + reach.margin,
+        'epsilon': reach.epsilon,
+        'vmax': travel.max() + reach.margin,
+        'vi': travel.max() + reach.margin,
+        'swept': 2 * travel.max() + reach.margin,
     }[reach.connectivity]
     tree = cKDTree(positions)
     pairs = tree.query_pairs(2 * radii.max() + fastest, output_type='ndarray')
@@ -134,7 +139,7 @@ def swept_distance(offset: Array, moved: Array) -> Array:
 
 
 def surface_edges(
-    positions: Array, velocities: Array, radii: Array, scene: Scene, dt: float, reach: Reach,
+    positions: Array, velocities: Array, radii: Array, scene: Scene, dt: float, reach: Reach
 ) -> tuple[Indices, Indices, Array]:
     """Receivers (spheres), senders (surfaces) and closest points [m] of the surface edges.
 
@@ -161,7 +166,7 @@ def surface_edges(
 
 
 def _surface_gap(
-    points: Array, heights: Array, positions: Array, surfaces: tuple[Plane, ...],
+    points: Array, heights: Array, positions: Array, surfaces: tuple[Plane, ...]
 ) -> Array:
     """Distance [m] of centres to bounded planes, shape (n, surfaces).
 

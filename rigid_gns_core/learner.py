@@ -83,14 +83,12 @@ class Learner:
         units: Radius, gravity and time step of the trajectories.
     """
 
-    def __init__(
-        self, config: TrainConfig, sources: Sequence[Source], units: ModelUnits,
-    ) -> None:
+    def __init__(self, config: TrainConfig, sources: Sequence[Source], units: ModelUnits) -> None:
         self.config, self.sources, self.units = config, sources, units
         torch.manual_seed(config.seed)
         self.network = GNS(config.model)
         self._fit_normalisers()
-        self.parameters = list(self.network.parameters())
+        self.parameters: list[Tensor] = list(self.network.parameters())
         self.averaged = [parameter.detach().clone() for parameter in self.parameters]
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.learning_rate)
         self.step = 0
@@ -124,8 +122,13 @@ class Learner:
         """The batch of a step: a resumed run draws the same ones."""
         rng = np.random.default_rng([self.config.seed, step])
         return draw_batch(
-            self.sources, size, self.config.model, noise, rng,
-            start_fraction=self.config.start_fraction, rotate=self.config.rotate,
+            self.sources,
+            size,
+            self.config.model,
+            noise,
+            rng,
+            start_fraction=self.config.start_fraction,
+            rotate=self.config.rotate,
         )
 
     def loss(self, batch: Batch) -> Tensor:
@@ -181,10 +184,12 @@ class Learner:
         Raises:
             CheckpointError: The tensors are not of this network.
         """
+
         def part(prefix: str) -> dict[str, Tensor]:
             return {
                 name.removeprefix(prefix): value
-                for name, value in tensors.items() if name.startswith(prefix)
+                for name, value in tensors.items()
+                if name.startswith(prefix)
             }
 
         try:
@@ -195,7 +200,9 @@ class Learner:
                     self.optimizer.state[parameter] = state
             self.step = int(tensors['step'])
         except (KeyError, RuntimeError) as error:
-            raise CheckpointError(f'the state of the run does not fit its recipe: {error}') from error
+            raise CheckpointError(
+                f'the state of the run does not fit its recipe: {error}'
+            ) from error
 
     def _fit_normalisers(self) -> None:
         batch = self.batch(_STATISTICS_STEP, _STATISTICS_WINDOWS, Noise(std=0.0))
@@ -204,8 +211,10 @@ class Learner:
         if self.config.model.target == 'acceleration':
             target = target - graph.motion
         for normaliser, values in (
-            (network.node_normaliser, graph.nodes), (network.edge_normaliser, graph.edges),
-            (network.surface_normaliser, graph.surface_edges), (network.target_normaliser, target),
+            (network.node_normaliser, graph.nodes),
+            (network.edge_normaliser, graph.edges),
+            (network.surface_normaliser, graph.surface_edges),
+            (network.target_normaliser, target),
         ):
             if len(values):
                 normaliser.fit(values.mean(0), values.std(0, correction=0))

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--model', default='', help='name of a shipped model, or a path')
     parser.add_argument('--scene', default='box_154', help='scene file, or a name in config/scenes')
     parser.add_argument('--steps', type=int, default=300, help='steps of the model (default 300)')
-    parser.add_argument('--seed', type=int, help='seed of the start instead of the scene\'s')
+    parser.add_argument('--seed', type=int, help="seed of the start instead of the scene's")
     parser.add_argument('--threads', type=int, default=1, help='CPU threads (default 1)')
     parser.add_argument('--out', required=True, type=Path, help='HDF5 file to write')
     parser.epilog = 'example:\n  rigid-gns rollout --scene box_154 --steps 200 --out rollout.h5'
@@ -36,14 +36,24 @@ def run(arguments: argparse.Namespace) -> int:
     start = sample_start(scene, replace(recipe, seed=seed))
     begin = time.perf_counter()
     trajectory = simulator.rollout(
-        scene, start.positions, start.velocities, start.angular_velocities, arguments.steps,
+        scene,
+        start.positions,
+        start.velocities,
+        start.angular_velocities,
+        arguments.steps,
         quaternions=start.quaternions,
     )
     elapsed = time.perf_counter() - begin
-    write_record(arguments.out, Record(
-        trajectory=trajectory, scene=scene, seed=seed,
-        teacher={'engine': 'rigid_gns', 'model': simulator.name}, name=str(arguments.scene),
-    ))
+    write_record(
+        arguments.out,
+        Record(
+            trajectory=trajectory,
+            scene=scene,
+            seed=seed,
+            teacher={'engine': 'rigid_gns', 'model': simulator.name},
+            name=str(arguments.scene),
+        ),
+    )
     print(
         f'{trajectory.count} spheres, {trajectory.steps} steps of {trajectory.dt:.4g} s, '
         f'{arguments.steps / elapsed:.1f} steps/s; wrote {arguments.out}'

@@ -101,8 +101,13 @@ class Simulator:
                 )
 
     def start(
-        self, scene: Scene, positions: ArrayLike, velocities: ArrayLike | None = None,
-        angular_velocities: ArrayLike | None = None, *, quaternions: ArrayLike | None = None,
+        self,
+        scene: Scene,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        *,
+        quaternions: ArrayLike | None = None,
     ) -> Rollout:
         """Begin a simulation that is advanced step by step.
 
@@ -116,10 +121,13 @@ class Simulator:
         Raises:
             ValueError: Shapes are wrong, values not finite, or the model cannot serve the scene.
         """
-        state = State(
-            positions=positions, quaternions=quaternions, velocities=velocities,  # type: ignore[arg-type]
-            angular_velocities=angular_velocities,  # type: ignore[arg-type]
-        )
+        given: dict[str, Any] = {
+            'positions': positions,
+            'quaternions': quaternions,
+            'velocities': velocities,
+            'angular_velocities': angular_velocities,
+        }
+        state = State(**given)
         self.check(scene, len(state))
         similarity = Similarity.between(scene, self.units)
         stepper = GNSStepper(
@@ -128,8 +136,13 @@ class Simulator:
         return Rollout(stepper, similarity, state, self.native_dt(scene))
 
     def rollout(
-        self, scene: Scene, positions: ArrayLike, velocities: ArrayLike | None = None,
-        angular_velocities: ArrayLike | None = None, steps: int = 300, *,
+        self,
+        scene: Scene,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        steps: int = 300,
+        *,
         quaternions: ArrayLike | None = None,
     ) -> Trajectory:
         """Predict `steps` steps of `native_dt(scene)` from a start; arguments as in `start`.

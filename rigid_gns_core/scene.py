@@ -110,7 +110,7 @@ class Plane:
 
     @classmethod
     def box(
-        cls, length_x: float, length_y: float, height: float = np.inf, **material: float | None,
+        cls, length_x: float, length_y: float, height: float = np.inf, **material: float | None
     ) -> tuple[Plane, ...]:
         """Ground at z = 0 and four walls around the origin, the thesis' training scene.
 
@@ -155,8 +155,8 @@ class Scene:
         gravity: Acceleration [m/s^2], world frame.
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
-    of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the mean
-    where the scene gives one per sphere).
+    of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
+    mean where the scene gives one per sphere).
 
     Raises:
         ValueError: A value is out of range.
@@ -220,7 +220,8 @@ class Scene:
         up = self.up
         level = [
             (float(np.asarray(plane.point) @ up), index)
-            for index, plane in enumerate(self.surfaces) if np.asarray(plane.normal) @ up > 1 - 1e-9
+            for index, plane in enumerate(self.surfaces)
+            if np.asarray(plane.normal) @ up > 1 - 1e-9
         ]
         return min(level)[1] if level else None
 
@@ -229,13 +230,16 @@ class Scene:
         mapping: dict[str, Any] = {
             'surfaces': [
                 {
-                    'point': list(s.point), 'normal': list(s.normal),
+                    'point': list(s.point),
+                    'normal': list(s.normal),
                     'direction': list(s.direction or ()),
-                    'length_x': s.length_x, 'length_y': s.length_y,
-                    'restitution': s.restitution, 'friction': s.friction,
+                    'length_x': s.length_x,
+                    'length_y': s.length_y,
+                    'restitution': s.restitution,
+                    'friction': s.friction,
                 }
                 for s in self.surfaces
-            ],
+            ]
         }
         for name in _RANGES:
             value = getattr(self, name)
@@ -274,7 +278,7 @@ class Scene:
 
 
 def closest_points(
-    surfaces: tuple[Plane, ...], positions: ArrayLike,
+    surfaces: tuple[Plane, ...], positions: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Closest point of each bounded plane to each position.
 

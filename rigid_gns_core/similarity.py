@@ -1,7 +1,8 @@
-"""Dynamic similarity: any radius and gravity in the units of a model (design: motion depends on g dt^2 / r).
+"""Dynamic similarity: any radius and gravity in the units of a model.
 
-Lengths are measured in radii of the model, times so that gravity is the model's, and the frame is
-turned so that gravity points along -z. Materials have no units and carry over.
+But for materials, motion depends on g dt^2 / r alone. Lengths are measured in radii of the model,
+times so that gravity is the model's, and the frame is turned so that gravity points along -z.
+Materials have no units and carry over.
 """
 
 from __future__ import annotations
@@ -57,16 +58,20 @@ class Similarity:
         """The scene in the model's units."""
         surfaces = tuple(
             replace(
-                plane, point=tuple(self.rotation @ plane.point / self.length),
+                plane,
+                point=tuple(self.rotation @ plane.point / self.length),
                 normal=tuple(self.rotation @ plane.normal),
                 direction=tuple(self.rotation @ plane.axes[0]),
-                length_x=plane.length_x / self.length, length_y=plane.length_y / self.length,
+                length_x=plane.length_x / self.length,
+                length_y=plane.length_y / self.length,
             )
             for plane in scene.surfaces
         )
         gravity = np.asarray(scene.gravity) * self.time**2 / self.length
         return replace(
-            scene, surfaces=tuple[Plane, ...](surfaces), gravity=tuple(self.rotation @ gravity),
+            scene,
+            surfaces=tuple[Plane, ...](surfaces),
+            gravity=tuple(self.rotation @ gravity),
             radius=_divide(scene.radius, self.length),
         )
 
@@ -106,9 +111,11 @@ def _upright(up: Array) -> tuple[Array, Array]:
         quaternion = np.array([*axis, 1.0 + cosine])
         quaternion /= np.linalg.norm(quaternion)
     x, y, z_, w = quaternion
-    matrix = np.array([
-        [1 - 2 * (y * y + z_ * z_), 2 * (x * y - w * z_), 2 * (x * z_ + w * y)],
-        [2 * (x * y + w * z_), 1 - 2 * (x * x + z_ * z_), 2 * (y * z_ - w * x)],
-        [2 * (x * z_ - w * y), 2 * (y * z_ + w * x), 1 - 2 * (x * x + y * y)],
-    ])
+    matrix = np.array(
+        [
+            [1 - 2 * (y * y + z_ * z_), 2 * (x * y - w * z_), 2 * (x * z_ + w * y)],
+            [2 * (x * y + w * z_), 1 - 2 * (x * x + z_ * z_), 2 * (y * z_ - w * x)],
+            [2 * (x * z_ - w * y), 2 * (y * z_ + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
     return matrix, quaternion

@@ -1,8 +1,8 @@
 """The state of spheres at one time, and a trajectory of states.
 
-One place owns names, shapes, units and conventions: SI units, right-handed world frame, z up (REP-103),
-quaternions as (x, y, z, w), angular velocities in the world frame. Arrays are float64; networks
-convert to float32 at their own door.
+One place owns names, shapes, units and conventions: SI units, right-handed world frame, z up
+(REP-103), quaternions as (x, y, z, w), angular velocities in the world frame. Arrays are float64;
+networks convert to float32 at their own door.
 """
 
 from __future__ import annotations
@@ -102,7 +102,10 @@ class Trajectory:
         if len(shape) != 3 or shape[2] != 3 or shape[0] < 1:
             raise ValueError(f'positions have shape {shape}, expected (steps + 1, n, 3)')
         for name, last in (
-            ('positions', 3), ('quaternions', 4), ('velocities', 3), ('angular_velocities', 3),
+            ('positions', 3),
+            ('quaternions', 4),
+            ('velocities', 3),
+            ('angular_velocities', 3),
         ):
             array = np.asarray(getattr(self, name), dtype=np.float64)
             if array.shape != (*shape[:2], last):
@@ -141,8 +144,11 @@ class Trajectory:
             angular[1:] = rotation_between(quaternions[:-1], quaternions[1:]) / dt
             velocities[0], angular[0] = velocities[1], angular[1]
         return cls(
-            positions=positions, quaternions=quaternions, velocities=velocities,
-            angular_velocities=angular, dt=dt,
+            positions=positions,
+            quaternions=quaternions,
+            velocities=velocities,
+            angular_velocities=angular,
+            dt=dt,
         )
 
     @property
@@ -164,7 +170,8 @@ class Trajectory:
     def diverged_at(self) -> int | None:
         """First step with a value that is not finite, or None."""
         bad = ~(
-            np.isfinite(self.positions).all((1, 2)) & np.isfinite(self.velocities).all((1, 2))
+            np.isfinite(self.positions).all((1, 2))
+            & np.isfinite(self.velocities).all((1, 2))
             & np.isfinite(self.angular_velocities).all((1, 2))
         )
         return int(np.argmax(bad)) if bad.any() else None
@@ -177,16 +184,21 @@ class Trajectory:
 
     def __getitem__(self, step: int) -> State:
         return State(
-            positions=self.positions[step], quaternions=self.quaternions[step],
-            velocities=self.velocities[step], angular_velocities=self.angular_velocities[step],
+            positions=self.positions[step],
+            quaternions=self.quaternions[step],
+            velocities=self.velocities[step],
+            angular_velocities=self.angular_velocities[step],
         )
 
     def window(self, start: int, stop: int) -> Trajectory:
         """Steps `start` to `stop`, `stop` not included, as a trajectory of its own."""
         part = slice(start, stop)
         return replace(
-            self, positions=self.positions[part], quaternions=self.quaternions[part],
-            velocities=self.velocities[part], angular_velocities=self.angular_velocities[part],
+            self,
+            positions=self.positions[part],
+            quaternions=self.quaternions[part],
+            velocities=self.velocities[part],
+            angular_velocities=self.angular_velocities[part],
         )
 
 

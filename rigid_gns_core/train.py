@@ -1,4 +1,4 @@
-"""Train a simulator from a YAML recipe: checkpoints, validation by rollout, resume to the same weights."""
+"""Train a simulator from a YAML recipe, with validation by rollout and resume to the same bytes."""
 
 from __future__ import annotations
 
@@ -44,8 +44,12 @@ class Trainer:
     """
 
     def __init__(
-        self, config: TrainConfig, records: Sequence[Record], validation: Sequence[Record],
-        folder: str | Path, origin: str = '',
+        self,
+        config: TrainConfig,
+        records: Sequence[Record],
+        validation: Sequence[Record],
+        folder: str | Path,
+        origin: str = '',
     ) -> None:
         self.config, self.folder, self.origin = config, Path(folder), origin
         self.units, self.materials = common_scene(records)
@@ -82,7 +86,7 @@ class Trainer:
         return self.best
 
     def validate(self) -> float:
-        """Mean over held-out rollouts of the root of the Chamfer distance [radii]; inf: diverged."""
+        """Mean over held-out rollouts of the root Chamfer distance [radii]; inf: diverged."""
         scores = [math.inf]
         if self.validation:
             with self.learner.averaged_weights() as network, warnings.catch_warnings():
@@ -94,10 +98,14 @@ class Trainer:
     def card(self, score: float | None) -> dict[str, Any]:
         """What a checkpoint says of itself."""
         return {
-            'kind': 'gns', 'config': to_mapping(self.config.model),
-            'units': to_mapping(self.units), 'materials': self.materials,
+            'kind': 'gns',
+            'config': to_mapping(self.config.model),
+            'units': to_mapping(self.units),
+            'materials': self.materials,
             'training': {
-                **to_mapping(self.config), 'step': self.learner.step, 'data': self.origin,
+                **to_mapping(self.config),
+                'step': self.learner.step,
+                'data': self.origin,
                 'trajectories': len(self.learner.sources),
             },
             'validation': {'root_chamfer_radii': score},
@@ -107,8 +115,12 @@ class Trainer:
         reference = record.trajectory.window(0, self.config.validation_steps + 1)
         start = reference[0]
         predicted = simulator.rollout(
-            record.scene, start.positions, start.velocities, start.angular_velocities,
-            self.config.validation_steps, quaternions=start.quaternions,
+            record.scene,
+            start.positions,
+            start.velocities,
+            start.angular_velocities,
+            self.config.validation_steps,
+            quaternions=start.quaternions,
         )
         if predicted.diverged_at is not None:
             return math.inf
@@ -119,7 +131,8 @@ class Trainer:
         better = score < self.best
         step = self.learner.step
         entry = {
-            'step': step, 'loss': float(np.mean(losses)),
+            'step': step,
+            'loss': float(np.mean(losses)),
             'validation': score if math.isfinite(score) else None,
             'learning_rate': self.config.learning_rate_at(step),
         }
@@ -163,25 +176,26 @@ def common_scene(records: Sequence[Record]) -> tuple[ModelUnits, dict[str, float
     """
     if not records:
         raise ValueError('there are no training trajectories; run `rigid-gns generate` first')
-    found = set()
+    found: set[tuple[float, ...]] = set()
     for record in records:
         scene = record.scene
         values = [scene.radius, scene.restitution, scene.friction, scene.rolling_friction]
-        if any(isinstance(value, tuple) for value in values):
+        numbers = [value for value in values if isinstance(value, float)]
+        if len(numbers) < len(values):
             raise ValueError(
                 f'record {record.name!r} has per-sphere properties, but the GNS knows one of each; '
                 'generate data with one radius and one material'
             )
         gravity = float(np.linalg.norm(scene.gravity))
-        found.add((*values[:1], gravity, record.trajectory.dt, *values[1:]))
+        found.add((record.trajectory.dt, gravity, *numbers))
     if len(found) > 1:
         raise ValueError(
-            'the training trajectories differ in (radius, gravity, dt, restitution, friction, '
+            'the training trajectories differ in (dt, gravity, radius, restitution, friction, '
             f'rolling_friction): {sorted(found)[:3]}; train on data of one kind'
         )
-    radius, gravity, dt, restitution, friction, rolling = found.pop()
+    dt, gravity, radius, restitution, friction, rolling = found.pop()
     materials = {'restitution': restitution, 'friction': friction, 'rolling_friction': rolling}
-    return ModelUnits(radius=radius, gravity=gravity, dt=dt), materials  # type: ignore[arg-type]
+    return ModelUnits(radius=radius, gravity=gravity, dt=dt), materials
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -190,8 +204,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--data', required=True, type=Path, help='folder made by generate')
     parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
     parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
-    parser.add_argument('--steps', type=int, help='optimiser steps instead of the recipe\'s')
-    parser.add_argument('--seed', type=int, help='seed instead of the recipe\'s')
+    parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
+    parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
     parser.add_argument('--threads', type=int, default=2, help='CPU threads (default 2)')
     parser.epilog = (
         'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_test '
@@ -208,7 +222,7 @@ def run(arguments: argparse.Namespace) -> int:
     torch.set_num_threads(arguments.threads)
     validation = list(Dataset(arguments.validation)) if arguments.validation else []
     trainer = Trainer(
-        config, list(Dataset(arguments.data)), validation, arguments.out, arguments.data.name,
+        config, list(Dataset(arguments.data)), validation, arguments.out, arguments.data.name
     )
     best = trainer.run()
     print(f'best validation {best:.4g} radii; weights: {arguments.out / "best.safetensors"}')

@@ -65,8 +65,7 @@ class Source:
         velocities[0] = backward_velocities(trajectory[0], scene, trajectory.dt)
         angular_velocities[0] = trajectory.angular_velocities[0]
         return cls(
-            scene, poses.positions, poses.quaternions, velocities, angular_velocities,
-            trajectory.dt,
+            scene, poses.positions, poses.quaternions, velocities, angular_velocities, trajectory.dt
         )
 
     @property
@@ -83,12 +82,18 @@ class Source:
         oldest = max(step - (history if known is None else min(known, history)), 0)
         index = np.maximum(np.arange(step, step - history - 1, -1), oldest)
         return Motion(
-            self.positions[step], self.quaternions[step], self.velocities[index],
+            self.positions[step],
+            self.quaternions[step],
+            self.velocities[index],
             self.angular_velocities[index],
         )
 
     def window(
-        self, step: int, config: GNSConfig, noise: Noise, rng: np.random.Generator,
+        self,
+        step: int,
+        config: GNSConfig,
+        noise: Noise,
+        rng: np.random.Generator,
         known: int | None = None,
     ) -> tuple[GraphInput, Tensor]:
         """Network input at `step`, with noise, and the motion [v, omega] at `step + 1`."""
@@ -99,8 +104,11 @@ class Source:
             motion = _noisy(motion, noise.std, float(np.max(self.scene.radius)), rng)
             if noise.corrects_target:
                 next_velocity, next_angular = difference(
-                    motion.positions, motion.quaternions, self.positions[step + 1],
-                    self.quaternions[step + 1], self.dt,
+                    motion.positions,
+                    motion.quaternions,
+                    self.positions[step + 1],
+                    self.quaternions[step + 1],
+                    self.dt,
                 )
         graph = graph_input(config, motion, self.scene, self.dt)
         target = np.concatenate([next_velocity, next_angular], axis=1).astype(np.float32)
@@ -108,8 +116,14 @@ class Source:
 
 
 def draw_batch(
-    sources: Sequence[Source], size: int, config: GNSConfig, noise: Noise,
-    rng: np.random.Generator, *, start_fraction: float = 0.0, rotate: bool = False,
+    sources: Sequence[Source],
+    size: int,
+    config: GNSConfig,
+    noise: Noise,
+    rng: np.random.Generator,
+    *,
+    start_fraction: float = 0.0,
+    rotate: bool = False,
 ) -> Batch:
     """Draw `size` windows, uniformly over all steps of all trajectories.
 
@@ -154,7 +168,7 @@ def rotate_batch(batch: Batch, angles: Tensor, config: GNSConfig) -> Batch:
         cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
         x, y = block[..., 0], block[..., 1]
         turned = torch.stack([cosine * x - sine * y, sine * x + cosine * y, block[..., 2]], dim=-1)
-        return torch.cat([turned.flatten(1), values[:, 3 * vectors:]], dim=1)
+        return torch.cat([turned.flatten(1), values[:, 3 * vectors :]], dim=1)
 
     graph = graph._replace(
         nodes=turn(graph.nodes, node, 2 * (config.history + 1)),

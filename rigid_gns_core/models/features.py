@@ -1,4 +1,4 @@
-"""From arrays of one step to the network's input (thesis section 3.2.2), and several side by side."""
+"""From arrays of one step to the network's input (thesis section 3.2.2)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Motion:
 
 
 def graph_input(
-    config: GNSConfig, motion: Motion, scene: Scene, dt: float, graph: Graph | None = None,
+    config: GNSConfig, motion: Motion, scene: Scene, dt: float, graph: Graph | None = None
 ) -> GraphInput:
     """Build the graph (unless given) and its features; lengths in the model's units."""
     positions, velocity = motion.positions, motion.velocities[0]
@@ -45,9 +45,7 @@ def graph_input(
     if not config.mask_pose:
         columns += [positions, motion.quaternions]
     if config.sphere_properties:
-        columns += [
-            scene.per_sphere(name, count)[:, None] for name in ('radius', 'mass')
-        ]
+        columns += [scene.per_sphere(name, count)[:, None] for name in ('radius', 'mass')]
     # displacement of the receiver from the sender: r_ij = p_i - p_j at node i
     displacement = positions[graph.receivers] - positions[graph.senders]
     distance = np.linalg.norm(displacement, axis=1, keepdims=True)
@@ -60,8 +58,10 @@ def graph_input(
         nodes=_tensor(np.concatenate(columns, axis=1)),
         edges=_tensor(np.concatenate([displacement, distance], axis=1)),
         surface_edges=_tensor(surface),
-        senders=torch.from_numpy(graph.senders), receivers=torch.from_numpy(graph.receivers),
-        reverse=torch.from_numpy(graph.reverse), surface_receivers=torch.from_numpy(receivers),
+        senders=torch.from_numpy(graph.senders),
+        receivers=torch.from_numpy(graph.receivers),
+        reverse=torch.from_numpy(graph.reverse),
+        surface_receivers=torch.from_numpy(receivers),
         motion=_tensor(np.concatenate([velocity, motion.angular_velocities[0]], axis=1)),
     )
 
@@ -80,8 +80,10 @@ def side_by_side(inputs: Sequence[GraphInput]) -> GraphInput:
         nodes=torch.cat([graph.nodes for graph in inputs]),
         edges=torch.cat([graph.edges for graph in inputs]),
         surface_edges=torch.cat([graph.surface_edges for graph in inputs]),
-        senders=shifted('senders', nodes), receivers=shifted('receivers', nodes),
-        reverse=shifted('reverse', edges), surface_receivers=shifted('surface_receivers', nodes),
+        senders=shifted('senders', nodes),
+        receivers=shifted('receivers', nodes),
+        reverse=shifted('reverse', edges),
+        surface_receivers=shifted('surface_receivers', nodes),
         motion=torch.cat([graph.motion for graph in inputs]),
     )
 

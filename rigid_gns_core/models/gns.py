@@ -66,7 +66,9 @@ class GNSConfig:
 
     def reach(self, radius: float = 1.0) -> Reach:
         """Graph construction for spheres of `radius` [m]."""
-        return Reach(self.connectivity, self.epsilon * radius, self.margin * radius, self.ground_edge)
+        return Reach(
+            self.connectivity, self.epsilon * radius, self.margin * radius, self.ground_edge
+        )
 
 
 class GraphInput(NamedTuple):
@@ -97,13 +99,14 @@ class GNBlock(nn.Module):
         self.node_update = MLP((width, width), width, width)
 
     def forward(
-        self, nodes: Tensor, edges: Tensor, surface_edges: Tensor, graph: GraphInput,
+        self, nodes: Tensor, edges: Tensor, surface_edges: Tensor, graph: GraphInput
     ) -> tuple[Tensor, Tensor]:
         received = torch.zeros_like(nodes)
         if len(edges):
             mlp = self.particle_message
             message = mlp.finish(
-                mlp.part(0, nodes)[graph.receivers] + mlp.part(1, nodes)[graph.senders]
+                mlp.part(0, nodes)[graph.receivers]
+                + mlp.part(1, nodes)[graph.senders]
                 + mlp.part(2, edges)
             )
             if self.third_law:

@@ -1,4 +1,4 @@
-"""One step of the thesis' GNS from state to state, with the history it needs (thesis section 3.4)."""
+"""One step of the thesis' GNS from state to state, with its history (thesis section 3.4)."""
 
 from __future__ import annotations
 
@@ -13,21 +13,19 @@ from .gns import GNS
 
 
 def integrate(
-    positions: Array, quaternions: Array, velocities: Array, angular_velocities: Array, dt: float,
+    positions: Array, quaternions: Array, velocities: Array, angular_velocities: Array, dt: float
 ) -> tuple[Array, Array]:
     """Semi-implicit Euler: p + v dt, and q turned by w dt; inverse of `difference`.
 
-    | thesis section 3.4   | here                                                              |
-    |----------------------|-------------------------------------------------------------------|
-    | p' = p + v' dt       | the same                                                          |
-    | q' = q + q (0, w) dt/2, normalised | exponential of w dt in the world frame: the thesis' form turns |
-    |                      | a sphere rolling at 20 m/s by 90 degrees where it should be 115   |
+    The rotation is the exponential of w dt in the world frame. The thesis' first order form,
+    q + q (0, w) dt / 2 and normalised, turns a sphere that rolls at 20 m/s by 90 degrees in a step
+    of 0.1 s, where it should be 115.
     """
     return positions + dt * velocities, rotate_quaternions(quaternions, dt * angular_velocities)
 
 
 def difference(
-    positions: Array, quaternions: Array, next_positions: Array, next_quaternions: Array, dt: float,
+    positions: Array, quaternions: Array, next_positions: Array, next_quaternions: Array, dt: float
 ) -> tuple[Array, Array]:
     """Velocities [m/s] and angular velocities [rad/s] that lead to the next pose (section 3.3)."""
     return (next_positions - positions) / dt, rotation_between(quaternions, next_quaternions) / dt
@@ -49,14 +47,16 @@ def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
 
 
 class GNSStepper:
-    """Rolls a GNS out in the model's own units. The history starts with copies of the first motion."""
+    """Rolls a GNS out in the model's units. The history starts with copies of the first motion."""
 
     def __init__(self, network: GNS, scene: Scene, state: State, dt: float) -> None:
         self.network, self.scene, self.dt = network, scene, dt
         states = network.config.history + 1
         velocity = backward_velocities(state, scene, dt)
         self.motion = Motion(
-            state.positions, state.quaternions, np.repeat(velocity[None], states, axis=0),
+            state.positions,
+            state.quaternions,
+            np.repeat(velocity[None], states, axis=0),
             np.repeat(state.angular_velocities[None], states, axis=0),
         )
 
@@ -77,11 +77,14 @@ class GNSStepper:
             motion.positions, motion.quaternions, velocity, angular, self.dt
         )
         self.motion = Motion(
-            positions, quaternions,
+            positions,
+            quaternions,
             np.concatenate([velocity[None], motion.velocities[:-1]]),
             np.concatenate([angular[None], motion.angular_velocities[:-1]]),
         )
         return State(
-            positions=positions, quaternions=quaternions, velocities=velocity,
+            positions=positions,
+            quaternions=quaternions,
+            velocities=velocity,
             angular_velocities=angular,
         )

@@ -16,8 +16,10 @@ CONFIG = GNSConfig(message_passing_steps=1, width=8)
 @pytest.fixture
 def saved(tmp_path):
     card = {
-        'kind': 'gns', 'config': to_mapping(CONFIG),
-        'units': {'radius': 1.0, 'gravity': 9.81, 'dt': 0.1}, 'materials': {},
+        'kind': 'gns',
+        'config': to_mapping(CONFIG),
+        'units': {'radius': 1.0, 'gravity': 9.81, 'dt': 0.1},
+        'materials': {},
     }
     save_model(tmp_path / 'model', GNS(CONFIG), card)
     return tmp_path / 'model.safetensors'
@@ -52,13 +54,16 @@ def test_missing_card(saved):
         load_simulator(saved)
 
 
-@pytest.mark.parametrize(('changes', 'message'), [
-    ({'format_version': 99}, 'format_version is 99, this program reads 1'),
-    ({'kind': 'mystery'}, "kind 'mystery'"),
-    ({'config': {'widht': 8}}, "unknown key 'widht', allowed: .*width"),
-    ({'config': {'width': 16, 'message_passing_steps': 1}}, 'has shape'),
-    ({'config': {'width': 8, 'message_passing_steps': 2}}, 'blocks.1.* is missing'),
-])
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'format_version': 99}, 'format_version is 99, this program reads 1'),
+        ({'kind': 'mystery'}, "kind 'mystery'"),
+        ({'config': {'widht': 8}}, "unknown key 'widht', allowed: .*width"),
+        ({'config': {'width': 16, 'message_passing_steps': 1}}, 'has shape'),
+        ({'config': {'width': 8, 'message_passing_steps': 2}}, 'blocks.1.* is missing'),
+    ],
+)
 def test_a_card_that_does_not_fit(saved, changes, message):
     change_card(saved, **changes)
     with pytest.raises(ValueError, match=message):

@@ -21,7 +21,8 @@ def motion(seed, count=20, history=2):
     return Motion(
         rng.uniform(-5, 5, (count, 3)) + [0, 0, 6],
         quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
-        rng.normal(size=(history + 1, count, 3)) * 5, rng.normal(size=(history + 1, count, 3)),
+        rng.normal(size=(history + 1, count, 3)) * 5,
+        rng.normal(size=(history + 1, count, 3)),
     )
 
 
@@ -37,7 +38,9 @@ def output(net, moving, scene=SCENE):
 
 def permuted(moving, order):
     return Motion(
-        moving.positions[order], moving.quaternions[order], moving.velocities[:, order],
+        moving.positions[order],
+        moving.quaternions[order],
+        moving.velocities[:, order],
         moving.angular_velocities[:, order],
     )
 
@@ -83,9 +86,12 @@ def test_permutation_equivariant(third_law):
 
 def test_translation_invariant_unless_the_pose_is_shown():
     by = np.array([100.0, -50.0, 30.0])
-    scene = replace(SCENE, surfaces=tuple(
-        replace(plane, point=tuple(np.asarray(plane.point) + by)) for plane in SCENE.surfaces
-    ))
+    scene = replace(
+        SCENE,
+        surfaces=tuple(
+            replace(plane, point=tuple(np.asarray(plane.point) + by)) for plane in SCENE.surfaces
+        ),
+    )
     moving = motion(3)
     net = network()
     # features are differences taken in float64, then rounded
@@ -99,7 +105,9 @@ def test_translation_invariant_unless_the_pose_is_shown():
 
 def test_batch_equals_single():
     net = network()
-    graphs = [graph_input(CONFIG, motion(s, count), SCENE, 0.1) for s, count in ((4, 7), (5, 13), (6, 1))]
+    graphs = [
+        graph_input(CONFIG, motion(s, count), SCENE, 0.1) for s, count in ((4, 7), (5, 13), (6, 1))
+    ]
     with torch.no_grad():
         together = net(side_by_side(graphs))
         alone = torch.cat([net(graph) for graph in graphs])
@@ -153,10 +161,18 @@ def test_decode_is_the_inverse_of_encode_target(target):
     torch.testing.assert_close(back, following, rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize(('name', 'value'), [
-    ('history', 0), ('ground_edge', False), ('sphere_properties', True), ('connectivity', 'swept'),
-    ('connectivity', 'epsilon'), ('connectivity', 'vmax'), ('message_passing_steps', 1),
-])
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [
+        ('history', 0),
+        ('ground_edge', False),
+        ('sphere_properties', True),
+        ('connectivity', 'swept'),
+        ('connectivity', 'epsilon'),
+        ('connectivity', 'vmax'),
+        ('message_passing_steps', 1),
+    ],
+)
 def test_every_switch_builds_and_runs(name, value):
     config = replace(CONFIG, **{name: value})
     result = output(network(config), motion(10, history=config.history))
@@ -170,7 +186,9 @@ def test_empty_scene_and_single_sphere():
     assert output(net, motion(0, count=1), Scene(surfaces=())).shape == (1, 6)
 
 
-@pytest.mark.parametrize(('name', 'value'), [('message_passing_steps', 0), ('history', -1), ('width', 0)])
+@pytest.mark.parametrize(
+    ('name', 'value'), [('message_passing_steps', 0), ('history', -1), ('width', 0)]
+)
 def test_sizes_out_of_range_are_named(name, value):
     with pytest.raises(ValueError, match=name):
         GNSConfig(**{name: value})

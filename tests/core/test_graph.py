@@ -25,8 +25,10 @@ def brute_force_pairs(positions, velocities, radius, reach):
         for j in range(i + 1, len(positions)):
             gap = np.linalg.norm(positions[i] - positions[j]) - 2 * radius
             limit = {
-                'epsilon': reach.epsilon, 'vmax': speed.max() * DT + reach.margin,
-                'vi': max(speed[i], speed[j]) * DT + reach.margin, 'swept': reach.margin,
+                'epsilon': reach.epsilon,
+                'vmax': speed.max() * DT + reach.margin,
+                'vi': max(speed[i], speed[j]) * DT + reach.margin,
+                'swept': reach.margin,
             }[reach.connectivity]
             if reach.connectivity == 'swept':
                 # a fine scan of the step: within 1e-3 m of the closed form's minimum
@@ -82,7 +84,10 @@ def test_swept_finds_a_crossing_that_both_ends_miss():
 def test_touching_spheres_at_rest_are_connected(connectivity):
     positions = np.array([[0.0, 0, 1], [2.0, 0, 1]])
     graph = build_graph(positions, np.zeros((2, 3)), Scene(), DT, Reach(connectivity))
-    assert sorted(zip(graph.senders.tolist(), graph.receivers.tolist(), strict=True)) == [(0, 1), (1, 0)]
+    assert sorted(zip(graph.senders.tolist(), graph.receivers.tolist(), strict=True)) == [
+        (0, 1),
+        (1, 0),
+    ]
 
 
 @pytest.mark.parametrize('connectivity', CONNECTIVITIES)

@@ -81,9 +81,7 @@ def test_small_spheres_are_the_same_model_rescaled(simulator):
 
 
 def test_gravity_may_point_anywhere(simulator):
-    sideways = Scene(
-        surfaces=(Plane(normal=(1.0, 0, 0)),), gravity=(-9.81, 0.0, 0.0), **MATERIAL
-    )
+    sideways = Scene(surfaces=(Plane(normal=(1.0, 0, 0)),), gravity=(-9.81, 0.0, 0.0), **MATERIAL)
     upright = Scene(surfaces=(Plane(),), **MATERIAL)
     reference = simulator.rollout(upright, [[0.0, 0, 20]], steps=20).positions[:, 0, 2]
     turned = simulator.rollout(sideways, [[20.0, 0, 0]], steps=20).positions[:, 0, 0]
@@ -104,13 +102,16 @@ def test_zero_spheres_and_zero_steps(simulator):
     assert simulator.rollout(SCENE, start(), steps=0).positions.shape == (1, 12, 3)
 
 
-@pytest.mark.parametrize(('arguments', 'message'), [
-    ({'positions': np.zeros((2, 2))}, r'positions has shape \(2, 2\), expected \(2, 3\)'),
-    ({'positions': [[0, 0, np.nan]]}, 'positions of sphere 0 is not finite'),
-    ({'positions': [[0, 0, 5]], 'velocities': np.zeros((2, 3))}, 'velocities has shape'),
-    ({'positions': [[0, 0, 5]], 'quaternions': [[0, 0, 0, 0]]}, 'quaternion of sphere 0'),
-    ({'positions': [[0, 0, 5]], 'steps': -1}, 'steps is -1'),
-])
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        ({'positions': np.zeros((2, 2))}, r'positions has shape \(2, 2\), expected \(2, 3\)'),
+        ({'positions': [[0, 0, np.nan]]}, 'positions of sphere 0 is not finite'),
+        ({'positions': [[0, 0, 5]], 'velocities': np.zeros((2, 3))}, 'velocities has shape'),
+        ({'positions': [[0, 0, 5]], 'quaternions': [[0, 0, 0, 0]]}, 'quaternion of sphere 0'),
+        ({'positions': [[0, 0, 5]], 'steps': -1}, 'steps is -1'),
+    ],
+)
 def test_bad_input_is_named(simulator, arguments, message):
     with pytest.raises(ValueError, match=message):
         simulator.rollout(SCENE, **arguments)

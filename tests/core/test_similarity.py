@@ -13,14 +13,17 @@ UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
 def some_state(count=5):
     rng = np.random.default_rng(0)
     return State(
-        positions=rng.normal(size=(count, 3)), quaternions=rng.normal(size=(count, 4)),
-        velocities=rng.normal(size=(count, 3)), angular_velocities=rng.normal(size=(count, 3)),
+        positions=rng.normal(size=(count, 3)),
+        quaternions=rng.normal(size=(count, 4)),
+        velocities=rng.normal(size=(count, 3)),
+        angular_velocities=rng.normal(size=(count, 3)),
     )
 
 
-@pytest.mark.parametrize('gravity', [
-    (0.0, 0.0, -9.81), (0.0, 0.0, -1.62), (3.0, -2.0, -9.0), (0.0, 0.0, 9.81), (9.81, 0.0, 0.0),
-])
+@pytest.mark.parametrize(
+    'gravity',
+    [(0.0, 0.0, -9.81), (0.0, 0.0, -1.62), (3.0, -2.0, -9.0), (0.0, 0.0, 9.81), (9.81, 0.0, 0.0)],
+)
 def test_there_and_back(gravity):
     scene = Scene(radius=0.02, gravity=gravity)
     similarity = Similarity.between(scene, UNITS)
@@ -55,7 +58,8 @@ def test_free_fall_looks_the_same_in_model_units():
 def test_surfaces_turn_with_gravity():
     tilted = Scene(
         surfaces=(Plane((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), 6.0, 8.0),),
-        gravity=(9.81, 0.0, 0.0), radius=0.5,
+        gravity=(9.81, 0.0, 0.0),
+        radius=0.5,
     )
     plane = Similarity.between(tilted, UNITS).scene(tilted).surfaces[0]
     np.testing.assert_allclose(plane.normal, (0, 0, 1), atol=1e-15)

@@ -21,8 +21,13 @@ from rigid_gns_core.windows import Noise, Source
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
 CONFIG = TrainConfig(
-    model=GNSConfig(message_passing_steps=1, width=16), steps=20, batch=4, validate_every=10,
-    validation_steps=8, average=0.9, warm_up=5,
+    model=GNSConfig(message_passing_steps=1, width=16),
+    steps=20,
+    batch=4,
+    validate_every=10,
+    validation_steps=8,
+    average=0.9,
+    warm_up=5,
 )
 
 
@@ -36,10 +41,15 @@ def falling(seed, scene=None, count=6, steps=12):
     positions = start + velocity * time + 0.5 * gravity * time**2
     quaternions = np.tile([0.0, 0, 0, 1.0], (steps + 1, count, 1))
     trajectory = Trajectory(
-        positions=positions, quaternions=quaternions, velocities=velocity + gravity * time,
-        angular_velocities=np.zeros_like(positions), dt=0.1,
+        positions=positions,
+        quaternions=quaternions,
+        velocities=velocity + gravity * time,
+        angular_velocities=np.zeros_like(positions),
+        dt=0.1,
     )
-    return Record(trajectory=trajectory, scene=scene or Scene(surfaces=Plane.box(40, 40)), seed=seed)
+    return Record(
+        trajectory=trajectory, scene=scene or Scene(surfaces=Plane.box(40, 40)), seed=seed
+    )
 
 
 RECORDS = [falling(seed) for seed in range(4)]
@@ -57,7 +67,9 @@ def test_resumed_run_gives_the_same_bytes(tmp_path):
 
 def test_seeds_differ():
     first, second = (
-        Learner(replace(CONFIG, seed=s), [Source.of(RECORDS[0].trajectory, RECORDS[0].scene)], UNITS)
+        Learner(
+            replace(CONFIG, seed=s), [Source.of(RECORDS[0].trajectory, RECORDS[0].scene)], UNITS
+        )
         for s in (0, 1)
     )
     assert not torch.equal(first.network.decoder.last.weight, second.network.decoder.last.weight)
@@ -67,7 +79,7 @@ def test_free_fall_is_learned(tmp_path):
     config = replace(CONFIG, steps=300, validate_every=150, learning_rate=5e-3, average=0.98)
     Trainer(config, RECORDS, HELD_OUT, tmp_path).run()
     log = [json.loads(line) for line in (tmp_path / 'log.jsonl').read_text().splitlines()]
-    # normalised targets have variance 1: predicting their mean gives a loss near 1 on those that vary
+    # normalised targets have variance 1: predicting their mean gives a loss near 1
     assert log[-1]['loss'] < 0.02
     simulator = load_simulator(tmp_path / 'best')
     reference = HELD_OUT[0].trajectory.window(0, 9)
@@ -104,7 +116,9 @@ def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
     predicted[:, :2] *= 2
     gained = 0.5 * (predicted[:, :3].square() - motion[:, :3].square()).sum(1)
     expected = [max(part.mean().item(), 0.0) / 9.81 for part in gained.split(6)]
-    assert learner.energy_gain(predicted, batch).item() == pytest.approx(np.mean(expected), rel=1e-5)
+    assert learner.energy_gain(predicted, batch).item() == pytest.approx(
+        np.mean(expected), rel=1e-5
+    )
     slower = motion * torch.tensor([0.5, 0.5, 1.0, 1, 1, 1])
     slower[:, 2] = torch.minimum(slower[:, 2], torch.zeros(())) * 0.5
     assert learner.energy_gain(slower, batch).item() == 0.0
@@ -126,11 +140,14 @@ def test_a_loss_that_is_not_finite_stops_the_run(tmp_path):
         trainer.run()
 
 
-@pytest.mark.parametrize(('scenes', 'message'), [
-    ([Scene(restitution=0.5), Scene(restitution=0.6)], 'differ'),
-    ([Scene(restitution=(0.5,) * 6)], 'per-sphere'),
-    ([], 'no training trajectories'),
-])
+@pytest.mark.parametrize(
+    ('scenes', 'message'),
+    [
+        ([Scene(restitution=0.5), Scene(restitution=0.6)], 'differ'),
+        ([Scene(restitution=(0.5,) * 6)], 'per-sphere'),
+        ([], 'no training trajectories'),
+    ],
+)
 def test_records_of_several_kinds_are_refused(scenes, message):
     with pytest.raises(ValueError, match=message):
         common_scene([falling(0, scene) for scene in scenes])
@@ -148,7 +165,9 @@ def test_shipped_recipes_are_read():
     for path in sorted(find_config('train', 'gns').parent.glob('*.yaml')):
         config = from_mapping(TrainConfig, load_yaml(path), str(path))
         assert config.model.message_passing_steps >= 1
-        assert yaml.safe_load(path.read_text())['model']['connectivity'] == config.model.connectivity
+        assert (
+            yaml.safe_load(path.read_text())['model']['connectivity'] == config.model.connectivity
+        )
 
 
 def test_an_unknown_key_lists_the_allowed_ones():

@@ -27,8 +27,11 @@ def ballistic(steps=20, count=4, seed=0):
     axis = spin / np.linalg.norm(spin, axis=1, keepdims=True)
     quaternions = np.concatenate([np.sin(angle / 2) * axis, np.cos(angle / 2)], axis=-1)
     return Trajectory(
-        positions=positions, quaternions=quaternions, velocities=velocity + GRAVITY * time,
-        angular_velocities=np.broadcast_to(spin, positions.shape), dt=DT,
+        positions=positions,
+        quaternions=quaternions,
+        velocities=velocity + GRAVITY * time,
+        angular_velocities=np.broadcast_to(spin, positions.shape),
+        dt=DT,
     )
 
 
@@ -39,9 +42,7 @@ def test_integrate_is_the_inverse_of_difference():
         velocity, angular = difference(
             here.positions, here.quaternions, there.positions, there.quaternions, DT
         )
-        positions, quaternions = integrate(
-            here.positions, here.quaternions, velocity, angular, DT
-        )
+        positions, quaternions = integrate(here.positions, here.quaternions, velocity, angular, DT)
         # float64: a few roundings of values near 60
         np.testing.assert_allclose(positions, there.positions, atol=1e-13)
         same = np.abs(np.einsum('ij,ij->i', quaternions, there.quaternions))
@@ -51,7 +52,9 @@ def test_integrate_is_the_inverse_of_difference():
 
 def test_rotation_is_exact_where_the_first_order_form_is_not():
     quaternion = np.array([[0.0, 0.0, 0.0, 1.0]])
-    _, turned = integrate(np.zeros((1, 3)), quaternion, np.zeros((1, 3)), np.array([[20.0, 0, 0]]), DT)
+    _, turned = integrate(
+        np.zeros((1, 3)), quaternion, np.zeros((1, 3)), np.array([[20.0, 0, 0]]), DT
+    )
     assert 2 * np.arctan2(turned[0, 0], turned[0, 3]) == pytest.approx(2.0, abs=1e-12)
 
 
@@ -60,9 +63,7 @@ def test_velocities_are_differences_of_poses_alone():
     source = Source.of(trajectory, Scene())
     expected = np.diff(trajectory.positions, axis=0) / DT
     np.testing.assert_allclose(source.velocities[1:], expected, atol=1e-12)
-    np.testing.assert_allclose(
-        source.angular_velocities, trajectory.angular_velocities, atol=1e-10
-    )
+    np.testing.assert_allclose(source.angular_velocities, trajectory.angular_velocities, atol=1e-10)
     # the difference that would have come before the first frame, known from v: free flight
     np.testing.assert_allclose(
         source.velocities[0], trajectory.velocities[0] - 0.5 * DT * GRAVITY, atol=1e-12
@@ -129,9 +130,9 @@ def test_turned_batch_is_the_batch_of_the_turned_world():
     nodes = batch.graph.nodes.numpy().reshape(4, 6, 3) @ matrix.T
     np.testing.assert_allclose(turned.graph.nodes.numpy(), nodes.reshape(4, 18), atol=1e-5)
     surface = batch.graph.surface_edges.numpy()
-    expected = np.concatenate([
-        (surface[:, :9].reshape(-1, 3, 3) @ matrix.T).reshape(-1, 9), surface[:, 9:],
-    ], axis=1)
+    expected = np.concatenate(
+        [(surface[:, :9].reshape(-1, 3, 3) @ matrix.T).reshape(-1, 9), surface[:, 9:]], axis=1
+    )
     np.testing.assert_allclose(turned.graph.surface_edges.numpy(), expected, atol=1e-4)
     targets = batch.next_motion.numpy().reshape(4, 2, 3) @ matrix.T
     np.testing.assert_allclose(turned.next_motion.numpy(), targets.reshape(4, 6), atol=1e-5)
@@ -142,4 +143,6 @@ def test_turning_needs_a_masked_pose():
     source = Source.of(ballistic(), Scene())
     with pytest.raises(ValueError, match='mask_pose'):
         draw_batch([source], 1, config, SILENT, np.random.default_rng(0), rotate=True)
-    assert GNS(config)(draw_batch([source], 1, config, SILENT, np.random.default_rng(0)).graph).shape == (4, 6)
+    assert GNS(config)(
+        draw_batch([source], 1, config, SILENT, np.random.default_rng(0)).graph
+    ).shape == (4, 6)
