@@ -10,7 +10,10 @@ from collections.abc import Sequence
 # name: (module with add_arguments(parser) and run(arguments) -> int, one-line help)
 COMMANDS: dict[str, tuple[str, str]] = {
     'teacher-card': ('rigid_gns_core.teacher_card', 'check the teacher against closed forms'),
-    'generate': ('rigid_gns_core.generate', 'generate Bullet trajectories into an HDF5 file'),
+    'generate': (
+        'rigid_gns_core.generate',
+        'generate Bullet trajectories into a folder of HDF5 files',
+    ),
     'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
     'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),

@@ -143,6 +143,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
         raise ConfigError(f'{where} is {value!r}, expected a number')
-    if isinstance(hint, type) and (not isinstance(value, hint) or (hint is int and value is True)):
+    is_bool = isinstance(value, bool)  # which Python takes for an int
+    if isinstance(hint, type) and (not isinstance(value, hint) or (is_bool and hint is not bool)):
         raise ConfigError(f'{where} is {value!r}, expected {hint.__name__}')
     return value

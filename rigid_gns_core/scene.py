@@ -50,7 +50,9 @@ def _unit(name: str, value: ArrayLike) -> Vector:
     norm = float(np.linalg.norm(vector))
     if norm < 1e-9:
         raise ValueError(f'{name} is {value}, expected a vector that is not zero')
-    return tuple((vector / norm).tolist())
+    if abs(norm - 1.0) > 1e-15:  # else the same bits again, for a scene that is read back
+        vector = vector / norm
+    return tuple(vector.tolist())
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,13 @@ class Plane:
 
     @classmethod
     def box(
-        cls, length_x: float, length_y: float, height: float = np.inf, **material: float | None
+        cls,
+        length_x: float,
+        length_y: float,
+        height: float = np.inf,
+        *,
+        restitution: float | None = None,
+        friction: float | None = None,
     ) -> tuple[Plane, ...]:
         """Ground at z = 0 and four walls around the origin, the thesis' training scene.
 
@@ -118,7 +126,8 @@ class Plane:
             length_x: Inner length along x [m].
             length_y: Inner length along y [m].
             height: Height of the walls [m]; infinite by default.
-            material: `restitution` and `friction` of all five.
+            restitution: Of all five; None: the scene's.
+            friction: Of all five; None: the scene's.
         """
         for name, value in (('length_x', length_x), ('length_y', length_y), ('height', height)):
             if not value > 0:
@@ -129,10 +138,10 @@ class Plane:
 
         def wall(point: Vector, normal: Vector, width: float) -> Plane:
             # a wall's y axis is normal x direction: with `up` as direction, x runs upwards
-            return cls(point, normal, up, height, width, **material)
+            return cls(point, normal, up, height, width, restitution, friction)
 
         return (
-            cls((0.0, 0.0, 0.0), up, (1.0, 0.0, 0.0), **material),
+            cls((0.0, 0.0, 0.0), up, (1.0, 0.0, 0.0), restitution=restitution, friction=friction),
             wall((-x, 0.0, z), (1.0, 0.0, 0.0), length_y),
             wall((x, 0.0, z), (-1.0, 0.0, 0.0), length_y),
             wall((0.0, -y, z), (0.0, 1.0, 0.0), length_x),

@@ -164,7 +164,7 @@ class Trajectory:
     @property
     def times(self) -> Array:
         """Time of each state since the start [s], shape (steps + 1,)."""
-        return np.arange(len(self.positions)) * self.dt
+        return np.arange(len(self.positions), dtype=np.float64) * self.dt
 
     @property
     def diverged_at(self) -> int | None:

@@ -1,0 +1,62 @@
+"""How far two equally good teachers are apart: the floor beside which long errors are read.
+
+    python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json floor.json
+
+Each record is simulated again by Bullet at half and at twice the substeps it was made with, and scored
+like a model's prediction. The floor of an error is the larger of the two; one below it means nothing
+in a chaotic scene. Needs pybullet.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from rigid_gns_core.dataset import Record, read_records
+from rigid_gns_core.evaluate import evaluate, format_table, summarise, write_json
+from rigid_gns_core.progress import Progress
+from rigid_gns_core.state import Trajectory
+from rigid_gns_core.teacher import TeacherSettings, simulate
+
+VARIANTS = {'half': 0.5, 'twice': 2.0}
+
+
+def again(record: Record, factor: float, steps: int) -> Trajectory:
+    """The record's start, simulated at `factor` times its substeps."""
+    known = {field.name for field in fields(TeacherSettings)}
+    settings = TeacherSettings(**{k: v for k, v in record.teacher.items() if k in known})
+    settings = replace(settings, substeps=round(settings.substeps * factor))
+    return simulate(record.scene, record.trajectory[0], steps, record.trajectory.dt, settings)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--data', required=True, type=Path, help='folder made by generate')
+    parser.add_argument('--steps', type=int, default=300)
+    parser.add_argument('--json', type=Path, help='write all numbers to this file')
+    arguments = parser.parse_args()
+    records = read_records(arguments.data)
+    result: dict[str, Any] = {'data': arguments.data.name, 'steps': arguments.steps}
+    with Progress(len(records) * len(VARIANTS), 'floor', unit='trajectory') as progress:
+        for name, factor in VARIANTS.items():
+            reports = []
+            for record in records:
+                predicted = again(record, factor, min(arguments.steps, record.trajectory.steps))
+                reports.append(
+                    evaluate(predicted, record.trajectory, record.scene, velocities='poses')
+                )
+                progress.update()
+            result[name] = {'summary': summarise(reports), 'records': reports}
+    for name in VARIANTS:
+        print(f'\nBullet at {name} the substeps\n')
+        print(format_table(result[name]['summary']), end='')
+    if arguments.json is not None:
+        write_json(arguments.json, result)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

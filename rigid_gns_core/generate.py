@@ -1,0 +1,288 @@
+"""`rigid-gns generate`: Bullet trajectories of a data recipe, or of one scene, into HDF5 files."""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from .config import from_mapping
+from .dataset import (
+    RECIPE_NAME,
+    Contents,
+    DatasetError,
+    Record,
+    check_membership,
+    present_records,
+    read_recipe,
+    read_record,
+    record_path,
+    write_recipe,
+    write_record,
+)
+from .progress import Progress
+from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
+from .sampling import load_scene, sample_start
+
+EXAMPLE = """example:
+  rigid-gns generate --config smoke --out data/smoke
+  rigid-gns generate --scene box_154 --steps 600 --out box_154.h5
+
+A run that was stopped goes on where it was: give the same command again."""
+
+
+class GenerateError(ValueError):
+    """A trajectory could not be made; says which."""
+
+
+def generate(
+    recipe: DataRecipe, folder: str | Path, *, workers: int | None = None,
+) -> list[Path]:
+    """Make the trajectories of `recipe` that `folder` lacks; files that are whole are kept.
+
+    Worker processes are spawned: a script that calls this with more than one worker guards its own
+    start with `if __name__ == '__main__'`.
+
+    Args:
+        recipe: What to make.
+        folder: Where; made if absent.
+        workers: Processes; None: one per usable core. With 1, all happens in this process.
+
+    Returns:
+        Paths of the trajectories of the recipe.
+
+    Raises:
+        DatasetError: The folder holds another recipe's data; the differences are named.
+        GenerateError: A trajectory failed; its seed and index are named.
+    """
+    if workers is not None and workers < 1:
+        raise ValueError(f'workers is {workers}, expected at least 1')
+    recipe, folder = _resolve(recipe), Path(folder)
+    _claim(folder, recipe)
+    paths = [record_path(folder, index) for index in range(recipe.trajectories)]
+    missing = [index for index, path in enumerate(paths) if not _is_whole(path, recipe)]
+    workers = min(workers or _usable_cores(), len(missing))
+    with Progress(
+        len(paths), str(folder), unit='trajectory', initial=len(paths) - len(missing),
+    ) as progress:
+        if workers > 1:
+            _make_in_processes(recipe, folder, missing, workers, progress)
+        else:
+            for index in missing:
+                spheres, seconds = _make(recipe, folder, index)
+                progress.update(index=str(index), spheres=str(spheres), seconds=seconds)
+    return paths
+
+
+def generate_scene(
+    name: str | Path, path: str | Path, steps: int, *, dt: float = 0.1, contents: Contents = 'full',
+) -> Path:
+    """Simulate `steps` time steps of `dt` [s] of a scene file from its own start, into one file.
+
+    Raises:
+        ConfigError: No such scene, or a value of it is wrong.
+        SamplingError: The spheres do not fit.
+    """
+    from .teacher import TeacherSettings, simulate
+
+    scene, recipe = load_scene(name)
+    settings = TeacherSettings()
+    trajectory = simulate(scene, sample_start(scene, recipe), steps, dt, settings)
+    record = Record(
+        trajectory=trajectory, scene=scene, seed=recipe.seed, teacher=_describe(asdict(settings)),
+        name=Path(name).stem,
+    )
+    return write_record(path, record, contents)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `rigid-gns generate`."""
+    parser.epilog = EXAMPLE
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        '--config', metavar='NAME_OR_FILE',
+        help='recipe of a data set: a name in config/data or a YAML file',
+    )
+    what.add_argument(
+        '--scene', metavar='NAME_OR_FILE', help='one scene: a name in config/scenes or a YAML file',
+    )
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='PATH',
+        help='folder of the data set; with --scene, the HDF5 file',
+    )
+    parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per core')
+    parser.add_argument(
+        '--trajectories', type=int, metavar='N', help='make so many, whatever the recipe says',
+    )
+    parser.add_argument(
+        '--steps', type=int, default=600, metavar='N',
+        help='time steps with --scene (default: 600)',
+    )
+    parser.add_argument(
+        '--poses-only', action='store_true',
+        help='with --scene: positions and rotations alone, as float32',
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `rigid-gns generate`."""
+    if arguments.scene is not None:
+        if arguments.out.exists():
+            raise FileExistsError(f'{arguments.out} exists; remove it first')
+        contents: Contents = 'poses' if arguments.poses_only else 'full'
+        path = generate_scene(arguments.scene, arguments.out, arguments.steps, contents=contents)
+        print(f'{path}: {path.stat().st_size / 1e6:.2f} MB')
+        return 0
+    recipe = load_recipe(arguments.config)
+    if arguments.trajectories is not None:
+        recipe = replace(recipe, trajectories=arguments.trajectories)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
+    begin = time.monotonic()
+    try:
+        paths = generate(recipe, arguments.out, workers=arguments.workers)
+    except KeyboardInterrupt:
+        whole = len(present_records(arguments.out))
+        print(
+            f'\nstopped: {whole} of {recipe.trajectories} trajectories are whole in '
+            f'{arguments.out}; give the same command again to go on', file=sys.stderr,
+        )
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    size = sum(path.stat().st_size for path in paths)
+    seconds = time.monotonic() - begin
+    print(
+        f'{arguments.out}: {len(paths)} trajectories of {recipe.steps} steps, {size / 1e6:.1f} MB, '
+        f'{seconds:.0f} s'
+    )
+    return 0
+
+
+def _resolve(recipe: DataRecipe) -> DataRecipe:
+    """Recipe with every setting of the teacher, so that a changed default counts as a change."""
+    from .teacher import TeacherSettings
+
+    settings = from_mapping(TeacherSettings, recipe.teacher, 'teacher')
+    return replace(recipe, teacher=asdict(settings))
+
+
+def _describe(settings: dict[str, Any]) -> dict[str, Any]:
+    return {'engine': 'pybullet', 'version': version('pybullet'), **settings}
+
+
+def _claim(folder: Path, recipe: DataRecipe) -> None:
+    """Make the folder this recipe's, or check that it is."""
+    folder.mkdir(parents=True, exist_ok=True)
+    present = present_records(folder)
+    if (folder / RECIPE_NAME).exists():
+        if difference := recipe_difference(read_recipe(folder), recipe):
+            raise DatasetError(
+                f'{folder}: made by another recipe ({"; ".join(difference)}); '
+                'choose another folder, or remove this one'
+            )
+    elif present:
+        raise DatasetError(f'{folder}: holds trajectories but no recipe; choose another folder')
+    for left_over in folder.glob('.*.tmp'):  # of a run that was killed
+        left_over.unlink()
+    # fewer than before leaves a whole data set of those that are there
+    listed = max(recipe.trajectories, 1 + max(present, default=-1))
+    write_recipe(folder, replace(recipe, trajectories=listed))
+
+
+def _is_whole(path: Path, recipe: DataRecipe) -> bool:
+    if not path.exists():
+        return False
+    try:
+        record = read_record(path)
+    except DatasetError as error:
+        print(f'{error}: it is made again', file=sys.stderr)
+        return False
+    check_membership(path, record, recipe_hash(recipe))
+    return True
+
+
+def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, float]:
+    """Make one trajectory; returns the number of spheres and the time it took [s]."""
+    from .teacher import TeacherSettings, simulate
+
+    begin = time.monotonic()
+    try:
+        scene, start = recipe.draw(index)
+        settings = from_mapping(TeacherSettings, recipe.teacher, 'teacher')
+        trajectory = simulate(scene, start, recipe.steps, recipe.dt, settings)
+        path = record_path(folder, index)
+        write_record(path, Record(
+            trajectory=trajectory, scene=scene, seed=recipe.seed, index=index, name=path.stem,
+            teacher=_describe(recipe.teacher), recipe=recipe_hash(recipe),
+        ))
+    except Exception as error:
+        raise GenerateError(
+            f'trajectory {index} of seed {recipe.seed}: {type(error).__name__}: {error}'
+        ) from error
+    return len(start), time.monotonic() - begin
+
+
+def _make_in_processes(
+    recipe: DataRecipe, folder: Path, missing: list[int], workers: int, progress: Progress,
+) -> None:
+    strangers = set(multiprocessing.active_children())
+    executor = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context('spawn'), initializer=_prepare_worker,
+    )
+    waiting = iter(missing)
+    running: dict[Future[tuple[int, float]], int] = {}
+
+    def submit(count: int) -> None:
+        # no more than there are workers, so that a crash leaves few to suspect
+        for index in islice(waiting, count):
+            running[executor.submit(_make, recipe, folder, index)] = index
+
+    try:
+        submit(workers)
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                spheres, seconds = future.result()
+                index = running.pop(future)
+                progress.update(index=str(index), spheres=str(spheres), seconds=seconds)
+                submit(1)
+    except BrokenProcessPool as error:
+        suspects = ' or '.join(str(index) for index in sorted(running.values()))
+        raise GenerateError(
+            f'a worker process died at trajectory {suspects} of seed {recipe.seed}; '
+            'give the same command again to go on, with fewer --workers where memory is short'
+        ) from error
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - strangers:
+            process.terminate()
+        raise
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _prepare_worker() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+
+
+def _leave_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _usable_cores() -> int:
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

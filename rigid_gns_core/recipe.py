@@ -1,0 +1,158 @@
+"""The recipe of a data set: how each trajectory's scene and start are drawn."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .config import ConfigError, find_config, from_mapping, load_yaml
+from .sampling import StartRecipe, check_range, sample_start
+from .scene import Plane, Scene
+from .state import State
+
+Range = float | tuple[float, float]  # a number, or a range to draw from evenly
+
+
+@dataclass(frozen=True)
+class DataRecipe:
+    """How a set of trajectories is drawn; see config/data/thesis.yaml.
+
+    Trajectory `index` follows from (seed, index) alone, whatever the others are and whoever
+    makes it. A material is a number, or a range from which each trajectory draws one value.
+
+    Args:
+        trajectories: Number of trajectories.
+        seed: Seed of the set, at least 0.
+        steps: Time steps of each trajectory.
+        dt: Time step [s].
+        spheres: Lowest and highest number of spheres.
+        height: Lowest and highest centre above the ground at the start [m].
+        box_side: Lowest and highest inner side of the box [m].
+        layers: The box is at least so large that the spheres, side by side, lie in this many
+            layers on its ground.
+        gap: Least distance between surfaces at the start [m].
+        radius: Radius [m].
+        mass: Mass [kg].
+        restitution: Coefficient of restitution of the material; that of a pair is its square.
+        friction: Coulomb friction coefficient of the material; that of a pair is its square.
+        rolling_friction: Dimensionless, see `Scene`.
+        gravity: Acceleration towards -z [m/s^2].
+        teacher: Settings of the teacher that differ from its defaults.
+    """
+
+    trajectories: int
+    seed: int
+    steps: int
+    dt: float = 0.1
+    spheres: tuple[int, int] = (1, 300)
+    height: tuple[float, float] = (0.0, 150.0)
+    box_side: tuple[float, float] = (0.0, 100.0)
+    layers: float = 2.0
+    gap: float = 0.1
+    radius: float = 1.0
+    mass: float = 1.0
+    restitution: Range = 0.7746
+    friction: Range = 0.5
+    rolling_friction: Range = 0.03
+    gravity: float = 9.81
+    teacher: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, least in (('trajectories', 1), ('seed', 0), ('steps', 1)):
+            if getattr(self, name) < least:
+                raise ConfigError(f'{name} is {getattr(self, name)}, expected at least {least}')
+        for name in ('dt', 'layers', 'radius', 'mass'):
+            value = getattr(self, name)
+            if not (value > 0 and np.isfinite(value)):
+                raise ConfigError(f'{name} is {value:g}, expected a positive number')
+        check_range('spheres', self.spheres, 1)
+        check_range('height', self.height, 0.0)
+        check_range('box_side', self.box_side, 0.0)
+        for name in ('restitution', 'friction', 'rolling_friction'):
+            value = getattr(self, name)
+            if isinstance(value, tuple):
+                check_range(name, value, 0.0)
+        if self._least_area(self.spheres[1]) > self.box_side[1] ** 2:
+            raise ConfigError(
+                f'{self.spheres[1]} spheres of radius {self.radius:g} m in {self.layers:g} layers '
+                f'do not fit into a box of side {self.box_side[1]:g} m; '
+                'use fewer spheres, more layers or a larger box_side'
+            )
+
+    def _least_area(self, spheres: int) -> float:
+        return spheres * (2 * self.radius + self.gap) ** 2 / self.layers
+
+    def draw(self, index: int) -> tuple[Scene, State]:
+        """Scene and start of trajectory `index`; the same for the same (seed, index).
+
+        Raises:
+            SamplingError: The spheres do not fit into the box that was drawn.
+        """
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, index]))
+        spheres = int(rng.integers(self.spheres[0], self.spheres[1], endpoint=True))
+        # the number of spheres is drawn first, so that small boxes do not make it smaller
+        low, high = max(self.box_side[0], 2 * self.radius + 3 * self.gap), self.box_side[1]
+        area = self._least_area(spheres)
+        one = rng.uniform(min(max(low, area / high), high), high)
+        other = rng.uniform(min(max(low, area / one), high), high)
+        length_x, length_y = (one, other) if rng.random() < 0.5 else (other, one)
+        material = {
+            name: _draw(rng, getattr(self, name))
+            for name in ('restitution', 'friction', 'rolling_friction')
+        }
+        scene = Scene(
+            surfaces=Plane.box(length_x, length_y), radius=self.radius, mass=self.mass,
+            gravity=(0.0, 0.0, -self.gravity), **material,
+        )
+        start = StartRecipe(spheres=spheres, height=self.height, gap=self.gap)
+        return scene, sample_start(scene, start, rng)
+
+
+def load_recipe(name: str | Path) -> DataRecipe:
+    """Data recipe of a YAML file, or of a shipped name in config/data.
+
+    `base: NAME` takes all values of another recipe; the file's own replace them.
+
+    Raises:
+        ConfigError: No such recipe, an unknown key, or a value out of range.
+    """
+    path = find_config('data', name)
+    mapping, seen = load_yaml(path), [path.resolve()]
+    while 'base' in mapping:
+        base = find_config('data', str(mapping.pop('base')))
+        if base.resolve() in seen:
+            raise ConfigError(f'{path}: base leads back to {base}; remove one of the two')
+        seen.append(base.resolve())
+        mapping = {**load_yaml(base), **mapping}
+    return from_mapping(DataRecipe, mapping, str(path))
+
+
+def recipe_hash(recipe: DataRecipe) -> str:
+    """Short hash of all that shapes a trajectory; the number of trajectories does not."""
+    text = json.dumps(asdict(replace(recipe, trajectories=1)), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def recipe_difference(old: DataRecipe, new: DataRecipe) -> list[str]:
+    """Lines `key: OLD in the folder, NEW now`, empty where a folder can be continued."""
+    before, after = _flat(old), _flat(new)
+    return [
+        f'{key}: {before.get(key)} in the folder, {after.get(key)} now'
+        for key in sorted(before | after)
+        if key != 'trajectories' and before.get(key) != after.get(key)
+    ]
+
+
+def _draw(rng: np.random.Generator, value: Range) -> float:
+    return float(rng.uniform(*value)) if isinstance(value, tuple) else value
+
+
+def _flat(recipe: DataRecipe) -> dict[str, Any]:
+    mapping = asdict(recipe)
+    teacher = mapping.pop('teacher')
+    return mapping | {f'teacher.{key}': value for key, value in teacher.items()}
