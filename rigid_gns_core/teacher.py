@@ -1,0 +1,289 @@
+"""The teacher: Bullet with settings under which spheres obey closed-form mechanics.
+
+The only importer of pybullet. `docs/teacher.md` gives the reason and the measured effect of every
+setting; `rigid-gns teacher-card` measures them again.
+
+Bullet works here in units of its own: lengths in median radii and masses in millions of mean
+masses, because some of its thresholds are absolute numbers. Time stays in seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from .rolling import RollingFriction
+from .scene import Plane, Scene
+from .state import Array, State, Trajectory
+
+# Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it
+_MASS = 1e-6
+# A slab stands for a plane with an edge; a side that is infinite is this long, in radii
+_ENDLESS = 1e6
+
+
+class TeacherError(ValueError):
+    """Bullet cannot simulate what was asked for."""
+
+
+@dataclass(frozen=True)
+class TeacherSettings:
+    """How Bullet is run.
+
+    Args:
+        substeps: Steps of Bullet per `dt`.
+        solver_iterations: Most sweeps over all contacts in a substep; piles need many.
+        solver_tolerance: The sweeps end once no contact's velocity changes by this many times g
+            times the substep; 0: never.
+        bounce_threshold: Approach speeds below this many times g times the substep do not bounce,
+            so that piles come to rest.
+        contact_erp: Part of a penetration that is removed in a substep, by position alone.
+        rolling_updates: Times per `dt` that rolling friction acts on spheres that roll; 0: Bullet's
+            own, up to the square root of 2 too strong, at twice the speed.
+    """
+
+    substeps: int = 240
+    solver_iterations: int = 50
+    solver_tolerance: float = 1e-3
+    bounce_threshold: float = 3.0
+    contact_erp: float = 0.2
+    rolling_updates: int = 12
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ('substeps', 1, 100_000), ('solver_iterations', 1, 100_000),
+            ('solver_tolerance', 0.0, 1.0), ('bounce_threshold', 0.0, 1e6),
+            ('contact_erp', 0.0, 1.0), ('rolling_updates', 0, 100_000),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise TeacherError(f'{name} of the teacher is {value}, expected {low} to {high}')
+
+
+def load_pybullet() -> ModuleType:
+    """Import pybullet.
+
+    Raises:
+        ModuleNotFoundError: It is not installed; the message tells how to get it.
+    """
+    try:
+        import pybullet
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            'the Bullet teacher needs pybullet, which is not installed: '
+            "pip install 'rigid_gns_ros[teacher]'. There is no wheel for Python 3.12 or newer "
+            '(pip then builds it, which needs a C++ compiler): use Python 3.11 for generating '
+            'data. Prediction, node and evaluation work without it.',
+            name='pybullet',
+        ) from error
+    return pybullet
+
+
+class Teacher:
+    """A live Bullet scene; also a context manager.
+
+    Args:
+        scene: Surfaces, sphere properties and materials.
+        start: State at time 0.
+        dt: Time of one `step` [s].
+        settings: How Bullet is run.
+
+    Raises:
+        ValueError: There is no sphere, or a value does not fit the scene.
+        ModuleNotFoundError: pybullet is not installed.
+    """
+
+    def __init__(
+        self, scene: Scene, start: State, dt: float = 0.1,
+        settings: TeacherSettings = TeacherSettings(),
+    ) -> None:
+        if len(start) == 0:
+            raise TeacherError('the start has no sphere; the teacher needs at least one')
+        if not (np.isfinite(dt) and dt > 0):
+            raise TeacherError(f'dt is {dt}, expected a positive number of seconds')
+        self.scene, self.dt, self.settings = scene, float(dt), settings
+        self._substep = self.dt / settings.substeps
+        radius = scene.per_sphere('radius', len(start))
+        self._length = float(np.median(radius))
+        self._radius = radius / self._length
+        mass = scene.per_sphere('mass', len(start))
+        self._mass = _MASS * mass / mass.mean()
+        self._gravity = np.asarray(scene.gravity) / self._length
+        self._bullet = load_pybullet()
+        self._client = self._bullet.connect(self._bullet.DIRECT)
+        if self._client < 0:
+            raise TeacherError('Bullet has no free client left; close teachers that are not used')
+        try:
+            self._configure()
+            self._add_surfaces(float(self._radius.max()))
+            self._bodies, self._rolling = self._add_spheres(start)
+        except BaseException:
+            self.close()
+            raise
+        self._state = start
+
+    def __enter__(self) -> Teacher:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free Bullet's memory; the state stays readable."""
+        if self._client >= 0:
+            self._bullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    @property
+    def state(self) -> State:
+        """Spheres now."""
+        return self._state
+
+    def step(self) -> State:
+        """Advance by `dt` and return the state."""
+        if self._client < 0:
+            raise TeacherError('this teacher is closed; make a new one')
+        substeps, client = self.settings.substeps, self._client
+        advance, rolling = self._bullet.stepSimulation, self._rolling
+        every = max(1, substeps // max(1, self.settings.rolling_updates))
+        before = change = np.zeros((len(self._bodies), 2, 3))
+        for substep in range(1, substeps + 1):
+            if substep == substeps:
+                before = self._velocities()
+            advance(physicsClientId=client)
+            if substep == substeps:
+                change = self._velocities() - before
+            if rolling:
+                rolling.collect()
+                if substep % every == 0 or substep == substeps:
+                    rolling.resist()
+        self._state = self._read(change)
+        return self._state
+
+    def _configure(self) -> None:
+        settings, bullet = self.settings, self._bullet
+        bullet.setGravity(*self._gravity, physicsClientId=self._client)
+        fall = float(np.linalg.norm(self._gravity)) * self._substep
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=self._substep, numSubSteps=0,
+            numSolverIterations=settings.solver_iterations,
+            restitutionVelocityThreshold=settings.bounce_threshold * fall,
+            erp=0.0, frictionERP=0.0, contactERP=settings.contact_erp,
+            useSplitImpulse=1, splitImpulsePenetrationThreshold=0.0, contactSlop=0.0,
+            solverResidualThreshold=(settings.solver_tolerance * fall) ** 2,
+            deterministicOverlappingPairs=1, physicsClientId=self._client,
+        )
+
+    def _material(self, body: int, restitution: float, friction: float, rolling: float) -> None:
+        self._bullet.changeDynamics(
+            body, -1, restitution=restitution, lateralFriction=friction,
+            rollingFriction=rolling, spinningFriction=rolling,
+            linearDamping=0.0, angularDamping=0.0, contactProcessingThreshold=0.0,
+            activationState=self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self._client,
+        )
+
+    def _add_body(self, shape: int, mass: float, position: Any, quaternion: Any) -> int:
+        if shape < 0:
+            raise TeacherError('Bullet refused a shape')
+        body = self._bullet.createMultiBody(
+            mass, shape, basePosition=list(position), baseOrientation=list(quaternion),
+            useMaximalCoordinates=True, physicsClientId=self._client,
+        )
+        if body < 0:
+            raise TeacherError('Bullet refused a body; it may hold too many already')
+        return body
+
+    def _add_surfaces(self, largest: float) -> None:
+        restitution = self.scene.surface_values('restitution')
+        friction = self.scene.surface_values('friction')
+        for index, plane in enumerate(self.scene.surfaces):
+            body = self._add_surface(plane, largest)
+            self._material(body, restitution[index], friction[index], 0.0)
+
+    def _add_surface(self, plane: Plane, largest: float) -> int:
+        bullet, client = self._bullet, self._client
+        point = np.asarray(plane.point) / self._length
+        if np.isinf(plane.length_x) and np.isinf(plane.length_y):
+            shape = bullet.createCollisionShape(
+                bullet.GEOM_PLANE, planeNormal=list(plane.normal), physicsClientId=client,
+            )
+            return self._add_body(shape, 0.0, point, (0.0, 0.0, 0.0, 1.0))
+        # spheres must not get past the middle of the slab in one substep: it is 4 radii thick
+        sides = np.array([plane.length_x, plane.length_y, 4.0 * largest * self._length])
+        half = np.minimum(sides / self._length, _ENDLESS) / 2.0
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_BOX, halfExtents=half.tolist(), physicsClientId=client,
+        )
+        return self._add_body(
+            shape, 0.0, point - half[2] * np.asarray(plane.normal), _rotation(plane.axes),
+        )
+
+    def _add_spheres(self, start: State) -> tuple[list[int], RollingFriction | None]:
+        scene, bullet, client, bodies = self.scene, self._bullet, self._client, []
+        restitution = scene.per_sphere('restitution', len(start))
+        friction = scene.per_sphere('friction', len(start))
+        rolling = RollingFriction(
+            bullet, client, bodies, scene, self._radius, self._mass, self._substep, self._gravity,
+        )
+        bullets_own = self.settings.rolling_updates == 0
+        for i in range(len(start)):
+            shape = bullet.createCollisionShape(
+                bullet.GEOM_SPHERE, radius=self._radius[i], physicsClientId=client,
+            )
+            body = self._add_body(
+                shape, self._mass[i], start.positions[i] / self._length, start.quaternions[i],
+            )
+            self._material(
+                body, restitution[i], friction[i], rolling.bullets_own[i] if bullets_own else 0.0,
+            )
+            # Bullet's velocities live half a substep before its positions: see `_read`
+            velocity = start.velocities[i] / self._length - 0.5 * self._substep * self._gravity
+            bullet.resetBaseVelocity(
+                body, velocity.tolist(), start.angular_velocities[i].tolist(),
+                physicsClientId=client,
+            )
+            bodies.append(body)
+        return bodies, rolling if rolling.rho.any() and not bullets_own else None
+
+    def _velocities(self) -> Array:
+        read, client = self._bullet.getBaseVelocity, self._client
+        return np.array([read(body, physicsClientId=client) for body in self._bodies])
+
+    def _read(self, change: Array) -> State:
+        """State now; `change` of the velocities in the last substep, shape (n, 2, 3).
+
+        Bullet's v += g h; x += v h is exact for free flight where v is taken to be the velocity
+        half a substep before x. So half of a substep's change is added, but not that of an impact.
+        """
+        read, client = self._bullet.getBasePositionAndOrientation, self._client
+        poses = [read(body, physicsClientId=client) for body in self._bodies]
+        largest = 1.5 * np.linalg.norm(self._gravity) * self._substep
+        smooth = np.linalg.norm(change[:, 0], axis=-1) <= largest
+        velocities = self._velocities() + 0.5 * change * smooth[:, None, None]
+        return State(
+            positions=np.array([pose[0] for pose in poses]) * self._length,
+            quaternions=np.array([pose[1] for pose in poses]),
+            velocities=velocities[:, 0] * self._length, angular_velocities=velocities[:, 1],
+        )
+
+
+def simulate(
+    scene: Scene, start: State, steps: int, dt: float = 0.1,
+    settings: TeacherSettings = TeacherSettings(),
+) -> Trajectory:
+    """Simulate `steps` steps of `dt` [s] in Bullet; index 0 of the result is the start."""
+    if steps < 0:
+        raise TeacherError(f'steps is {steps}, expected 0 or more')
+    with Teacher(scene, start, dt, settings) as teacher:
+        return Trajectory.from_states([start, *(teacher.step() for _ in range(steps))], dt)
+
+
+def _rotation(axes: Array) -> Array:
+    """Quaternion (x, y, z, w) that turns x, y, z into the rows of `axes`, shape (4,)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(axes.T).as_quat()

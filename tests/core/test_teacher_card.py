@@ -1,0 +1,117 @@
+"""The teacher card on Bullet, and on engines that are right or wrong by construction."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from rigid_gns_core import closed_form
+from rigid_gns_core.bounce import bounces
+from rigid_gns_core.cli import main
+from rigid_gns_core.closed_form_checks import GROUPS, Check, run_checks
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.teacher_card import table
+
+
+def ballistic(restitution_error: float = 0.0):
+    """An engine that knows one bounce on z = 0 and nothing else."""
+
+    def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
+        g, radius = -scene.gravity[2], scene.per_sphere('radius', len(start))
+        t = (np.arange(steps + 1) * dt)[:, None]
+        height = start.positions[:, 2] - radius
+        impact = np.sqrt(2 * height / g)
+        e = scene.per_sphere('restitution', len(start)) * (1 + restitution_error)
+        since = np.maximum(t - impact, 0.0)
+        up = e * g * impact
+        hit = t > impact
+        positions = np.tile(start.positions, (steps + 1, 1, 1))
+        velocities = np.zeros_like(positions)
+        positions[..., 2] = radius + np.where(
+            hit, up * since - 0.5 * g * since**2, height - 0.5 * g * t**2,
+        )
+        velocities[..., 2] = np.where(hit, up - g * since, -g * t)
+        return Trajectory(
+            positions=positions, velocities=velocities, angular_velocities=0.0 * velocities,
+            quaternions=np.tile(start.quaternions, (steps + 1, 1, 1)), dt=dt,
+        )
+
+    return simulate
+
+
+def test_bounce_measure_has_no_bias() -> None:
+    restitutions, drops = np.array([0.3, 0.6, 0.9]), np.array([0.5, 10.0, 230.0])
+    for error in (0.0, 0.02):
+        for measured in bounces(ballistic(error), 1.0, restitutions, drops):
+            expected = np.broadcast_to(restitutions[:, None, None] * (1 + error), measured.shape)
+            np.testing.assert_allclose(measured, expected, rtol=1e-9)
+
+
+def test_wrong_engine_fails() -> None:
+    assert all(check.passed for check in run_checks(ballistic(), groups=('bounce',)))
+    assert not all(check.passed for check in run_checks(ballistic(0.02), groups=('bounce',)))
+    assert not Check('name', 'case', np.nan, 1.0, np.nan, 0.1).passed
+    with pytest.raises(ValueError, match="unknown group of checks 'x', allowed: bounce"):
+        run_checks(ballistic(), groups=('x',))
+
+
+def test_table_shows_the_worst_case() -> None:
+    text = table([Check('a', 'good', 1, 1, 0, 0.1), Check('a', 'bad', 2, 1, 1, 0.1)])
+    assert 'FAIL  bad' in text
+    assert 'good' not in text
+
+
+def test_closed_forms_conserve() -> None:
+    draw = np.random.default_rng(0)
+    for _ in range(20):
+        normal = draw.normal(size=3)
+        normal /= np.linalg.norm(normal)
+        velocities, spins = draw.normal(size=(2, 3)), draw.normal(size=(2, 3))
+        velocities[0] -= 10.0 * normal  # they approach
+        masses, radii = draw.uniform(0.5, 5.0, 2), draw.uniform(0.5, 2.0, 2)
+        positions = np.outer([radii[0], -radii[1]], normal)
+        for friction in (0.0, 0.1, 5.0):
+            after = closed_form.impact_of_spheres(
+                velocities, spins, normal, radii, masses, 0.7, friction,
+            )
+            before = closed_form.momenta(positions, velocities, spins, masses, radii)
+            for a, b in zip(
+                before, closed_form.momenta(positions, *after, masses, radii), strict=True,
+            ):
+                np.testing.assert_allclose(a, b, atol=1e-12)
+            total = [
+                closed_form.energy(positions, *motion, masses, radii, np.zeros(3))
+                for motion in ((velocities, spins), after)
+            ]
+            assert total[1] < total[0]
+        # a second body of infinite mass at rest is a surface
+        heavy = closed_form.impact_of_spheres(
+            np.array([velocities[0], [0, 0, 0]]), np.array([spins[0], [0, 0, 0]]), normal, radii,
+            np.array([masses[0], 1e15]), 0.7, 0.2,
+        )
+        wall = closed_form.impact_on_surface(velocities[0], spins[0], normal, radii[0], 0.7, 0.2)
+        np.testing.assert_allclose(heavy[0][0], wall[0], atol=1e-9)
+        np.testing.assert_allclose(heavy[1][0], wall[1], atol=1e-9)
+
+
+@pytest.mark.parametrize('group', GROUPS)
+def test_bullet_passes(group: str) -> None:
+    pytest.importorskip('pybullet', reason='pybullet is not installed (extra: teacher)')
+    from rigid_gns_core.teacher import simulate
+
+    failed = [c for c in run_checks(simulate, quick=True, groups=(group,)) if not c.passed]
+    assert not failed, table(failed)
+
+
+def test_command_fails_where_a_check_does(tmp_path, capsys) -> None:
+    pytest.importorskip('pybullet', reason='pybullet is not installed (extra: teacher)')
+    file = tmp_path / 'card.json'
+    # at 8 substeps per 0.1 s a bounce is off by more than 1 %
+    assert main(['teacher-card', '--quick', '--substeps', '8', '--json', str(file)]) == 1
+    assert 'FAIL' in capsys.readouterr().out
+    card = json.loads(file.read_text())
+    assert card['settings']['substeps'] == 8
+    assert any(not check['passed'] for check in card['checks'])
