@@ -1,0 +1,54 @@
+"""The tracker that plays the shipped record, and the simulator: `make demo` without its report."""
+
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+# passed on to simulator_launch.py
+PASSED = ('params_file', 'namespace', 'model', 'scene', 'record')
+
+
+def generate_launch_description() -> LaunchDescription:
+    share = FindPackageShare('rigid_gns_ros')
+    params_file = PathJoinSubstitution([share, 'config', 'simulator.yaml'])
+    defaults = {'params_file': params_file, 'scene': 'box_154'}
+    descriptions = {
+        'params_file': 'YAML file of parameters of the simulator',
+        'namespace': 'namespace of both nodes and their topics',
+        'model': "name or path of the model; empty: the parameter file's",
+        'scene': 'shipped scene or YAML file, of the simulator and of a live tracker',
+        'record': 'folder of the bag to make; must not exist; empty: do not record',
+    }
+    live = ParameterValue(LaunchConfiguration('live'), value_type=bool)
+    scene = ParameterValue(LaunchConfiguration('scene'), value_type=str)
+    return LaunchDescription(
+        [
+            *(
+                DeclareLaunchArgument(
+                    name, default_value=defaults.get(name, ''), description=descriptions[name]
+                )
+                for name in PASSED
+            ),
+            DeclareLaunchArgument(
+                'live', default_value='false', description='run Bullet live instead of a record'
+            ),
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(
+                    PathJoinSubstitution([share, 'launch', 'simulator_launch.py'])
+                ),
+                launch_arguments=[(name, LaunchConfiguration(name)) for name in PASSED],
+            ),
+            Node(
+                package='rigid_gns_ros',
+                executable='tracker',
+                namespace=LaunchConfiguration('namespace'),
+                parameters=[{'live': live, 'scene': scene}],
+                output='screen',
+            ),
+        ]
+    )

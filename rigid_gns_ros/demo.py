@@ -1,0 +1,192 @@
+"""`make demo`: tracker and simulator as two processes, a recorded bag, and its evaluation."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+from . import evaluate_bag
+
+LOG_TAIL = 25  # lines shown of a process that failed
+POLL = 0.1  # [s]
+# left over from other set-ups, they would choose another middleware or reach other machines
+FOREIGN = ('RMW_IMPLEMENTATION', 'ROS_LOCALHOST_ONLY', 'ROS_STATIC_PEERS', 'ROS_NAMESPACE')
+
+
+class DemoError(RuntimeError):
+    """A process of the demonstration failed."""
+
+
+class NodeProcess:
+    """A node of this package in a process and a session of its own.
+
+    Args:
+        module: Module with the node's `main`.
+        folder: Where its log goes.
+        parameters: ROS parameters.
+        environment: Environment variables.
+    """
+
+    def __init__(
+        self, module: str, folder: Path, parameters: dict[str, str], environment: dict[str, str]
+    ) -> None:
+        self.name = module.removesuffix('_node')
+        self.log = folder / f'{self.name}.log'
+        command = [sys.executable, '-m', f'{__package__}.{module}', '--ros-args']
+        for name, value in parameters.items():
+            command += ['-p', f'{name}:={value}']
+        with self.log.open('wb') as log:
+            # a session of its own: Ctrl-C must reach this program only, which then stops the nodes
+            self._process = subprocess.Popen(
+                command,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                start_new_session=True,
+            )
+
+    def check(self) -> None:
+        """Raise DemoError where the process has ended."""
+        if self._process.poll() is not None:
+            raise self._failure(f'ended with exit code {self._process.returncode}')
+
+    def wait_for(self, text: str, timeout: float) -> None:
+        """Wait until the log holds `text`, at most `timeout` [s]."""
+        end = time.monotonic() + timeout
+        while text not in self.log.read_text(errors='replace'):
+            self.check()
+            if time.monotonic() > end:
+                raise self._failure(f'did not log {text!r} within {timeout:g} s')
+            time.sleep(POLL)
+
+    def stop(self) -> None:
+        """Stop it as Ctrl-C does, and harder where that does not help.
+
+        Raises:
+            DemoError: It did not end by itself with exit code 0.
+        """
+        for number, patience in ((signal.SIGINT, 20.0), (signal.SIGTERM, 5.0)):
+            if self._process.poll() is None:
+                os.killpg(self._process.pid, number)
+            try:
+                code = self._process.wait(patience)
+            except subprocess.TimeoutExpired:
+                continue
+            if code != 0:
+                raise self._failure(f'ended with exit code {code}')
+            return
+        self.kill()
+        raise self._failure('did not stop on SIGINT and SIGTERM and was killed')
+
+    def kill(self) -> None:
+        """End it at once."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    def _failure(self, what: str) -> DemoError:
+        lines = self.log.read_text(errors='replace').splitlines()[-LOG_TAIL:]
+        shown = '\n'.join(f'    {line}' for line in lines) or '    (empty)'
+        return DemoError(f'the {self.name} {what}; the end of {self.log}:\n{shown}')
+
+
+def run_demo(folder: Path, duration: float) -> int:
+    """Run both nodes for `duration` [s] and evaluate what was recorded.
+
+    Args:
+        folder: Folder to make for bag, report, figure and logs.
+        duration: How long to predict [s].
+
+    Returns:
+        The exit code of the evaluation.
+
+    Raises:
+        DemoError: A process failed.
+        FileExistsError: The folder exists.
+    """
+    folder.mkdir(parents=True)
+    environment = node_environment(folder)
+    bag = folder / 'bag'
+    processes: list[NodeProcess] = []
+    try:
+        print('demo: starting the simulator', flush=True)
+        simulator = NodeProcess('simulator_node', folder, {'record': str(bag)}, environment)
+        processes.append(simulator)
+        simulator.wait_for('ready: ', 60.0)
+        print('demo: starting the tracker', flush=True)
+        tracker = NodeProcess('tracker_node', folder, {}, environment)
+        processes.append(tracker)
+        tracker.wait_for('ready: ', 30.0)
+        simulator.wait_for('started from stamp', 20.0)
+        print(
+            f'demo: predicting for {duration:g} s; to watch: '
+            f'ROS_DOMAIN_ID={environment["ROS_DOMAIN_ID"]} ros2 topic hz /predicted_poses',
+            flush=True,
+        )
+        end = time.monotonic() + duration
+        while time.monotonic() < end:
+            for process in processes:
+                process.check()
+            time.sleep(POLL)
+        for process in reversed(processes):
+            process.stop()
+    finally:
+        for process in processes:
+            process.kill()
+    print('demo: evaluating the bag\n', flush=True)
+    return evaluate_bag.main(
+        [str(bag), '--json', str(folder / 'report.json'), '--figure', str(folder / 'report.png')]
+    )
+
+
+def node_environment(folder: Path) -> dict[str, str]:
+    """Environment in which nodes find each other on this machine, and nobody else."""
+    environment = {name: value for name, value in os.environ.items() if name not in FOREIGN}
+    # two demonstrations at once rarely meet, and tests use 50 and more
+    environment['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 49)
+    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    environment['ROS_LOG_DIR'] = str(folder.resolve() / 'ros_log')
+    return environment
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code: 0 done, 1 a process failed, 2 bad input, 130 stopped."""
+    parser = argparse.ArgumentParser(
+        prog='demo', description='Tracker, simulator, bag and report, in one go.'
+    )
+    parser.add_argument('--seconds', type=float, default=20.0, help='how long to predict')
+    parser.add_argument(
+        '--out', type=Path, help='folder to make (default: demo_output/ and the time)'
+    )
+    arguments = parser.parse_args(argv)
+    if not arguments.seconds > 0:
+        parser.error(f'--seconds is {arguments.seconds:g}, expected more than 0')
+    folder = arguments.out or Path('demo_output') / time.strftime('%Y-%m-%d_%H-%M-%S')
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        return run_demo(folder, arguments.seconds)
+    except DemoError as error:
+        print(f'demo: error: {error}', file=sys.stderr)
+        return 1
+    except FileExistsError:
+        print(f'demo: error: {folder} exists; choose another --out', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print('demo: stopped', file=sys.stderr)
+        return 130
+
+
+if __name__ == '__main__':
+    sys.exit(main())

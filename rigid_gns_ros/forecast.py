@@ -1,0 +1,174 @@
+"""Predicted poses at equal times after a start frame, sampled from the model's own steps."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rigid_gns_core.sampling import load_scene
+from rigid_gns_core.state import Array, State, rotate_quaternions, rotation_between
+
+if TYPE_CHECKING:
+    from rigid_gns_core.rollout import Rollout  # imports torch, which takes seconds
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Poses predicted for one time.
+
+    Args:
+        index: Number of periods since the start frame.
+        stamp_ns: Time predicted for [ns].
+        poses: Position [m] and quaternion (x, y, z, w) of each sphere, shape (n, 7).
+        step_times: Wall-clock time of each model step that was needed [s].
+    """
+
+    index: int
+    stamp_ns: int
+    poses: Array
+    step_times: tuple[float, ...]
+
+
+class Forecast:
+    """Predictions k = 1, 2, ... for the times start + k * period.
+
+    Args:
+        rollout: The model's rollout from the start frame.
+        start_ns: Stamp of the start frame [ns].
+        period: Time between predictions [s]. Where it is not the model's own step, positions are
+            interpolated linearly and rotations along the shorter arc between two steps.
+    """
+
+    def __init__(self, rollout: Rollout, start_ns: int, period: float) -> None:
+        self.rollout, self.start_ns, self.period = rollout, start_ns, period
+        self.next_index = 1
+        self._before = self._after = rollout.state
+
+    def stamp_ns(self, index: int) -> int:
+        """Stamp of prediction `index` [ns], from the index itself so that nothing drifts."""
+        return self.start_ns + round(index * self.period * 1e9)
+
+    def skip_to(self, stamp_ns: int) -> None:
+        """Begin with the first prediction whose stamp is `stamp_ns` or later."""
+        while self.stamp_ns(self.next_index) < stamp_ns:
+            self.next_index += 1
+
+    def advance(self) -> Prediction:
+        """Compute the next prediction.
+
+        Raises:
+            ValueError: The rollout diverged: a value is not finite.
+        """
+        index = self.next_index
+        # position among the model's steps; 1e-9 steps off counts as on the step
+        place = index * self.period / self.rollout.dt
+        step_times = []
+        while self.rollout.steps < place - 1e-9:
+            begun = time.perf_counter()
+            self._before, self._after = self._after, self.rollout.step()
+            step_times.append(time.perf_counter() - begun)
+        weight = min(place - (self.rollout.steps - 1), 1.0)
+        poses = _interpolate(self._before, self._after, weight)
+        if not np.isfinite(poses).all():
+            sphere = int(np.argmin(np.isfinite(poses).all(axis=1)))
+            raise ValueError(f'the predicted pose of sphere {sphere} is not finite')
+        self.next_index = index + 1
+        return Prediction(index, self.stamp_ns(index), poses, tuple(step_times))
+
+
+class Forecaster:
+    """A model and a scene: makes forecasts from start states.
+
+    Args:
+        model: Name or path of the model; empty: the shipped default.
+        scene: Name of a shipped scene, or a YAML file.
+        rate: Predictions per second [Hz]; 0: one per step of the model.
+        threads: CPU threads of the model.
+
+    Raises:
+        ValueError: There is no such model or scene, or the model cannot serve the scene.
+    """
+
+    def __init__(self, model: str, scene: str, *, rate: float = 0.0, threads: int = 1) -> None:
+        self.scene_name = scene
+        self.scene, _ = load_scene(scene)
+        # late, so that a node's signal handlers are in place while torch loads
+        import torch
+
+        from rigid_gns_core.rollout import load_simulator
+
+        torch.set_num_threads(threads)
+        self.simulator = load_simulator(model or None)
+        self.native_dt = self.simulator.native_dt(self.scene)
+        self.period = 1 / rate if rate else self.native_dt
+        # the first step of a process is slow: take it before anybody waits for it
+        count = self.scene.sphere_count or 2
+        surfaces = self.scene.surfaces
+        ground = np.array(surfaces[0].point if surfaces else (0.0, 0.0, 0.0))
+        radius = self.scene.per_sphere('radius', count).max()
+        heights = radius * np.arange(1, 2 * count, 2)
+        state = State(positions=ground + heights[:, None] * self.scene.up)
+        self.forecast(state, 0).advance()
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """What a reader of the predictions needs, as JSON takes it; times in seconds."""
+        return {
+            'scene': self.scene.to_mapping(),
+            'model': self.simulator.name,
+            'model_card': self.simulator.card,
+            'dt': self.native_dt,
+            'period': self.period,
+        }
+
+    def __str__(self) -> str:
+        native = abs(self.period / self.native_dt - 1) < 1e-9
+        how = '' if native else ', interpolated between model steps'
+        return (
+            f'model {self.simulator.name}, scene {self.scene_name} '
+            f'({len(self.scene.surfaces)} surfaces), native rate {1 / self.native_dt:.6g} Hz, '
+            f'publishing at {1 / self.period:.6g} Hz{how}'
+        )
+
+    def check(self, count: int) -> list[str]:
+        """Warnings about predicting `count` spheres.
+
+        Raises:
+            ValueError: The model cannot serve that many in this scene.
+        """
+        if self.scene.sphere_count not in (None, count):
+            raise ValueError(
+                f'scene {self.scene_name} gives properties of {self.scene.sphere_count} spheres, '
+                f'but there are {count}'
+            )
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter('always')
+            self.simulator.check(self.scene, count)
+        return sorted({str(warning.message) for warning in caught})
+
+    def forecast(self, state: State, start_ns: int) -> Forecast:
+        """Predictions from a state at stamp `start_ns` [ns]."""
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # `check` tells them
+            rollout = self.simulator.start(
+                self.scene,
+                state.positions,
+                state.velocities,
+                state.angular_velocities,
+                quaternions=state.quaternions,
+            )
+        return Forecast(rollout, start_ns, self.period)
+
+
+def _interpolate(before: State, after: State, weight: float) -> Array:
+    if weight > 1 - 1e-9:
+        return np.concatenate([after.positions, after.quaternions], axis=1)
+    positions = (1 - weight) * before.positions + weight * after.positions
+    turn = rotation_between(before.quaternions, after.quaternions)
+    return np.concatenate(
+        [positions, rotate_quaternions(before.quaternions, weight * turn)], axis=1
+    )

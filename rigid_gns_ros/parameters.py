@@ -1,0 +1,153 @@
+"""Parameters of the nodes, a table for each; a test compares docs/node.md with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter.
+
+    Args:
+        name: Its name.
+        default: Default; its type is the parameter's.
+        description: What it sets, for `ros2 param describe`.
+        unit: Unit, empty where there is none.
+        low: Least value of a number.
+        high: Greatest value of a number.
+        choices: The only values allowed of a string; empty: any.
+        dynamic: Whether it may change while the node runs; else it is read-only.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ''
+    low: float = 0.0
+    high: float = 0.0
+    choices: tuple[str, ...] = ()
+    dynamic: bool = False
+
+    def problem(self, value: Any) -> str | None:
+        """What is wrong with a value beyond type and range, which ROS checks; else None."""
+        if self.choices and value not in self.choices:
+            return f'{self.name} is {value!r}, allowed: {", ".join(self.choices)}'
+        return None
+
+
+FRAME_ID = ParameterSpec('frame_id', 'world', 'coordinate frame of all poses')
+
+SIMULATOR = (
+    ParameterSpec('model', '', 'name or path of the model; empty: the shipped default'),
+    ParameterSpec('scene', 'box_154', 'name of a shipped scene, or a YAML file'),
+    FRAME_ID,
+    ParameterSpec(
+        'rate',
+        0.0,
+        "predictions per second; 0: the model's native rate for the scene's radius",
+        'Hz',
+        0.0,
+        1000.0,
+    ),
+    ParameterSpec(
+        'start',
+        'first',
+        'first: predict on from the first frames; every: start again from each',
+        choices=('first', 'every'),
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'velocity_window',
+        3,
+        'tracked frames from which velocities are fitted; 1: start at rest',
+        'frames',
+        1,
+        100,
+    ),
+    ParameterSpec('record', '', 'folder of the bag to make; must not exist; empty: do not record'),
+    ParameterSpec('max_spheres', 1000, 'largest number of spheres accepted', '', 1, 100_000),
+    ParameterSpec('threads', 1, 'CPU threads of the model', '', 1, 256),
+)
+
+TRACKER = (
+    ParameterSpec('trajectory', '', 'HDF5 record to play; empty: the shipped one'),
+    ParameterSpec('live', False, 'run Bullet live on `scene` instead of playing (needs pybullet)'),
+    ParameterSpec('scene', 'box_154', 'shipped scene or YAML file whose start a live run takes'),
+    FRAME_ID,
+    ParameterSpec('noise', 0.001, 'standard deviation added to each coordinate', 'm', 0.0, 1000.0),
+    ParameterSpec('seed', 0, 'seed of the noise', '', 0, 2**31 - 1),
+    ParameterSpec('loop', False, 'play again from the start at the end of the record'),
+    ParameterSpec(
+        'rate_factor',
+        1.0,
+        "frames come this many times faster than real time; stamps keep to the record's own time",
+        '',
+        0.01,
+        100.0,
+    ),
+    ParameterSpec('wait_for_subscriber', True, 'start when somebody subscribes to tracked_poses'),
+)
+
+
+def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
+    """Declare all parameters of a table and return their values.
+
+    Raises:
+        ValueError: A value given at start has the wrong type, is out of range or is not allowed.
+    """
+    from rcl_interfaces.msg import SetParametersResult
+    from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+
+    values: dict[str, Any] = {}
+    for spec in table:
+        try:
+            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
+        except InvalidParameterTypeException as error:
+            remedy = ', as 10.0' if isinstance(spec.default, float) else ''
+            raise ValueError(
+                f'parameter {spec.name} has the wrong type: {error}; '
+                f'give a {type(spec.default).__name__}{remedy}'
+            ) from error
+        except InvalidParameterValueException as error:
+            raise ValueError(
+                f'parameter {spec.name}: {error}; '
+                f'allowed: {spec.low:g} to {spec.high:g} {spec.unit}'.rstrip()
+            ) from error
+        values[spec.name] = node.get_parameter(spec.name).value
+        if problem := spec.problem(values[spec.name]):
+            raise ValueError(f'parameter {problem}')
+    specs = {spec.name: spec for spec in table}
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            spec = specs.get(parameter.name)
+            if spec and (problem := spec.problem(parameter.value)):
+                return SetParametersResult(successful=False, reason=problem)
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)
+    return values
+
+
+def _descriptor(spec: ParameterSpec) -> Any:
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    text = f'{spec.description} [{spec.unit}]' if spec.unit else spec.description
+    descriptor = ParameterDescriptor(description=text, read_only=not spec.dynamic)
+    if spec.choices:
+        descriptor.additional_constraints = f'one of: {", ".join(spec.choices)}'
+    if isinstance(spec.default, float):
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(spec.low), to_value=float(spec.high))
+        ]
+    elif isinstance(spec.default, int) and not isinstance(spec.default, bool):
+        descriptor.integer_range = [IntegerRange(from_value=int(spec.low), to_value=int(spec.high))]
+    return descriptor

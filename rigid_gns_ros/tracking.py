@@ -1,0 +1,176 @@
+"""Which tracked frames are accepted, and the start state that a window of them gives."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from rigid_gns_core.state import Array, State
+
+from .messages import PoseArrayFrame
+from .velocity import estimate_velocities
+
+
+class RejectedFrame(ValueError):
+    """A tracked frame cannot be used. `kind` names the check that failed."""
+
+    def __init__(self, kind: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+class TrackingWindow:
+    """The newest frames of a tracker, each checked on arrival.
+
+    Args:
+        frame_id: Coordinate frame that messages must be in.
+        length: Number of frames from which velocities are estimated; 1 means at rest.
+        max_spheres: Largest number of spheres accepted.
+        gravity: Acceleration of free flight [m/s^2].
+        max_gap: Longest time between two frames of a window [s]; after a longer one it starts anew.
+        check: Called with the number of spheres of a first frame; ValueError where the model cannot
+            serve that many.
+    """
+
+    def __init__(
+        self,
+        *,
+        frame_id: str,
+        length: int,
+        max_spheres: int,
+        gravity: tuple[float, float, float],
+        max_gap: float,
+        check: Callable[[int], None],
+    ) -> None:
+        self.frame_id, self.length, self.max_spheres = frame_id, length, max_spheres
+        self.gravity, self.max_gap_ns, self._check = gravity, round(max_gap * 1e9), check
+        self._frames: deque[PoseArrayFrame] = deque(maxlen=length)
+        self.count: int | None = None
+
+    @property
+    def full(self) -> bool:
+        """Whether there are enough frames to start from."""
+        return len(self._frames) == self.length
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """Stamp of the newest frame [ns]; None before the first."""
+        return self._frames[-1].stamp_ns if self._frames else None
+
+    def clear(self) -> None:
+        """Forget all frames and the number of spheres."""
+        self._frames.clear()
+        self.count = None
+
+    def add(self, frame: PoseArrayFrame) -> None:
+        """Take the next frame.
+
+        Raises:
+            RejectedFrame: It cannot be used; what was there before is kept.
+        """
+        if frame.frame_id != self.frame_id:
+            raise RejectedFrame(
+                'frame',
+                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} (parameter frame_id)',
+            )
+        self._check_count(len(frame.poses))
+        self._check_poses(frame.poses)
+        last = self.stamp_ns
+        if last is not None and frame.stamp_ns <= last:
+            raise RejectedFrame(
+                'stamp',
+                f'its stamp {seconds(frame.stamp_ns)} s does not come after '
+                f'{seconds(last)} s of the frame before; expected increasing stamps, or a call of '
+                '~/reset when the tracker was started again',
+            )
+        if last is not None and frame.stamp_ns - last > self.max_gap_ns:
+            self._frames.clear()
+        self.count = len(frame.poses)
+        self._frames.append(frame)
+
+    def start(self) -> tuple[int, State]:
+        """Stamp [ns] and state of the newest frame, with velocities from the whole window."""
+        stamps = [frame.stamp_ns for frame in self._frames]
+        poses = np.stack([frame.poses for frame in self._frames])
+        positions = poses[:, :, :3]
+        quaternions = poses[:, :, 3:] / np.linalg.norm(poses[:, :, 3:], axis=-1, keepdims=True)
+        times = [(stamp - stamps[-1]) * 1e-9 for stamp in stamps]  # exact: differences are small
+        velocities, spins = estimate_velocities(times, positions, quaternions, self.gravity)
+        return stamps[-1], State(
+            positions=positions[-1],
+            quaternions=quaternions[-1],
+            velocities=velocities,
+            angular_velocities=spins,
+        )
+
+    def _check_count(self, count: int) -> None:
+        if count == 0:
+            raise RejectedFrame('empty', 'it holds no poses, expected one per sphere')
+        if count > self.max_spheres:
+            raise RejectedFrame(
+                'max_spheres',
+                f'it holds {count} spheres, expected at most {self.max_spheres} '
+                '(parameter max_spheres)',
+            )
+        if self.count is None:
+            try:
+                self._check(count)
+            except ValueError as error:
+                raise RejectedFrame('model', str(error)) from error
+        elif count != self.count:
+            raise RejectedFrame(
+                'count',
+                f'it holds {count} spheres, expected {self.count} as before; call ~/reset '
+                'to start again with another number',
+            )
+
+    def _check_poses(self, poses: Array) -> None:
+        finite = np.isfinite(poses).all(axis=1)
+        if not finite.all():
+            sphere = int(np.argmin(finite))
+            values = ', '.join(f'{value:g}' for value in poses[sphere])
+            raise RejectedFrame(
+                'finite', f'the pose of sphere {sphere} is ({values}), expected finite numbers'
+            )
+        norms = np.linalg.norm(poses[:, 3:], axis=1)
+        if (norms < 1e-6).any():
+            raise RejectedFrame(
+                'quaternion',
+                f'the quaternion of sphere {int(np.argmin(norms))} has norm '
+                f'{norms.min():.2g}, expected 1; send (0, 0, 0, 1) where a rotation is unknown',
+            )
+
+
+class Throttle:
+    """Admits one message of a kind per period, and counts those held back.
+
+    Args:
+        period: Least time between two messages of one kind [s].
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self._next: dict[str, float] = {}
+        self._held: dict[str, int] = {}
+
+    def admit(self, kind: str, now: float) -> int | None:
+        """Number of messages of that kind held back since the last one, or None to hold back this.
+
+        Args:
+            kind: What is counted.
+            now: Time of any steady clock [s].
+        """
+        if now < self._next.get(kind, -np.inf):
+            self._held[kind] = self._held.get(kind, 0) + 1
+            return None
+        self._next[kind] = now + self.period
+        return self._held.pop(kind, 0)
+
+
+def seconds(stamp_ns: int) -> str:
+    """A stamp in seconds with all its digits, which a float would not keep."""
+    sign = '-' if stamp_ns < 0 else ''
+    whole, rest = divmod(abs(stamp_ns), 10**9)
+    return f'{sign}{whole}.{rest:09d}'

@@ -1,0 +1,78 @@
+"""The nodes as processes: signals, exit codes, errors in one line."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+from rigid_gns_ros.bag_reader import read_bag
+
+SIMULATOR = 'rigid_gns_ros.simulator_node'
+STAMP = 12_000_000_000
+Run = Callable[..., Any]
+
+
+@pytest.mark.parametrize(
+    ('number', 'again'),
+    [(signal.SIGTERM, None), (signal.SIGINT, None), (signal.SIGINT, 0.003), (signal.SIGINT, 0.1)],
+)
+def test_a_signal_closes_the_bag(
+    run_process: Run,
+    bench: Any,
+    falling: Callable[..., np.ndarray],
+    tmp_path: Path,
+    number: int,
+    again: float | None,
+) -> None:
+    """`ros2 launch` hands a Ctrl-C on, so that a node gets two SIGINTs within milliseconds."""
+    folder = tmp_path / 'bag'
+    run = run_process(SIMULATOR, '-p', f'record:={folder}', '-p', 'velocity_window:=1')
+    run.wait_for('ready: ')
+    tracked = bench.tracked()
+    bench.until(lambda: bench.tester.count_publishers('/predicted_poses'), 'the publisher')
+    tracked.send(falling(0.0), STAMP)
+    frames = tracked.wait(2)
+    # discovery of the tester's subscription may take the first predictions, never their order
+    assert [(frame.stamp_ns - STAMP) % 100_000_000 for frame in frames] == [0, 0]
+    run.signal(number)
+    if again is not None:
+        time.sleep(again)
+        run.signal(number)
+    assert run.exit_code() == 0, run.output
+    assert 'Traceback' not in run.output and 'stopped: ' in run.output
+    bag = read_bag(folder)
+    assert not bag.warnings
+    predicted = [bytes(cdr) for cdr in bag.topics['/predicted_poses'].messages]
+    assert set(tracked.predicted_bytes) <= set(predicted)
+
+
+def test_a_signal_while_the_model_loads_is_obeyed(run_process: Run, tmp_path: Path) -> None:
+    run = run_process(SIMULATOR, '--log-level', 'debug')
+    run.wait_for('[rcl')  # ROS is up, and torch is not yet
+    run.signal(signal.SIGINT)
+    assert run.exit_code() == 0, run.output
+    assert 'Traceback' not in run.output
+
+
+@pytest.mark.parametrize(
+    ('argument', 'message'),
+    [
+        ('scene:=nonesuch', 'nonesuch'),
+        ('rate:=-1.0', 'parameter rate'),
+        ('model:=nonesuch', "no model 'nonesuch'"),
+    ],
+)
+def test_a_bad_parameter_ends_the_process(run_process: Run, argument: str, message: str) -> None:
+    run = run_process(SIMULATOR, '-p', argument)
+    assert run.exit_code() == 1
+    lines = [line for line in run.output.splitlines() if line.strip()]
+    assert len(lines) == 1, run.output
+    assert lines[0].startswith('[FATAL]') and message in lines[0]
