@@ -248,6 +248,11 @@ def _make_in_processes(
         for index in islice(waiting, count):
             running[executor.submit(_make, recipe, folder, index)] = index
 
+    def stop_workers() -> None:
+        # the executor waits for the others, which may wait for a lock that the dead one held
+        for process in set(multiprocessing.active_children()) - strangers:
+            process.kill()
+
     try:
         submit(workers)
         while running:
@@ -257,14 +262,14 @@ def _make_in_processes(
                 progress.update(index=str(index), spheres=str(spheres), seconds=seconds)
                 submit(1)
     except BrokenProcessPool as error:
+        stop_workers()
         suspects = ' or '.join(str(index) for index in sorted(running.values()))
         raise GenerateError(
             f'a worker process died at trajectory {suspects} of seed {recipe.seed}; '
             'give the same command again to go on, with fewer --workers where memory is short'
         ) from error
     except BaseException:
-        for process in set(multiprocessing.active_children()) - strangers:
-            process.terminate()
+        stop_workers()
         raise
     finally:
         executor.shutdown(cancel_futures=True)
