@@ -80,6 +80,8 @@ class Simulator:
         Raises:
             ValueError: Radii or masses differ, a property has the wrong length, or no gravity.
         """
+        for name in ('restitution', 'friction', 'rolling_friction'):
+            scene.per_sphere(name, count)
         for name in ('radius', 'mass'):
             values = scene.per_sphere(name, count)
             if count and np.ptp(values) > 1e-9 * values.max():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -129,6 +130,27 @@ class Tracked:
         cdr = PoseArrayCodec(frame_id, len(poses)).encode(poses, stamp_ns)
         self.publisher.publish(cdr)
         return cdr
+
+    def send_until(
+        self, count: int, poses: np.ndarray, stamp_ns: int, frame_id: str = 'world'
+    ) -> list[PoseArrayFrame]:
+        """Send every 0.1 s as a tracker does, until there are `count` predictions.
+
+        To a node in another process one message is not enough: it is best effort, and lost where
+        the node has not discovered the tester yet, though the tester has discovered the node.
+        """
+        sent = itertools.count()
+        due = 0.0
+
+        def done() -> bool:
+            nonlocal due
+            if time.monotonic() >= due:
+                self.send(poses, stamp_ns + next(sent) * 100_000_000, frame_id)
+                due = time.monotonic() + 0.1
+            return len(self.predicted_bytes) >= count
+
+        self.bench.until(done, f'{count} predictions')
+        return self.predicted[:count]
 
     def wait_computed(self, steps: int) -> None:
         """Wait until the model has done so many steps in all."""

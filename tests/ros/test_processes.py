@@ -37,9 +37,7 @@ def test_a_signal_closes_the_bag(
     run = run_process(SIMULATOR, '-p', f'record:={folder}', '-p', 'velocity_window:=1')
     run.wait_for('ready: ')
     tracked = bench.tracked()
-    bench.until(lambda: bench.tester.count_publishers('/predicted_poses'), 'the publisher')
-    tracked.send(falling(0.0), STAMP)
-    frames = tracked.wait(2)
+    frames = tracked.send_until(2, falling(0.0), STAMP)
     # discovery of the tester's subscription may take the first predictions, never their order
     assert [(frame.stamp_ns - STAMP) % 100_000_000 for frame in frames] == [0, 0]
     run.signal(number)
