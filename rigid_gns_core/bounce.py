@@ -14,7 +14,7 @@ GRAVITY = 9.81
 
 
 def bounces(
-    simulate: Simulate, radius: float, restitutions: Array, drops: Array, phases: int = 4,
+    simulate: Simulate, radius: float, restitutions: Array, drops: Array, phases: int = 4
 ) -> tuple[Array, Array]:
     """Effective restitution of spheres dropped on a level floor.
 
@@ -43,7 +43,9 @@ def bounces(
     fall = np.sqrt(2.0 * height / GRAVITY)
     trajectory = simulate(
         Scene(surfaces=(Plane(restitution=1.0),), radius=radius, restitution=tuple(pair)),
-        State(positions=np.c_[places, height + radius]), int(fall.max() / dt) + 2, dt,
+        State(positions=np.c_[places, height + radius]),
+        int(fall.max() / dt) + 2,
+        dt,
     )
     above = trajectory.positions[..., 2] - radius
     speed = trajectory.velocities[..., 2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -14,6 +15,16 @@ from safetensors.torch import load_file, save
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parent / 'weights'
 DEFAULT_MODEL = 'gns'
+CARD_KEYS = {
+    'format_version',
+    'kind',
+    'config',
+    'units',
+    'materials',
+    'training',
+    'validation',
+    'weights_sha256',
+}
 
 
 class CheckpointError(ValueError):
@@ -43,14 +54,18 @@ def load_tensors(path: Path) -> dict[str, torch.Tensor]:
 
 
 def save_model(path: str | Path, network: torch.nn.Module, card: dict[str, Any]) -> None:
-    """Write `path`.safetensors and `path`.json; the card gets the format version."""
-    path = Path(path)
-    save_tensors(path.with_suffix('.safetensors'), dict(network.state_dict()))
-    card = {'format_version': FORMAT_VERSION, **card}
-    text = json.dumps(card, indent=2, allow_nan=False) + '\n'
-    temporary = path.with_suffix('.json.part')
+    """Write `path`.safetensors and `path`.json, which get each other's mark: see `load_weights`."""
+    weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
+    save_tensors(weights, dict(network.state_dict()))
+    marks = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
+    text = json.dumps({**card, **marks}, indent=2, allow_nan=False) + '\n'
+    temporary = Path(f'{card_path}.part')
     temporary.write_text(text, encoding='utf-8')
-    os.replace(temporary, path.with_suffix('.json'))
+    os.replace(temporary, card_path)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def find_model(name: str | Path | None = None) -> Path:
@@ -84,24 +99,36 @@ def load_card(path: Path) -> dict[str, Any]:
         card = json.loads(card_path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise CheckpointError(f'{path}: its card {card_path.name} is missing') from None
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise CheckpointError(f'{card_path}: not valid JSON: {error}') from error
     version = card.get('format_version') if isinstance(card, dict) else None
-    if version != FORMAT_VERSION:
+    if version != FORMAT_VERSION or version is True:
         raise CheckpointError(
             f'{card_path}: format_version is {version!r}, this program reads {FORMAT_VERSION}; '
             'train again or use the program version that wrote it'
         )
+    for key in sorted(CARD_KEYS - set(card)):
+        raise CheckpointError(f'{card_path}: {key} is missing')
+    for key in sorted(set(card) - CARD_KEYS):
+        raise CheckpointError(
+            f'{card_path}: unknown key {key!r}, allowed: {", ".join(sorted(CARD_KEYS))}'
+        )
     return card
 
 
-def load_weights(network: torch.nn.Module, path: Path) -> None:
+def load_weights(network: torch.nn.Module, path: Path, sha256: str) -> None:
     """Fill `network` from a .safetensors file.
 
     Raises:
-        CheckpointError: Names or shapes differ from the network's, or a weight is not finite.
+        CheckpointError: The file is not the one its card was written with (`sha256`), or names,
+            shapes or types differ from the network's, or a weight is not finite.
     """
     tensors = load_tensors(path)
+    if _sha256(path) != sha256:
+        raise CheckpointError(
+            f'{path}: is not the file that its card was written with (SHA-256 differs); '
+            'copy both files again'
+        )
     expected = network.state_dict()
     for name in sorted(set(expected) ^ set(tensors)):
         raise CheckpointError(
@@ -109,10 +136,11 @@ def load_weights(network: torch.nn.Module, path: Path) -> None:
             'weights and card do not belong together'
         )
     for name, value in tensors.items():
-        if value.shape != expected[name].shape:
+        wanted = expected[name]
+        if (value.shape, value.dtype) != (wanted.shape, wanted.dtype):
             raise CheckpointError(
-                f'{path}: weight {name!r} has shape {tuple(value.shape)}, '
-                f'expected {tuple(expected[name].shape)}'
+                f'{path}: weight {name!r} has shape {tuple(value.shape)} of {value.dtype}, '
+                f'expected {tuple(wanted.shape)} of {wanted.dtype}'
             )
         if not torch.isfinite(value).all():
             raise CheckpointError(f'{path}: weight {name!r} holds values that are not finite')

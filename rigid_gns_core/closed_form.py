@@ -12,7 +12,7 @@ from .state import Array
 
 
 def incline_acceleration(
-    angle: float, friction: float, rolling_friction: float, gravity: float,
+    angle: float, friction: float, rolling_friction: float, gravity: float
 ) -> float:
     """Acceleration [m/s^2] of a sphere down an incline of `angle` [rad], released from rest.
 
@@ -25,7 +25,7 @@ def incline_acceleration(
 
 
 def impact_on_surface(
-    velocity: Array, spin: Array, normal: Array, radius: float, restitution: float, friction: float,
+    velocity: Array, spin: Array, normal: Array, radius: float, restitution: float, friction: float
 ) -> tuple[Array, Array]:
     """Velocity [m/s] and spin [rad/s] of a sphere after an impact on a surface, shapes (3,).
 
@@ -41,7 +41,12 @@ def impact_on_surface(
 
 
 def impact_of_spheres(
-    velocities: Array, spins: Array, normal: Array, radii: Array, masses: Array, restitution: float,
+    velocities: Array,
+    spins: Array,
+    normal: Array,
+    radii: Array,
+    masses: Array,
+    restitution: float,
     friction: float,
 ) -> tuple[Array, Array]:
     """Velocities [m/s] and spins [rad/s] of two spheres after they collide, shapes (2, 3).
@@ -72,7 +77,7 @@ def impact_of_spheres(
 
 
 def energy(
-    positions: Array, velocities: Array, spins: Array, masses: Array, radii: Array, gravity: Array,
+    positions: Array, velocities: Array, spins: Array, masses: Array, radii: Array, gravity: Array
 ) -> Array:
     """Total energy [J], shape (...), of spheres: arrays (..., n, 3), masses and radii (n,)."""
     kinetic = 0.5 * masses * np.sum(velocities**2, axis=-1)
@@ -81,7 +86,7 @@ def energy(
 
 
 def momenta(
-    positions: Array, velocities: Array, spins: Array, masses: Array, radii: Array,
+    positions: Array, velocities: Array, spins: Array, masses: Array, radii: Array
 ) -> tuple[Array, Array]:
     """Linear [kg m/s] and angular momentum about the origin [kg m^2/s], shapes (..., 3)."""
     linear = masses[:, None] * velocities

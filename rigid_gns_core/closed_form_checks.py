@@ -35,7 +35,7 @@ class Check:
 
 
 def _check(
-    name: str, case: str, measured: float | np.floating, expected: float, bound: float,
+    name: str, case: str, measured: float | np.floating, expected: float, bound: float
 ) -> Check:
     error = (measured - expected) / abs(expected) if expected else measured
     return Check(name, case, float(measured), float(expected), float(error), bound)
@@ -60,8 +60,11 @@ def _bounce_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
             expected = np.repeat(restitutions, at_impact.shape[2])
             yield _worst('restitution at impact', cases, at_impact[:, k].ravel(), expected, 0.01)
             yield _worst(
-                'restitution by rise, mean', [f'{where}{e:g}' for e in restitutions],
-                rise[:, k].mean(-1), restitutions, 0.01,
+                'restitution by rise, mean',
+                [f'{where}{e:g}' for e in restitutions],
+                rise[:, k].mean(-1),
+                restitutions,
+                0.01,
             )
             yield _worst('restitution by rise, each', cases, rise[:, k].ravel(), expected, 0.01)
 
@@ -74,12 +77,17 @@ def _incline_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
         start = np.asarray(plane.normal) + 4.0 * np.outer(np.arange(3.0), (0.0, 1.0, 0.0))
         trajectory = simulate(
             Scene(surfaces=(plane,), friction=frictions, rolling_friction=rollings),
-            State(positions=start), 20, 0.1,
+            State(positions=start),
+            20,
+            0.1,
         )
         down = np.array([np.cos(angle), 0.0, -np.sin(angle)])
         speeds = trajectory.velocities[-1] @ down / trajectory.times[-1]
         for kind, friction, rolling, speed in zip(
-            ('rolling', 'with rolling friction', 'slipping'), frictions, rollings, speeds,
+            ('rolling', 'with rolling friction', 'slipping'),
+            frictions,
+            rollings,
+            speeds,
             strict=True,
         ):
             expected = closed_form.incline_acceleration(angle, friction, rolling, GRAVITY)
@@ -98,7 +106,9 @@ def _level_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     cases = [f'heading {angle:.0f} deg' for angle in np.degrees(angles)]
     slid = simulate(
         Scene(friction=0.55, rolling_friction=0.0),
-        State(positions=start, velocities=5.0 * heading), 20, 0.1,
+        State(positions=start, velocities=5.0 * heading),
+        20,
+        0.1,
     )
     expected = np.full(len(angles), 5.0 / 1.4)
     speed = np.linalg.norm(slid.velocities[-1], axis=-1)
@@ -110,9 +120,12 @@ def _level_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     rolled = simulate(
         Scene(rolling_friction=rho),
         State(
-            positions=start, velocities=v0 * heading,
+            positions=start,
+            velocities=v0 * heading,
             angular_velocities=v0 * np.cross([0.0, 0.0, 1.0], heading),
-        ), 50, 0.1,
+        ),
+        50,
+        0.1,
     )
     slower = (v0 - np.linalg.norm(rolled.velocities[10], axis=-1)) / rolled.times[10]
     expected = np.full(len(angles), rho * GRAVITY / 1.4)
@@ -121,8 +134,11 @@ def _level_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     bend = np.linalg.norm(np.cross(path, heading), axis=-1) / np.linalg.norm(path, axis=-1)
     yield _worst('rolling to rest, path bends by [rad]', cases, bend, 0.0 * bend, 1e-3)
     yield _worst(
-        'rolling to rest, distance [m]', cases, np.linalg.norm(path, axis=-1),
-        np.full(len(angles), 0.5 * v0**2 * 1.4 / (rho * GRAVITY)), 0.01,
+        'rolling to rest, distance [m]',
+        cases,
+        np.linalg.norm(path, axis=-1),
+        np.full(len(angles), 0.5 * v0**2 * 1.4 / (rho * GRAVITY)),
+        0.01,
     )
     last = np.linalg.norm(rolled.velocities[-1], axis=-1)
     yield _worst('rolling to rest, last speed [m/s]', cases, last, 0.0 * last, 1e-3)
@@ -131,11 +147,13 @@ def _level_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
 def _oblique_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     e, height = 0.6, 2.0
     cases = [  # pair friction, velocity across, spin
-        (0.9, (2.0, 1.0), (3.0, -2.0, 4.0)), (0.1, (2.0, 1.0), (10.0, -20.0, 5.0)),
+        (0.9, (2.0, 1.0), (3.0, -2.0, 4.0)),
+        (0.1, (2.0, 1.0), (10.0, -20.0, 5.0)),
     ]
     if not quick:
         cases += [
-            (0.9, (3.0, 0.0), (0.0, 0.0, 0.0)), (0.05, (8.0, 3.0), (0.0, 0.0, 0.0)),
+            (0.9, (3.0, 0.0), (0.0, 0.0, 0.0)),
+            (0.05, (8.0, 3.0), (0.0, 0.0, 0.0)),
             (0.0, (2.0, 1.0), (10.0, -20.0, 5.0)),
         ]
     start = State(
@@ -146,15 +164,20 @@ def _oblique_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     fall = np.sqrt(2.0 * height / GRAVITY)
     after = simulate(
         Scene(
-            surfaces=(Plane(restitution=1.0, friction=1.0),), restitution=e, rolling_friction=0.0,
+            surfaces=(Plane(restitution=1.0, friction=1.0),),
+            restitution=e,
+            rolling_friction=0.0,
             friction=tuple(case[0] for case in cases),
-        ), start, int(fall / 0.1) + 2, 0.1,
+        ),
+        start,
+        int(fall / 0.1) + 2,
+        0.1,
     )
     up = np.array([0.0, 0.0, 1.0])
     for k, (friction, across, spin) in enumerate(cases):
         before = np.array([*across, -GRAVITY * fall])
         velocity, turned = closed_form.impact_on_surface(
-            before, np.array(spin), up, 1.0, e, friction,
+            before, np.array(spin), up, 1.0, e, friction
         )
         case = f'mu {friction:g}, across {across}, spin {spin}'
         error = np.linalg.norm((after.velocities[-1, k] - velocity)[:2])
@@ -170,10 +193,12 @@ def _collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     friction, speed = 0.3, 4.0
     for spins in ((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)):
         masses = np.array([(1.0, ratio) for ratio, _, _ in cases])
-        positions = np.array([
-            ((-3.1, 40.0 * k + offset, 0.0), (0.0, 40.0 * k, 0.0))
-            for k, (_, _, offset) in enumerate(cases)
-        ])
+        positions = np.array(
+            [
+                ((-3.1, 40.0 * k + offset, 0.0), (0.0, 40.0 * k, 0.0))
+                for k, (_, _, offset) in enumerate(cases)
+            ]
+        )
         velocities = np.zeros_like(positions)
         velocities[:, 0, 0] = speed
         turning = np.zeros_like(positions)
@@ -181,20 +206,26 @@ def _collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
         restitution = np.sqrt([e for _, e, _ in cases]).repeat(2)
         run = simulate(
             Scene(
-                surfaces=(), gravity=(0.0, 0.0, 0.0), mass=tuple(masses.ravel()),
-                restitution=tuple(restitution), friction=float(np.sqrt(friction)),
+                surfaces=(),
+                gravity=(0.0, 0.0, 0.0),
+                mass=tuple(masses.ravel()),
+                restitution=tuple(restitution),
+                friction=float(np.sqrt(friction)),
                 rolling_friction=0.0,
             ),
             State(
-                positions=positions.reshape(-1, 3), velocities=velocities.reshape(-1, 3),
+                positions=positions.reshape(-1, 3),
+                velocities=velocities.reshape(-1, 3),
                 angular_velocities=turning.reshape(-1, 3),
-            ), 10, 0.1,
+            ),
+            10,
+            0.1,
         )
         for k, (ratio, e, offset) in enumerate(cases):
             pair, radii = slice(2 * k, 2 * k + 2), np.ones(2)
             normal = np.array([-np.sqrt(4.0 - offset**2), offset, 0.0]) / 2.0
             expected = closed_form.impact_of_spheres(
-                velocities[k], turning[k], normal, radii, masses[k], float(e), friction,
+                velocities[k], turning[k], normal, radii, masses[k], float(e), friction
             )
             kind = 'oblique' if offset else 'central'
             case = f'masses 1:{ratio:g}, e {e:g}, offset {offset:g} r, spin {spins[2]:g}'
@@ -202,12 +233,13 @@ def _collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
             yield _check(f'two spheres, {kind}, velocities', case, error, 0, 0.01)
             error = np.abs(run.angular_velocities[-1, pair] - expected[1]).max() / speed
             yield _check(f'two spheres, {kind}, spins', case, error, 0, 0.01)
-            linear, angular = (
-                closed_form.momenta(
-                    # about a point of the pair, or the distance to the origin drowns the rest
-                    run.positions[:, pair] - positions[k, 1], run.velocities[:, pair],
-                    run.angular_velocities[:, pair], masses[k], radii,
-                )
+            linear, angular = closed_form.momenta(
+                # about a point of the pair, or the distance to the origin drowns the rest
+                run.positions[:, pair] - positions[k, 1],
+                run.velocities[:, pair],
+                run.angular_velocities[:, pair],
+                masses[k],
+                radii,
             )
             drift = np.linalg.norm(linear[-1] - linear[0]) / np.linalg.norm(linear[0])
             yield _check('two spheres, momentum', case, drift, 0, 1e-4)
@@ -226,39 +258,55 @@ def _pile_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     side, layers, steps = (2, 2, 40) if quick else (3, 3, 150)
     draw = np.random.default_rng(0)
     grid = np.stack(np.meshgrid(*[2.1 * (np.arange(side) - (side - 1) / 2)] * 2), -1).reshape(-1, 2)
-    start = np.concatenate([
-        np.c_[grid + draw.uniform(-0.03, 0.03, grid.shape), np.full(len(grid), 1.2 + 2.3 * layer)]
-        for layer in range(layers)
-    ])
-    scene = Scene(surfaces=Plane.box(2.3 * side, 2.3 * side))
+    start = np.concatenate(
+        [
+            np.c_[
+                grid + draw.uniform(-0.03, 0.03, grid.shape), np.full(len(grid), 1.2 + 2.3 * layer)
+            ]
+            for layer in range(layers)
+        ]
+    )
+    # so narrow that the spheres lean on the walls
+    width = 2.17 * side
+    scene = Scene(surfaces=Plane.box(width, width))
     run = simulate(scene, State(positions=start), steps, 0.1)
     case = f'{len(start)} spheres, {steps * 0.1:g} s'
-    between, floor = np.max([deepest(frame) for frame in run.positions[steps // 2:]], axis=0)
+    between, floor = np.max([deepest(frame) for frame in run.positions[steps // 2 :]], axis=0)
     yield _check('pile, penetration of spheres [diameters]', case, between, 0, 1e-3)
     yield _check('pile, penetration of the floor [diameters]', case, floor, 0, 1e-3)
+    beyond = np.abs(run.positions[steps // 2 :, :, :2]).max() + 1.0 - width / 2
+    yield _check('pile, penetration of the walls [diameters]', case, beyond / 2, 0, 1e-3)
     total = closed_form.energy(
-        run.positions, run.velocities, run.angular_velocities, np.ones(len(start)),
-        np.ones(len(start)), np.asarray(scene.gravity),
+        run.positions,
+        run.velocities,
+        run.angular_velocities,
+        np.ones(len(start)),
+        np.ones(len(start)),
+        np.asarray(scene.gravity),
     )
     gain = np.maximum(np.diff(total), 0.0).sum() / (total[0] - GRAVITY * len(start))
     yield _check('pile, energy gained / energy at the start', case, gain, 0, 1e-4)
 
     grid = np.stack(np.meshgrid(*[2.0 * np.arange(4.0)] * 2), -1).reshape(-1, 2)
     rest = simulate(
-        Scene(), State(positions=np.c_[grid, np.ones(len(grid))]), 20 if quick else 100, 0.1,
+        Scene(), State(positions=np.c_[grid, np.ones(len(grid))]), 20 if quick else 100, 0.1
     )
     moved = np.linalg.norm(rest.positions[-1] - rest.positions[0], axis=-1).max()
     yield _check('spheres at rest that touch, drift [r]', f'{len(grid)} spheres', moved, 0, 1e-3)
 
 
 GROUPS: dict[str, Callable[[Simulate, bool], Iterator[Check]]] = {
-    'bounce': _bounce_checks, 'incline': _incline_checks, 'level': _level_checks,
-    'oblique': _oblique_checks, 'collision': _collision_checks, 'pile': _pile_checks,
+    'bounce': _bounce_checks,
+    'incline': _incline_checks,
+    'level': _level_checks,
+    'oblique': _oblique_checks,
+    'collision': _collision_checks,
+    'pile': _pile_checks,
 }
 
 
 def run_checks(
-    simulate: Simulate, quick: bool = False, groups: tuple[str, ...] = tuple(GROUPS),
+    simulate: Simulate, quick: bool = False, groups: tuple[str, ...] = tuple(GROUPS)
 ) -> list[Check]:
     """Run all checks on an engine: a callable (scene, start, steps, dt) -> Trajectory.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import types
 import typing
@@ -105,6 +106,13 @@ def find_config(kind: str, name: str | Path) -> Path:
     )
 
 
+def positive(text: str) -> int:
+    """Type of a command line option that takes a whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'{text!r}, expected a whole number, at least 1')
+    return int(text)
+
+
 def _convert(hint: Any, value: Any, where: str) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
@@ -142,7 +150,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             return float('inf')
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
-        raise ConfigError(f'{where} is {value!r}, expected a number')
+        hint_text = ' (YAML reads 1e-3 as text: write 1.0e-3)' if isinstance(value, str) else ''
+        raise ConfigError(f'{where} is {value!r}, expected a number{hint_text}')
     is_bool = isinstance(value, bool)  # which Python takes for an int
     if isinstance(hint, type) and (not isinstance(value, hint) or (is_bool and hint is not bool)):
         raise ConfigError(f'{where} is {value!r}, expected {hint.__name__}')

@@ -101,9 +101,12 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
                 last, unit, dtype = _ARRAYS[name]
                 array = getattr(trajectory, name)
                 stored = file.create_dataset(
-                    name, data=array, dtype='f4' if contents == 'poses' else dtype,
+                    name,
+                    data=array,
+                    dtype='f4' if contents == 'poses' else dtype,
                     chunks=(min(64, len(array)), max(1, trajectory.count), last),
-                    compression='gzip', shuffle=True,
+                    compression='gzip',
+                    shuffle=True,
                 )
                 stored.attrs['unit'] = unit
         with open(partial, 'r+b') as file:

@@ -46,9 +46,7 @@ class GenerateError(ValueError):
     """A trajectory could not be made; says which."""
 
 
-def generate(
-    recipe: DataRecipe, folder: str | Path, *, workers: int | None = None,
-) -> list[Path]:
+def generate(recipe: DataRecipe, folder: str | Path, *, workers: int | None = None) -> list[Path]:
     """Make the trajectories of `recipe` that `folder` lacks; files that are whole are kept.
 
     Worker processes are spawned: a script that calls this with more than one worker guards its own
@@ -74,7 +72,7 @@ def generate(
     missing = [index for index, path in enumerate(paths) if not _is_whole(path, recipe)]
     workers = min(workers or _usable_cores(), len(missing))
     with Progress(
-        len(paths), str(folder), unit='trajectory', initial=len(paths) - len(missing),
+        len(paths), str(folder), unit='trajectory', initial=len(paths) - len(missing)
     ) as progress:
         if workers > 1:
             _make_in_processes(recipe, folder, missing, workers, progress)
@@ -86,7 +84,7 @@ def generate(
 
 
 def generate_scene(
-    name: str | Path, path: str | Path, steps: int, *, dt: float = 0.1, contents: Contents = 'full',
+    name: str | Path, path: str | Path, steps: int, *, dt: float = 0.1, contents: Contents = 'full'
 ) -> Path:
     """Simulate `steps` time steps of `dt` [s] of a scene file from its own start, into one file.
 
@@ -100,7 +98,10 @@ def generate_scene(
     settings = TeacherSettings()
     trajectory = simulate(scene, sample_start(scene, recipe), steps, dt, settings)
     record = Record(
-        trajectory=trajectory, scene=scene, seed=recipe.seed, teacher=_describe(asdict(settings)),
+        trajectory=trajectory,
+        scene=scene,
+        seed=recipe.seed,
+        teacher=_describe(asdict(settings)),
         name=Path(name).stem,
     )
     return write_record(path, record, contents)
@@ -111,26 +112,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EXAMPLE
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
-        '--config', metavar='NAME_OR_FILE',
+        '--config',
+        metavar='NAME_OR_FILE',
         help='recipe of a data set: a name in config/data or a YAML file',
     )
     what.add_argument(
-        '--scene', metavar='NAME_OR_FILE', help='one scene: a name in config/scenes or a YAML file',
+        '--scene', metavar='NAME_OR_FILE', help='one scene: a name in config/scenes or a YAML file'
     )
     parser.add_argument(
-        '--out', type=Path, required=True, metavar='PATH',
+        '--out',
+        type=Path,
+        required=True,
+        metavar='PATH',
         help='folder of the data set; with --scene, the HDF5 file',
     )
     parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per core')
     parser.add_argument(
-        '--trajectories', type=int, metavar='N', help='make so many, whatever the recipe says',
+        '--trajectories', type=int, metavar='N', help='make so many, whatever the recipe says'
     )
     parser.add_argument(
-        '--steps', type=int, default=600, metavar='N',
-        help='time steps with --scene (default: 600)',
+        '--steps', type=int, default=600, metavar='N', help='time steps with --scene (default: 600)'
     )
     parser.add_argument(
-        '--poses-only', action='store_true',
+        '--poses-only',
+        action='store_true',
         help='with --scene: positions and rotations alone, as float32',
     )
 
@@ -155,7 +160,8 @@ def run(arguments: argparse.Namespace) -> int:
         whole = len(present_records(arguments.out))
         print(
             f'\nstopped: {whole} of {recipe.trajectories} trajectories are whole in '
-            f'{arguments.out}; give the same command again to go on', file=sys.stderr,
+            f'{arguments.out}; give the same command again to go on',
+            file=sys.stderr,
         )
         raise
     finally:
@@ -222,10 +228,18 @@ def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, float]:
         settings = from_mapping(TeacherSettings, recipe.teacher, 'teacher')
         trajectory = simulate(scene, start, recipe.steps, recipe.dt, settings)
         path = record_path(folder, index)
-        write_record(path, Record(
-            trajectory=trajectory, scene=scene, seed=recipe.seed, index=index, name=path.stem,
-            teacher=_describe(recipe.teacher), recipe=recipe_hash(recipe),
-        ))
+        write_record(
+            path,
+            Record(
+                trajectory=trajectory,
+                scene=scene,
+                seed=recipe.seed,
+                index=index,
+                name=path.stem,
+                teacher=_describe(recipe.teacher),
+                recipe=recipe_hash(recipe),
+            ),
+        )
     except Exception as error:
         raise GenerateError(
             f'trajectory {index} of seed {recipe.seed}: {type(error).__name__}: {error}'
@@ -234,11 +248,11 @@ def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, float]:
 
 
 def _make_in_processes(
-    recipe: DataRecipe, folder: Path, missing: list[int], workers: int, progress: Progress,
+    recipe: DataRecipe, folder: Path, missing: list[int], workers: int, progress: Progress
 ) -> None:
     strangers = set(multiprocessing.active_children())
     executor = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context('spawn'), initializer=_prepare_worker,
+        workers, mp_context=multiprocessing.get_context('spawn'), initializer=_prepare_worker
     )
     waiting = iter(missing)
     running: dict[Future[tuple[int, float]], int] = {}

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from .scene import Plane, Scene, closest_points
+from .plane import Plane, closest_points
+from .scene import Scene
 from .state import Array
 
 Connectivity = Literal['epsilon', 'vmax', 'vi', 'swept']
@@ -159,10 +160,27 @@ def surface_edges(
         ahead_points, ahead_heights = closest_points(scene.surfaces, ahead)
         ahead_gap = _surface_gap(ahead_points, ahead_heights, ahead, scene.surfaces)
         near = np.minimum(gap, ahead_gap - radii[:, None]) <= reach.margin
+        near |= _crosses(scene.surfaces, positions, ahead, radii + reach.margin)
     if reach.ground_edge and scene.ground is not None:
         near[:, scene.ground] = True
     receivers, senders = np.nonzero(near)
     return receivers, senders, points[receivers, senders]
+
+
+def _crosses(
+    surfaces: tuple[Plane, ...], positions: Array, ahead: Array, reach: Array
+) -> NDArray[np.bool_]:
+    """Whether the straight way to `ahead` crosses a plane within `reach` [m] of its rectangle."""
+    crosses = np.zeros((len(positions), len(surfaces)), dtype=bool)
+    for index, plane in enumerate(surfaces):
+        here = (positions - plane.point) @ plane.axes.T
+        there = (ahead - plane.point) @ plane.axes.T
+        passes = here[:, 2] * there[:, 2] < 0
+        share = here[:, 2] / np.where(passes, here[:, 2] - there[:, 2], 1.0)
+        place = here[:, :2] + share[:, None] * (there[:, :2] - here[:, :2])
+        half = np.array([plane.length_x, plane.length_y]) / 2
+        crosses[:, index] = passes & (np.abs(place) <= half + reach[:, None]).all(axis=1)
+    return crosses
 
 
 def _surface_gap(

@@ -61,9 +61,21 @@ class TrainConfig:
     validation_steps: int = 100
 
     def __post_init__(self) -> None:
-        for name in ('steps', 'batch', 'validate_every', 'validation_steps'):
-            if getattr(self, name) < 1:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 1')
+        for names, least in (
+            (('steps', 'batch', 'validate_every', 'validation_steps'), 1),
+            (('seed', 'warm_up', 'validation_rollouts'), 0),
+            (('energy_weight', 'start_fraction', 'average'), 0.0),
+        ):
+            for name in names:
+                if not getattr(self, name) >= least:
+                    raise ValueError(f'{name} is {getattr(self, name)}, expected at least {least}')
+        for name in ('learning_rate', 'final_learning_rate', 'clip'):
+            if not getattr(self, name) > 0:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected more than 0')
+        if not self.start_fraction <= 1:
+            raise ValueError(f'start_fraction is {self.start_fraction}, expected at most 1')
+        if not self.average < 1:
+            raise ValueError(f'average is {self.average}, expected less than 1')
 
     def learning_rate_at(self, step: int) -> float:
         """Linear warm-up, then half a cosine down to `final_learning_rate`."""
@@ -105,11 +117,17 @@ class Learner:
         loss = self.loss(self.batch(self.step, config.batch, config.noise))
         if not torch.isfinite(loss):
             raise FloatingPointError(
-                f'the loss is {loss.item()} at step {self.step}; lower learning_rate or clip'
+                f'the loss is {loss.item()} at step {self.step}; train anew, in another folder, '
+                'with a lower learning_rate or clip'
             )
         self.optimizer.zero_grad()
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.parameters, config.clip)
+        norm = torch.nn.utils.clip_grad_norm_(self.parameters, config.clip)
+        if not torch.isfinite(norm):  # before it reaches the weights
+            raise FloatingPointError(
+                f'the gradient is not finite at step {self.step}; train anew, in another folder, '
+                'with a lower learning_rate or clip'
+            )
         self.optimizer.step()
         self.step += 1
         with torch.no_grad():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import torch
 
+from .config import positive
 from .dataset import Record, write_record
 from .rollout import load_simulator
 from .sampling import load_scene, sample_start
@@ -20,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--scene', default='box_154', help='scene file, or a name in config/scenes')
     parser.add_argument('--steps', type=int, default=300, help='steps of the model (default 300)')
     parser.add_argument('--seed', type=int, help="seed of the start instead of the scene's")
-    parser.add_argument('--threads', type=int, default=1, help='CPU threads (default 1)')
+    parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
     parser.add_argument('--out', required=True, type=Path, help='HDF5 file to write')
     parser.epilog = 'example:\n  rigid-gns rollout --scene box_154 --steps 200 --out rollout.h5'
 

@@ -21,8 +21,14 @@ class Progress:
     """
 
     def __init__(
-        self, total: int, description: str, *, unit: str = 'step', initial: int = 0,
-        interval: float = 10.0, stream: TextIO | None = None,
+        self,
+        total: int,
+        description: str,
+        *,
+        unit: str = 'step',
+        initial: int = 0,
+        interval: float = 10.0,
+        stream: TextIO | None = None,
     ) -> None:
         self.total, self.description, self.unit = total, description, unit
         self.done = self._initial = initial
@@ -39,8 +45,12 @@ class Progress:
         except ModuleNotFoundError:  # a bar is a comfort: plain lines say the same
             return None
         return tqdm(
-            total=self.total, desc=self.description, unit=f' {self.unit}', initial=self.done,
-            file=self._stream, dynamic_ncols=True,
+            total=self.total,
+            desc=self.description,
+            unit=f' {self.unit}',
+            initial=self.done,
+            file=self._stream,
+            dynamic_ncols=True,
         )
 
     def update(self, count: int = 1, **values: float | str) -> None:
@@ -83,7 +93,9 @@ class Progress:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
         self.close()

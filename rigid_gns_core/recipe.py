@@ -106,8 +106,11 @@ class DataRecipe:
             for name in ('restitution', 'friction', 'rolling_friction')
         }
         scene = Scene(
-            surfaces=Plane.box(length_x, length_y), radius=self.radius, mass=self.mass,
-            gravity=(0.0, 0.0, -self.gravity), **material,
+            surfaces=Plane.box(length_x, length_y),
+            radius=self.radius,
+            mass=self.mass,
+            gravity=(0.0, 0.0, -self.gravity),
+            **material,
         )
         start = StartRecipe(spheres=spheres, height=self.height, gap=self.gap)
         return scene, sample_start(scene, start, rng)

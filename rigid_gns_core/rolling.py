@@ -33,8 +33,14 @@ class Rolling:
 
 
 def resist_rolling(
-    velocities: Array, angular_velocities: Array, radius: Array, normal: Array, impulse: Array,
-    rolling_friction: Array, friction: Array, slip_tolerance: float,
+    velocities: Array,
+    angular_velocities: Array,
+    radius: Array,
+    normal: Array,
+    impulse: Array,
+    rolling_friction: Array,
+    friction: Array,
+    slip_tolerance: float,
 ) -> Rolling:
     """Apply the rolling friction of one normal impulse on a surface to each sphere.
 
@@ -94,8 +100,15 @@ class RollingFriction:
     """
 
     def __init__(
-        self, bullet: ModuleType, client: int, bodies: list[int], scene: Scene, radius: Array,
-        mass: Array, substep: float, gravity: Array,
+        self,
+        bullet: ModuleType,
+        client: int,
+        bodies: list[int],
+        scene: Scene,
+        radius: Array,
+        mass: Array,
+        substep: float,
+        gravity: Array,
     ) -> None:
         count = len(radius)
         self._bullet, self._client, self._bodies = bullet, client, bodies
@@ -141,16 +154,22 @@ class RollingFriction:
             self._resist_on(surface, spheres, impulse, np.array(normals))
 
     def _resist_on(
-        self, surface: int, spheres: NDArray[np.intp], impulse: Array, normals: Array,
+        self, surface: int, spheres: NDArray[np.intp], impulse: Array, normals: Array
     ) -> None:
         bullet, client = self._bullet, self._client
-        velocities = np.array([
-            bullet.getBaseVelocity(self._bodies[i], physicsClientId=client) for i in spheres
-        ])
+        velocities = np.array(
+            [bullet.getBaseVelocity(self._bodies[i], physicsClientId=client) for i in spheres]
+        )
         rho = self.rho[spheres]
         left = resist_rolling(
-            velocities[:, 0], velocities[:, 1], self._radius[spheres], normals, impulse, rho,
-            self._friction[spheres] * self._surface_friction[surface], self._slip_tolerance,
+            velocities[:, 0],
+            velocities[:, 1],
+            self._radius[spheres],
+            normals,
+            impulse,
+            rho,
+            self._friction[spheres] * self._surface_friction[surface],
+            self._slip_tolerance,
         )
         # held until it rolls faster than two updates could stop
         speed = self._radius[spheres] * np.linalg.norm(velocities[:, 1], axis=-1)
@@ -158,15 +177,20 @@ class RollingFriction:
         self._hold(spheres, held | left.stopped)
         for k in np.flatnonzero(~held):
             bullet.resetBaseVelocity(
-                self._bodies[spheres[k]], left.velocities[k].tolist(),
-                left.angular_velocities[k].tolist(), physicsClientId=client,
+                self._bodies[spheres[k]],
+                left.velocities[k].tolist(),
+                left.angular_velocities[k].tolist(),
+                physicsClientId=client,
             )
 
     def _hold(self, spheres: NDArray[np.intp], hold: NDArray[np.bool_]) -> None:
         for sphere in spheres[hold != self._held[spheres]]:
             friction = 0.0 if self._held[sphere] else float(self.bullets_own[sphere])
             self._bullet.changeDynamics(
-                self._bodies[sphere], -1, rollingFriction=friction, spinningFriction=friction,
+                self._bodies[sphere],
+                -1,
+                rollingFriction=friction,
+                spinningFriction=friction,
                 physicsClientId=self._client,
             )
         self._held[spheres] = hold

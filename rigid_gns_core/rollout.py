@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -24,6 +25,15 @@ class Stepper(Protocol):
     def step(self) -> State:
         """The state one model step later."""
         ...
+
+
+@dataclass(frozen=True)
+class Materials:
+    """What a model without materials as inputs was trained on; see `Scene`."""
+
+    restitution: float
+    friction: float
+    rolling_friction: float
 
 
 class Rollout:
@@ -64,6 +74,7 @@ class Simulator:
         self.card = card
         self.name = name
         self.units = from_mapping(ModelUnits, card['units'], f'{name}: units')
+        self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
 
     @property
     def history(self) -> int:
@@ -74,14 +85,12 @@ class Simulator:
         """The model's time step for this radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
         return self.units.dt * Similarity.between(scene, self.units).time
 
-    def check(self, scene: Scene, count: int) -> None:
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
         """Refuse a scene that the model cannot serve; warn where it was not trained for it.
 
         Raises:
             ValueError: Radii or masses differ, a property has the wrong length, or no gravity.
         """
-        for name in ('restitution', 'friction', 'rolling_friction'):
-            scene.per_sphere(name, count)
         for name in ('radius', 'mass'):
             values = scene.per_sphere(name, count)
             if count and np.ptp(values) > 1e-9 * values.max():
@@ -90,16 +99,17 @@ class Simulator:
                     f'but model {self.name!r} knows spheres of one {name} only'
                 )
         Similarity.between(scene, self.units)
-        trained = self.card.get('materials', {})
-        for name, value in trained.items():
-            own = scene.per_sphere(name, count)
-            surfaces = scene.surface_values(name) if name != 'rolling_friction' else own
-            both = np.concatenate([own, surfaces])
-            if both.size and np.abs(both - value).max() > 1e-3:
+        for name, trained in vars(self.materials).items():
+            values = scene.per_sphere(name, count)
+            if name != 'rolling_friction':
+                values = np.concatenate([values, scene.surface_values(name)])
+            low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
+            if max(trained - low, high - trained) > 1e-3:
+                what = f'{low:g}' if low == high else f'{low:g} to {high:g}'
                 warnings.warn(
-                    f'{name} of the scene is {both.min():g} to {both.max():g}, but model '
-                    f'{self.name!r} was trained at {value:g} and will behave like that',
-                    stacklevel=3,
+                    f'{name} of the scene is {what}, but model {self.name!r} was trained at '
+                    f'{trained:g} and will behave like that',
+                    stacklevel=stacklevel,
                 )
 
     def start(
@@ -116,26 +126,15 @@ class Simulator:
         Args:
             scene: Surfaces, radius, materials and gravity.
             positions: Centres [m], world frame, shape (n, 3).
-            velocities: Velocities now [m/s], shape (n, 3). None: at rest.
+            velocities: Velocities now, not means over a step as `Trajectory.velocities` of a
+                rollout are [m/s], shape (n, 3). None: at rest.
             angular_velocities: [rad/s], world frame, shape (n, 3). None: no spin.
             quaternions: Rotations (x, y, z, w), shape (n, 4). None: identity.
 
         Raises:
             ValueError: Shapes are wrong, values not finite, or the model cannot serve the scene.
         """
-        given: dict[str, Any] = {
-            'positions': positions,
-            'quaternions': quaternions,
-            'velocities': velocities,
-            'angular_velocities': angular_velocities,
-        }
-        state = State(**given)
-        self.check(scene, len(state))
-        similarity = Similarity.between(scene, self.units)
-        stepper = GNSStepper(
-            self.network, similarity.scene(scene), similarity.to_model(state), self.units.dt
-        )
-        return Rollout(stepper, similarity, state, self.native_dt(scene))
+        return self._begin(scene, positions, velocities, angular_velocities, quaternions)
 
     def rollout(
         self,
@@ -152,11 +151,9 @@ class Simulator:
         A rollout that diverges is filled with NaN from there on and a warning says when;
         `Trajectory.diverged_at` tells it too.
         """
-        if steps < 0:
-            raise ValueError(f'steps is {steps}, expected 0 or more')
-        rollout = self.start(
-            scene, positions, velocities, angular_velocities, quaternions=quaternions
-        )
+        if steps != int(steps) or steps < 0:
+            raise ValueError(f'steps is {steps}, expected a whole number, 0 or more')
+        rollout = self._begin(scene, positions, velocities, angular_velocities, quaternions)
         count = len(rollout.state)
         shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
         arrays = {name: np.full((steps + 1, count, k), np.nan) for name, k in shapes.items()}
@@ -171,6 +168,28 @@ class Simulator:
                 arrays[name][step] = getattr(rollout.state, name)
         return Trajectory(dt=rollout.dt, **arrays)
 
+    def _begin(
+        self,
+        scene: Scene,
+        positions: ArrayLike,
+        velocities: ArrayLike | None,
+        angular_velocities: ArrayLike | None,
+        quaternions: ArrayLike | None,
+    ) -> Rollout:
+        given: dict[str, Any] = {
+            'positions': positions,
+            'quaternions': quaternions,
+            'velocities': velocities,
+            'angular_velocities': angular_velocities,
+        }
+        state = State(**given)
+        self.check(scene, len(state), stacklevel=4)  # warnings point at who called start or rollout
+        similarity = Similarity.between(scene, self.units)
+        stepper = GNSStepper(
+            self.network, similarity.scene(scene), similarity.to_model(state), self.units.dt
+        )
+        return Rollout(stepper, similarity, state, self.native_dt(scene))
+
 
 def load_simulator(name_or_path: str | Path | None = None) -> Simulator:
     """Load a shipped model by name, any model by path, or the shipped default.
@@ -180,9 +199,12 @@ def load_simulator(name_or_path: str | Path | None = None) -> Simulator:
     """
     path = find_model(name_or_path)
     card = load_card(path)
-    kind = card.get('kind')
-    if kind != 'gns':
-        raise CheckpointError(f'{path}: its card is of a model of kind {kind!r}, known: gns')
-    network = GNS(from_mapping(GNSConfig, card.get('config', {}), f'{path}: config'))
-    load_weights(network, path)
+    if card['kind'] != 'gns':
+        raise CheckpointError(f'{path}: its card is of kind {card["kind"]!r}, known: gns')
+    known = {field.name for field in fields(GNSConfig)}
+    if missing := sorted(known - set(card['config'])):
+        # a default that changes later must not change what old weights mean
+        raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
+    network = GNS(from_mapping(GNSConfig, card['config'], f'{path}: config'))
+    load_weights(network, path, card['weights_sha256'])
     return Simulator(network, card, path.stem)

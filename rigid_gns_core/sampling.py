@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from .config import ConfigError, find_config, from_mapping, load_yaml
-from .scene import Scene, closest_points
+from .plane import closest_points
+from .scene import Scene
 from .state import Array, State
 
 # a sphere that found no place in so many throws will hardly find one
@@ -77,7 +78,7 @@ def load_scene(name: str | Path) -> tuple[Scene, StartRecipe]:
 
 
 def sample_start(
-    scene: Scene, recipe: StartRecipe, rng: np.random.Generator | None = None,
+    scene: Scene, recipe: StartRecipe, rng: np.random.Generator | None = None
 ) -> State:
     """Place spheres at rest by throwing darts: a place too near to anything is thrown again.
 
@@ -116,7 +117,7 @@ def sample_start(
 
 
 def _throws(
-    scene: Scene, low: Array, high: Array, radius: float, gap: float, rng: np.random.Generator,
+    scene: Scene, low: Array, high: Array, radius: float, gap: float, rng: np.random.Generator
 ) -> Iterator[Array]:
     """Places in the region where a sphere clears every surface."""
     batch = 8

@@ -2,151 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from .config import from_mapping
+from .config import ConfigError, from_mapping
+from .plane import RANGES, PerSphere, Plane, Vector, checked_property, checked_vector
+from .plane import closest_points as closest_points
 from .state import Array
-
-PerSphere = float | tuple[float, ...]
-Vector = tuple[float, float, float]
-
-# name: (lowest, highest, lowest is allowed)
-_RANGES = {
-    'radius': (0.0, np.inf, False),
-    'mass': (0.0, np.inf, False),
-    'restitution': (0.0, 1.0, True),
-    'friction': (0.0, np.inf, True),
-    'rolling_friction': (0.0, np.inf, True),
-}
-
-
-def _per_sphere(name: str, value: ArrayLike) -> PerSphere:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim > 1:
-        raise ValueError(f'{name} has shape {array.shape}, expected a number or one per sphere')
-    low, high, closed = _RANGES[name]
-    bad = ~((array >= low if closed else array > low) & (array <= high) & np.isfinite(array))
-    if bad.any():
-        offender = np.atleast_1d(array)[np.atleast_1d(bad)][0]
-        bound = f'{"at least" if closed else "greater than"} {low:g}'
-        bound += '' if high == np.inf else f' and at most {high:g}'
-        raise ValueError(f'{name} is {offender:g}, expected {bound}')
-    return float(array) if array.ndim == 0 else tuple(array.tolist())
-
-
-def _vector(name: str, value: ArrayLike) -> Vector:
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise ValueError(f'{name} is {value}, expected three finite numbers')
-    return tuple(array.tolist())
-
-
-def _unit(name: str, value: ArrayLike) -> Vector:
-    vector = np.asarray(_vector(name, value))
-    norm = float(np.linalg.norm(vector))
-    if norm < 1e-9:
-        raise ValueError(f'{name} is {value}, expected a vector that is not zero')
-    if abs(norm - 1.0) > 1e-15:  # else the same bits again, for a scene that is read back
-        vector = vector / norm
-    return tuple(vector.tolist())
 
 
 @dataclass(frozen=True)
-class Plane:
-    """A static, bounded plane (thesis section 3.1.2). Spheres live on the side of its normal.
+class _Box:
+    """Arguments of `Plane.box` in a file."""
 
-    Args:
-        point: Centre p_s [m], world frame.
-        normal: Normal n_s; normalised here.
-        direction: Reference direction d_s, the plane's own x axis; made orthogonal to the normal
-            and normalised here. None: any direction in the plane.
-        length_x: Full length along `direction` [m]; may be infinite.
-        length_y: Full length along normal x direction [m]; may be infinite.
-        restitution: Coefficient of restitution of the surface; None: the scene's.
-        friction: Coulomb friction coefficient of the surface; None: the scene's.
-
-    Raises:
-        ValueError: A vector is zero, direction is parallel to normal, or a value is out of range.
-    """
-
-    point: Vector = (0.0, 0.0, 0.0)
-    normal: Vector = (0.0, 0.0, 1.0)
-    direction: Vector | None = None
-    length_x: float = np.inf
-    length_y: float = np.inf
+    length_x: float
+    length_y: float
+    height: float = np.inf
     restitution: float | None = None
     friction: float | None = None
-
-    def __post_init__(self) -> None:
-        set_field = object.__setattr__
-        set_field(self, 'point', _vector('point of a plane', self.point))
-        set_field(self, 'normal', _unit('normal of a plane', self.normal))
-        normal = np.asarray(self.normal)
-        direction = self.direction
-        if direction is None:
-            direction = np.eye(3)[int(np.argmin(np.abs(normal)))]
-        direction = np.asarray(_unit('direction of a plane', direction))
-        direction = direction - normal * (direction @ normal)
-        if np.linalg.norm(direction) < 1e-6:
-            raise ValueError('direction of a plane is parallel to its normal; choose one across it')
-        set_field(self, 'direction', _unit('direction of a plane', direction))
-        for name in ('length_x', 'length_y'):
-            length = float(getattr(self, name))
-            if not length > 0:
-                raise ValueError(f'{name} of a plane is {length:g}, expected more than 0')
-            set_field(self, name, length)
-        for name in ('restitution', 'friction'):
-            value = getattr(self, name)
-            if value is not None:
-                set_field(self, name, float(np.asarray(_per_sphere(name, float(value)))))
-
-    @property
-    def axes(self) -> Array:
-        """Rows: direction, normal x direction, normal; shape (3, 3)."""
-        direction, normal = np.asarray(self.direction), np.asarray(self.normal)
-        return np.stack([direction, np.cross(normal, direction), normal])
-
-    @classmethod
-    def box(
-        cls,
-        length_x: float,
-        length_y: float,
-        height: float = np.inf,
-        *,
-        restitution: float | None = None,
-        friction: float | None = None,
-    ) -> tuple[Plane, ...]:
-        """Ground at z = 0 and four walls around the origin, the thesis' training scene.
-
-        Args:
-            length_x: Inner length along x [m].
-            length_y: Inner length along y [m].
-            height: Height of the walls [m]; infinite by default.
-            restitution: Of all five; None: the scene's.
-            friction: Of all five; None: the scene's.
-        """
-        for name, value in (('length_x', length_x), ('length_y', length_y), ('height', height)):
-            if not value > 0:
-                raise ValueError(f'{name} of the box is {value:g}, expected more than 0')
-        x, y = length_x / 2, length_y / 2
-        z = height / 2 if np.isfinite(height) else 0.0
-        up = (0.0, 0.0, 1.0)
-
-        def wall(point: Vector, normal: Vector, width: float) -> Plane:
-            # a wall's y axis is normal x direction: with `up` as direction, x runs upwards
-            return cls(point, normal, up, height, width, restitution, friction)
-
-        return (
-            cls((0.0, 0.0, 0.0), up, (1.0, 0.0, 0.0), restitution=restitution, friction=friction),
-            wall((-x, 0.0, z), (1.0, 0.0, 0.0), length_y),
-            wall((x, 0.0, z), (-1.0, 0.0, 0.0), length_y),
-            wall((0.0, -y, z), (0.0, 1.0, 0.0), length_x),
-            wall((0.0, y, z), (0.0, -1.0, 0.0), length_x),
-        )
 
 
 @dataclass(frozen=True)
@@ -161,7 +37,7 @@ class Scene:
         friction: Coulomb friction coefficient of the material.
         rolling_friction: Dimensionless rho: on a surface with normal force N, a torque rho r N
             resists rolling, so a sphere that rolls on a level floor slows by rho g / 1.4.
-        gravity: Acceleration [m/s^2], world frame.
+        gravity: Acceleration [m/s^2], world frame; one number means along -z.
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
     of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
@@ -180,22 +56,27 @@ class Scene:
     gravity: Vector = (0.0, 0.0, -9.81)
 
     def __post_init__(self) -> None:
-        surfaces = (self.surfaces,) if isinstance(self.surfaces, Plane) else tuple(self.surfaces)
+        given = self.surfaces
+        if not isinstance(given, (Plane, list, tuple)):
+            raise ValueError(f'surfaces is {given!r}, expected planes; () for none')
+        surfaces = (given,) if isinstance(given, Plane) else tuple(given)
         for surface in surfaces:
             if not isinstance(surface, Plane):
                 raise ValueError(f'surfaces holds {surface!r}, expected only Plane')
         object.__setattr__(self, 'surfaces', surfaces)
-        for name in _RANGES:
-            object.__setattr__(self, name, _per_sphere(name, getattr(self, name)))
+        for name in RANGES:
+            object.__setattr__(self, name, checked_property(name, getattr(self, name)))
         gravity = self.gravity
         if np.ndim(gravity) == 0:
+            if float(np.asarray(gravity)) < 0:
+                raise ValueError(f'gravity is {gravity:g}, expected its size or a vector')
             gravity = (0.0, 0.0, -float(np.asarray(gravity)))
-        object.__setattr__(self, 'gravity', _vector('gravity', gravity))
+        object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
 
     @property
     def sphere_count(self) -> int | None:
         """Number of spheres that a per-sphere property implies; None where all are scalars."""
-        counts = {len(v) for name in _RANGES if isinstance(v := getattr(self, name), tuple)}
+        counts = {len(v) for name in RANGES if isinstance(v := getattr(self, name), tuple)}
         if len(counts) > 1:
             raise ValueError(f'per-sphere properties differ in length: {sorted(counts)}')
         return counts.pop() if counts else None
@@ -250,7 +131,7 @@ class Scene:
                 for s in self.surfaces
             ]
         }
-        for name in _RANGES:
+        for name in RANGES:
             value = getattr(self, name)
             mapping[name] = list(value) if isinstance(value, tuple) else value
         mapping['gravity'] = list(self.gravity)
@@ -267,41 +148,22 @@ class Scene:
         Raises:
             ValueError: An unknown key, with the allowed ones, or a value out of range.
         """
+        if not isinstance(mapping, Mapping):
+            raise ConfigError(f'{where} is {mapping!r}, expected a mapping')
         mapping = dict(mapping)
         planes: tuple[Plane, ...] = ()
         if 'box' in mapping:
-            box = dict(mapping.pop('box'))
-            allowed = {'length_x', 'length_y', 'height', 'restitution', 'friction'}
-            if unknown := set(box) - allowed:
-                raise ValueError(
-                    f'{where}.box: unknown key {sorted(unknown)}, allowed: {sorted(allowed)}'
-                )
-            planes = Plane.box(**{key: float(value) for key, value in box.items()})
+            box = from_mapping(_Box, mapping.pop('box'), f'{where}.box')
+            planes = Plane.box(**vars(box))
         if 'surfaces' in mapping or planes:
+            surfaces = mapping.pop('surfaces', ())
+            if not isinstance(surfaces, (list, tuple)):
+                raise ConfigError(f'{where}.surfaces is {surfaces!r}, expected a list of planes')
             planes += tuple(
                 from_mapping(Plane, plane, f'{where}.surfaces[{index}]')
-                for index, plane in enumerate(mapping.pop('surfaces', ()))
+                for index, plane in enumerate(surfaces)
             )
             mapping['surfaces'] = planes
+        if isinstance(mapping.get('gravity'), (int, float)):
+            mapping['gravity'] = [0.0, 0.0, -float(mapping['gravity'])]
         return from_mapping(cls, mapping, where)
-
-
-def closest_points(
-    surfaces: tuple[Plane, ...], positions: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Closest point of each bounded plane to each position.
-
-    Returns:
-        Points [m], shape (n, surfaces, 3), and signed heights (p - p_s) . n_s [m] of the positions
-        above the infinite planes, shape (n, surfaces).
-    """
-    positions = np.asarray(positions, dtype=np.float64)
-    points = np.empty((len(positions), len(surfaces), 3))
-    heights = np.empty((len(positions), len(surfaces)))
-    for index, plane in enumerate(surfaces):
-        local = (positions - plane.point) @ plane.axes.T
-        heights[:, index] = local[:, 2]
-        half = np.array([plane.length_x, plane.length_y]) / 2
-        inside = np.clip(local[:, :2], -half, half)
-        points[:, index] = np.asarray(plane.point) + inside @ plane.axes[:2]
-    return points, heights

@@ -23,6 +23,11 @@ class ModelUnits:
     gravity: float
     dt: float
 
+    def __post_init__(self) -> None:
+        for name in ('radius', 'gravity', 'dt'):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ValueError(f'{name} is {getattr(self, name)}, expected a positive number')
+
 
 @dataclass(frozen=True)
 class Similarity:

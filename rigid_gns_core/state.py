@@ -58,6 +58,8 @@ class State:
     angular_velocities: Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        if np.shape(self.positions) == (0,):  # an empty list
+            object.__setattr__(self, 'positions', np.zeros((0, 3)))
         count = np.shape(self.positions)[0] if np.ndim(self.positions) else 0
         set_field = object.__setattr__
         set_field(self, 'positions', _field('positions', self.positions, (count, 3)))

@@ -22,7 +22,7 @@ from .state import Array, State, Trajectory
 # Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it
 _MASS = 1e-6
 # A slab stands for a plane with an edge; a side that is infinite is this long, in radii
-_ENDLESS = 1e6
+_ENDLESS = 1e4
 
 
 class TeacherError(ValueError):
@@ -54,9 +54,12 @@ class TeacherSettings:
 
     def __post_init__(self) -> None:
         for name, low, high in (
-            ('substeps', 1, 100_000), ('solver_iterations', 1, 100_000),
-            ('solver_tolerance', 0.0, 1.0), ('bounce_threshold', 0.0, 1e6),
-            ('contact_erp', 0.0, 1.0), ('rolling_updates', 0, 100_000),
+            ('substeps', 1, 100_000),
+            ('solver_iterations', 1, 100_000),
+            ('solver_tolerance', 0.0, 1.0),
+            ('bounce_threshold', 0.0, 1e6),
+            ('contact_erp', 0.0, 1.0),
+            ('rolling_updates', 0, 100_000),
         ):
             value = getattr(self, name)
             if not low <= value <= high:
@@ -97,7 +100,10 @@ class Teacher:
     """
 
     def __init__(
-        self, scene: Scene, start: State, dt: float = 0.1,
+        self,
+        scene: Scene,
+        start: State,
+        dt: float = 0.1,
         settings: TeacherSettings = TeacherSettings(),
     ) -> None:
         if len(start) == 0:
@@ -168,20 +174,32 @@ class Teacher:
         bullet.setGravity(*self._gravity, physicsClientId=self._client)
         fall = float(np.linalg.norm(self._gravity)) * self._substep
         bullet.setPhysicsEngineParameter(
-            fixedTimeStep=self._substep, numSubSteps=0,
+            fixedTimeStep=self._substep,
+            numSubSteps=0,
             numSolverIterations=settings.solver_iterations,
             restitutionVelocityThreshold=settings.bounce_threshold * fall,
-            erp=0.0, frictionERP=0.0, contactERP=settings.contact_erp,
-            useSplitImpulse=1, splitImpulsePenetrationThreshold=0.0, contactSlop=0.0,
+            erp=0.0,
+            frictionERP=0.0,
+            contactERP=settings.contact_erp,
+            useSplitImpulse=1,
+            splitImpulsePenetrationThreshold=0.0,
+            contactSlop=0.0,
             solverResidualThreshold=(settings.solver_tolerance * fall) ** 2,
-            deterministicOverlappingPairs=1, physicsClientId=self._client,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self._client,
         )
 
     def _material(self, body: int, restitution: float, friction: float, rolling: float) -> None:
         self._bullet.changeDynamics(
-            body, -1, restitution=restitution, lateralFriction=friction,
-            rollingFriction=rolling, spinningFriction=rolling,
-            linearDamping=0.0, angularDamping=0.0, contactProcessingThreshold=0.0,
+            body,
+            -1,
+            restitution=restitution,
+            lateralFriction=friction,
+            rollingFriction=rolling,
+            spinningFriction=rolling,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            contactProcessingThreshold=0.0,
             activationState=self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
             physicsClientId=self._client,
         )
@@ -190,8 +208,12 @@ class Teacher:
         if shape < 0:
             raise TeacherError('Bullet refused a shape')
         body = self._bullet.createMultiBody(
-            mass, shape, basePosition=list(position), baseOrientation=list(quaternion),
-            useMaximalCoordinates=True, physicsClientId=self._client,
+            mass,
+            shape,
+            basePosition=list(position),
+            baseOrientation=list(quaternion),
+            useMaximalCoordinates=True,
+            physicsClientId=self._client,
         )
         if body < 0:
             raise TeacherError('Bullet refused a body; it may hold too many already')
@@ -209,41 +231,44 @@ class Teacher:
         point = np.asarray(plane.point) / self._length
         if np.isinf(plane.length_x) and np.isinf(plane.length_y):
             shape = bullet.createCollisionShape(
-                bullet.GEOM_PLANE, planeNormal=list(plane.normal), physicsClientId=client,
+                bullet.GEOM_PLANE, planeNormal=list(plane.normal), physicsClientId=client
             )
             return self._add_body(shape, 0.0, point, (0.0, 0.0, 0.0, 1.0))
         # spheres must not get past the middle of the slab in one substep: it is 4 radii thick
         sides = np.array([plane.length_x, plane.length_y, 4.0 * largest * self._length])
         half = np.minimum(sides / self._length, _ENDLESS) / 2.0
         shape = bullet.createCollisionShape(
-            bullet.GEOM_BOX, halfExtents=half.tolist(), physicsClientId=client,
+            bullet.GEOM_BOX, halfExtents=half.tolist(), physicsClientId=client
         )
         return self._add_body(
-            shape, 0.0, point - half[2] * np.asarray(plane.normal), _rotation(plane.axes),
+            shape, 0.0, point - half[2] * np.asarray(plane.normal), _rotation(plane.axes)
         )
 
     def _add_spheres(self, start: State) -> tuple[list[int], RollingFriction | None]:
-        scene, bullet, client, bodies = self.scene, self._bullet, self._client, []
+        scene, bullet, client = self.scene, self._bullet, self._client
+        bodies: list[int] = []
         restitution = scene.per_sphere('restitution', len(start))
         friction = scene.per_sphere('friction', len(start))
         rolling = RollingFriction(
-            bullet, client, bodies, scene, self._radius, self._mass, self._substep, self._gravity,
+            bullet, client, bodies, scene, self._radius, self._mass, self._substep, self._gravity
         )
         bullets_own = self.settings.rolling_updates == 0
         for i in range(len(start)):
             shape = bullet.createCollisionShape(
-                bullet.GEOM_SPHERE, radius=self._radius[i], physicsClientId=client,
+                bullet.GEOM_SPHERE, radius=self._radius[i], physicsClientId=client
             )
             body = self._add_body(
-                shape, self._mass[i], start.positions[i] / self._length, start.quaternions[i],
+                shape, self._mass[i], start.positions[i] / self._length, start.quaternions[i]
             )
             self._material(
-                body, restitution[i], friction[i], rolling.bullets_own[i] if bullets_own else 0.0,
+                body, restitution[i], friction[i], rolling.bullets_own[i] if bullets_own else 0.0
             )
             # Bullet's velocities live half a substep before its positions: see `_read`
             velocity = start.velocities[i] / self._length - 0.5 * self._substep * self._gravity
             bullet.resetBaseVelocity(
-                body, velocity.tolist(), start.angular_velocities[i].tolist(),
+                body,
+                velocity.tolist(),
+                start.angular_velocities[i].tolist(),
                 physicsClientId=client,
             )
             bodies.append(body)
@@ -267,12 +292,16 @@ class Teacher:
         return State(
             positions=np.array([pose[0] for pose in poses]) * self._length,
             quaternions=np.array([pose[1] for pose in poses]),
-            velocities=velocities[:, 0] * self._length, angular_velocities=velocities[:, 1],
+            velocities=velocities[:, 0] * self._length,
+            angular_velocities=velocities[:, 1],
         )
 
 
 def simulate(
-    scene: Scene, start: State, steps: int, dt: float = 0.1,
+    scene: Scene,
+    start: State,
+    steps: int,
+    dt: float = 0.1,
     settings: TeacherSettings = TeacherSettings(),
 ) -> Trajectory:
     """Simulate `steps` steps of `dt` [s] in Bullet; index 0 of the result is the start."""

@@ -47,8 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.substeps is not None:
         settings = TeacherSettings(substeps=arguments.substeps)
     checks = run_checks(
-        lambda scene, start, steps, dt: bullet(scene, start, steps, dt, settings),
-        arguments.quick,
+        lambda scene, start, steps, dt: bullet(scene, start, steps, dt, settings), arguments.quick
     )
     failed = sum(not check.passed for check in checks)
     print(table(checks))

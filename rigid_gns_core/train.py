@@ -16,13 +16,14 @@ import torch
 import yaml
 
 from .checkpoint import load_tensors, save_model, save_tensors
-from .config import ConfigError, find_config, from_mapping, load_yaml, to_mapping
+from .config import ConfigError, find_config, from_mapping, load_yaml, positive, to_mapping
 from .dataset import Dataset, Record
+from .interrupt import stop_on_signal
 from .learner import Learner, TrainConfig
 from .metrics import chamfer
 from .progress import Progress
 from .rollout import Simulator
-from .similarity import ModelUnits
+from .training_set import common_scene, fingerprint
 from .windows import Source
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
@@ -53,9 +54,8 @@ class Trainer:
     ) -> None:
         self.config, self.folder, self.origin = config, Path(folder), origin
         self.units, self.materials = common_scene(records)
-        self.validation = [
-            record for record in validation if record.trajectory.steps >= config.validation_steps
-        ][: config.validation_rollouts]
+        self.validation = _long_enough(validation, config)
+        self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
         sources = [Source.of(record.trajectory, record.scene) for record in records]
         self.learner = Learner(config, sources, self.units)
         self.best = math.inf
@@ -65,24 +65,23 @@ class Trainer:
         """Train up to step `stop_at` (None: the recipe's end); returns the best validation score.
 
         Raises:
-            FloatingPointError: The loss is not finite; the last checkpoint stays.
+            FloatingPointError: Loss or gradient are not finite; the last checkpoint stays.
+            KeyboardInterrupt: SIGINT or SIGTERM came; the state is saved.
         """
         learner, config = self.learner, self.config
         end = config.steps if stop_at is None else min(stop_at, config.steps)
         losses: list[float] = []
-        with Progress(end, 'train', initial=learner.step) as progress:
-            try:
-                while learner.step < end:
-                    losses.append(learner.advance())
-                    progress.update(loss=float(np.mean(losses[-100:])), best=self.best)
-                    if learner.step % config.validate_every == 0 or learner.step == config.steps:
-                        self._validate_and_save(losses, progress)
-                        losses.clear()
-            except KeyboardInterrupt:
-                progress.line(f'interrupted; the same command goes on from {self.folder}')
-                raise
-            finally:
-                self._save_state()
+        with Progress(end, 'train', initial=learner.step) as progress, stop_on_signal() as stop:
+            while learner.step < end and not stop:
+                losses.append(learner.advance())
+                progress.update(loss=float(np.mean(losses[-100:])), best=self.best)
+                if learner.step % config.validate_every == 0 or learner.step == config.steps:
+                    self._validate_and_save(losses, progress)
+                    losses.clear()
+            self._save_state()
+            if stop:
+                progress.line(f'stopped; the same command goes on from {self.folder}')
+                raise KeyboardInterrupt
         return self.best
 
     def validate(self) -> float:
@@ -136,8 +135,6 @@ class Trainer:
             'validation': score if math.isfinite(score) else None,
             'learning_rate': self.config.learning_rate_at(step),
         }
-        with open(self.folder / LOG, 'a', encoding='utf-8') as log:
-            log.write(json.dumps(entry) + '\n')
         progress.line(
             f'step {step}: loss {entry["loss"]:.4g}, validation {score:.4g}'
             + (' (best so far)' if better else '')
@@ -147,7 +144,10 @@ class Trainer:
             with self.learner.averaged_weights() as network:
                 finite = score if math.isfinite(score) else None
                 save_model(self.folder / 'best', network, self.card(finite))
+        # the state first: a run killed in between lacks a line of the log, and has none twice
         self._save_state()
+        with open(self.folder / LOG, 'a', encoding='utf-8') as log:
+            log.write(json.dumps(entry) + '\n')
 
     def _save_state(self) -> None:
         best = {'best': torch.tensor(self.best, dtype=torch.float64)}
@@ -156,10 +156,14 @@ class Trainer:
     def _resume(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         recipe = self.folder / RECIPE
-        text = yaml.safe_dump(to_mapping(self.config), sort_keys=False)
+        asked = {**to_mapping(self.config), 'sha256': self.data}
+        text = yaml.safe_dump(asked, sort_keys=False)
         if recipe.is_file() and recipe.read_text(encoding='utf-8') != text:
+            known = load_yaml(recipe)
+            keys = [key for key, value in asked.items() if known.get(key) != value]
             raise ConfigError(
-                f'{recipe} differs from the recipe asked for; use the same, or another folder'
+                f'{recipe} differs from the recipe and data asked for in {", ".join(keys)}; '
+                'use the same, or another folder'
             )
         recipe.write_text(text, encoding='utf-8')
         if (self.folder / STATE).is_file():
@@ -168,34 +172,15 @@ class Trainer:
             self.learner.load_state(tensors)
 
 
-def common_scene(records: Sequence[Record]) -> tuple[ModelUnits, dict[str, float]]:
-    """Units and materials that all records share.
-
-    Raises:
-        ValueError: There are no records, or they differ.
-    """
-    if not records:
-        raise ValueError('there are no training trajectories; run `rigid-gns generate` first')
-    found: set[tuple[float, ...]] = set()
-    for record in records:
-        scene = record.scene
-        values = [scene.radius, scene.restitution, scene.friction, scene.rolling_friction]
-        numbers = [value for value in values if isinstance(value, float)]
-        if len(numbers) < len(values):
-            raise ValueError(
-                f'record {record.name!r} has per-sphere properties, but the GNS knows one of each; '
-                'generate data with one radius and one material'
-            )
-        gravity = float(np.linalg.norm(scene.gravity))
-        found.add((record.trajectory.dt, gravity, *numbers))
-    if len(found) > 1:
+def _long_enough(records: Sequence[Record], config: TrainConfig) -> list[Record]:
+    enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
+    if records and not enough:
         raise ValueError(
-            'the training trajectories differ in (dt, gravity, radius, restitution, friction, '
-            f'rolling_friction): {sorted(found)[:3]}; train on data of one kind'
+            f'no validation trajectory has {config.validation_steps} steps (validation_steps), the '
+            f'longest has {max(record.trajectory.steps for record in records)}; lower it, or '
+            'generate longer ones'
         )
-    dt, gravity, radius, restitution, friction, rolling = found.pop()
-    materials = {'restitution': restitution, 'friction': friction, 'rolling_friction': rolling}
-    return ModelUnits(radius=radius, gravity=gravity, dt=dt), materials
+    return enough[: config.validation_rollouts]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -206,7 +191,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
     parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
     parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
-    parser.add_argument('--threads', type=int, default=2, help='CPU threads (default 2)')
+    parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
     parser.epilog = (
         'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_test '
         '--out runs/gns\n  rigid-gns evaluate --model runs/gns/best --data data/gns_test'
@@ -225,5 +210,6 @@ def run(arguments: argparse.Namespace) -> int:
         config, list(Dataset(arguments.data)), validation, arguments.out, arguments.data.name
     )
     best = trainer.run()
-    print(f'best validation {best:.4g} radii; weights: {arguments.out / "best.safetensors"}')
+    score = f'best validation {best:.4g} radii' if validation else 'no validation set: last weights'
+    print(f'{score}; weights: {arguments.out / "best.safetensors"}')
     return 0

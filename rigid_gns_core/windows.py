@@ -44,6 +44,10 @@ class Noise:
     std: float = 0.01
     corrects_target: bool = False
 
+    def __post_init__(self) -> None:
+        if not self.std >= 0:
+            raise ValueError(f'std of the noise is {self.std}, expected at least 0')
+
 
 @dataclass(frozen=True)
 class Source:

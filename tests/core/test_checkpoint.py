@@ -11,6 +11,7 @@ from rigid_gns_core.models.gns import GNS, GNSConfig
 from rigid_gns_core.rollout import load_simulator
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)
+CARD_CONFIG = to_mapping(CONFIG)
 
 
 @pytest.fixture
@@ -19,7 +20,9 @@ def saved(tmp_path):
         'kind': 'gns',
         'config': to_mapping(CONFIG),
         'units': {'radius': 1.0, 'gravity': 9.81, 'dt': 0.1},
-        'materials': {},
+        'materials': {'restitution': 0.6, 'friction': 0.5, 'rolling_friction': 0.02},
+        'training': {},
+        'validation': {},
     }
     save_model(tmp_path / 'model', GNS(CONFIG), card)
     return tmp_path / 'model.safetensors'
@@ -59,15 +62,46 @@ def test_missing_card(saved):
     [
         ({'format_version': 99}, 'format_version is 99, this program reads 1'),
         ({'kind': 'mystery'}, "kind 'mystery'"),
-        ({'config': {'widht': 8}}, "unknown key 'widht', allowed: .*width"),
-        ({'config': {'width': 16, 'message_passing_steps': 1}}, 'has shape'),
-        ({'config': {'width': 8, 'message_passing_steps': 2}}, 'blocks.1.* is missing'),
+        ({'colour': 'red'}, "unknown key 'colour', allowed: config, format_version"),
+        ({'config': {**CARD_CONFIG, 'widht': 8}}, "unknown key 'widht', allowed: .*width"),
+        ({'config': {'width': 8}}, 'lacks connectivity, epsilon'),
+        ({'config': {**CARD_CONFIG, 'width': 16}}, 'has shape'),
+        ({'config': {**CARD_CONFIG, 'message_passing_steps': 2}}, 'blocks.1.* is missing'),
+        ({'units': {'radius': 0.0, 'gravity': 9.81, 'dt': 0.1}}, 'radius is 0.0, expected a pos'),
+        ({'units': {'radius': 1.0}}, "missing key 'gravity'"),
+        ({'materials': None}, 'expected a mapping'),
     ],
 )
 def test_a_card_that_does_not_fit(saved, changes, message):
     change_card(saved, **changes)
     with pytest.raises(ValueError, match=message):
         load_simulator(saved)
+
+
+def test_a_card_without_units(saved):
+    path = saved.with_suffix('.json')
+    card = json.loads(path.read_text())
+    del card['units']
+    path.write_text(json.dumps(card))
+    with pytest.raises(CheckpointError, match='units is missing'):
+        load_simulator(saved)
+
+
+def test_one_changed_bit_is_noticed(saved):
+    content = bytearray(saved.read_bytes())
+    content[-3] ^= 1
+    saved.write_bytes(content)
+    with pytest.raises(CheckpointError, match='SHA-256 differs'):
+        load_simulator(saved)
+
+
+def test_a_name_with_a_dot(saved, tmp_path):
+    network = load_simulator(saved).network
+    card = {
+        k: v for k, v in load_card(saved).items() if k not in ('format_version', 'weights_sha256')
+    }
+    save_model(tmp_path / 'v1.2', network, card)
+    assert load_simulator(tmp_path / 'v1.2').name == 'v1.2'
 
 
 def test_truncated_weights(saved):

@@ -32,20 +32,29 @@ def make_record(index: int = 0, steps: int = 20, count: int = 4) -> Record:
     rng = np.random.default_rng(index)
     positions = 50.0 + np.cumsum(rng.normal(size=(steps + 1, count, 3)), axis=0)
     quaternions = rotate_quaternions(
-        np.tile([0.0, 0.0, 0.0, 1.0], (steps + 1, count, 1)), rng.normal(size=positions.shape),
+        np.tile([0.0, 0.0, 0.0, 1.0], (steps + 1, count, 1)), rng.normal(size=positions.shape)
     )
     trajectory = Trajectory(
-        positions=positions, quaternions=quaternions, velocities=rng.normal(size=positions.shape),
-        angular_velocities=rng.normal(size=positions.shape), dt=0.1,
+        positions=positions,
+        quaternions=quaternions,
+        velocities=rng.normal(size=positions.shape),
+        angular_velocities=rng.normal(size=positions.shape),
+        dt=0.1,
     )
     ramp = Plane((0, 0, 5), (0, 0.6, 0.8), length_x=3.0, friction=0.2)
     scene = Scene(
-        surfaces=(*Plane.box(60.0, 40.0), ramp), radius=tuple(np.linspace(0.5, 1.0, count)),
+        surfaces=(*Plane.box(60.0, 40.0), ramp),
+        radius=tuple(np.linspace(0.5, 1.0, count)),
         restitution=0.3,
     )
     return Record(
-        trajectory=trajectory, scene=scene, seed=7, index=index, name=f'{index:04d}',
-        teacher={'engine': 'pybullet', 'substeps': 24}, recipe=recipe_hash(RECIPE),
+        trajectory=trajectory,
+        scene=scene,
+        seed=7,
+        index=index,
+        name=f'{index:04d}',
+        teacher={'engine': 'pybullet', 'substeps': 24},
+        recipe=recipe_hash(RECIPE),
     )
 
 
@@ -80,7 +89,7 @@ def test_poses_alone_are_smaller_and_give_velocities_by_differences(tmp_path: Pa
     # float32 of values near 100 m: half a step of 7.6e-6
     assert np.abs(trajectory.positions - record.trajectory.positions).max() < 4e-6
     assert np.array_equal(
-        trajectory.velocities[1:], np.diff(trajectory.positions, axis=0) / trajectory.dt,
+        trajectory.velocities[1:], np.diff(trajectory.positions, axis=0) / trajectory.dt
     )
 
 
@@ -93,7 +102,9 @@ def test_the_units_are_in_the_file(tmp_path: Path) -> None:
     with h5py.File(write_record(tmp_path / 'a.h5', make_record())) as file:
         units = {name: file[name].attrs['unit'] for name in file}
     assert units == {
-        'positions': 'm', 'quaternions': 'x y z w', 'velocities': 'm/s',
+        'positions': 'm',
+        'quaternions': 'x y z w',
+        'velocities': 'm/s',
         'angular_velocities': 'rad/s',
     }
 
@@ -102,7 +113,7 @@ def test_the_units_are_in_the_file(tmp_path: Path) -> None:
 def test_a_truncated_file_is_named(tmp_path: Path, kept: float) -> None:
     path = write_record(tmp_path / 'cut.h5', make_record())
     content = path.read_bytes()
-    path.write_bytes(content[:int(kept * len(content))])
+    path.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(DatasetError, match=r'cut.h5: .*damaged.*; generate it again'):
         read_record(path)
 
@@ -193,7 +204,8 @@ def test_a_recipe_differs_in_all_but_the_number_of_trajectories() -> None:
     changed = replace(RECIPE, friction=0.1, teacher={'substeps': 48})
     assert recipe_hash(changed) != recipe_hash(RECIPE)
     assert recipe_difference(RECIPE, changed) == [
-        'friction: 0.5 in the folder, 0.1 now', 'teacher.substeps: 24 in the folder, 48 now',
+        'friction: 0.5 in the folder, 0.1 now',
+        'teacher.substeps: 24 in the folder, 48 now',
     ]
 
 

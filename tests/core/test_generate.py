@@ -24,7 +24,12 @@ from rigid_gns_core.sampling import load_scene, sample_start
 pybullet = pytest.importorskip('pybullet', reason='generation runs Bullet')
 
 RECIPE = DataRecipe(
-    trajectories=3, seed=5, steps=4, spheres=(5, 10), height=(0.0, 5.0), box_side=(6.0, 10.0),
+    trajectories=3,
+    seed=5,
+    steps=4,
+    spheres=(5, 10),
+    height=(0.0, 5.0),
+    box_side=(6.0, 10.0),
     teacher={'substeps': 4},
 )
 
@@ -46,7 +51,9 @@ def test_a_data_set_holds_what_the_recipe_says(tmp_path: Path) -> None:
         scene, start = RECIPE.draw(index)
         assert record.scene == scene and record.seed == 5 and record.index == index
         assert record.teacher == {
-            'engine': 'pybullet', 'version': record.teacher['version'], **data.recipe.teacher,
+            'engine': 'pybullet',
+            'version': record.teacher['version'],
+            **data.recipe.teacher,
         }
         assert record.trajectory.steps == 4 and record.trajectory.dt == 0.1
         # Bullet's own start: positions went through its units and back
@@ -54,7 +61,7 @@ def test_a_data_set_holds_what_the_recipe_says(tmp_path: Path) -> None:
 
 
 def test_a_second_run_makes_only_what_is_missing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     paths = generate(RECIPE, tmp_path, workers=1)
     before = [path.read_bytes() for path in paths]
@@ -112,7 +119,7 @@ def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
         "    generate(load_recipe('smoke'), sys.argv[1], workers=2)\n"
     )
     done = subprocess.run(
-        [sys.executable, script, tmp_path / 'data'], capture_output=True, text=True, timeout=60,
+        [sys.executable, script, tmp_path / 'data'], capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 1
     assert 'GenerateError: a worker process died at trajectory 0 or 1 of seed 0' in done.stderr
@@ -126,9 +133,21 @@ def test_a_stopped_run_says_so_and_goes_on(tmp_path: Path, number: signal.Signal
     slow = tmp_path / 'slow.yaml'
     slow.write_text('base: smoke\ntrajectories: 40\nsteps: 20000\n')
     process = subprocess.Popen(
-        [sys.executable, '-m', 'rigid_gns_core.cli', 'generate', '--config', slow, '--out', folder,
-         '--workers', '2'],
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
+        [
+            sys.executable,
+            '-m',
+            'rigid_gns_core.cli',
+            'generate',
+            '--config',
+            slow,
+            '--out',
+            folder,
+            '--workers',
+            '2',
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     deadline = time.monotonic() + 30
     while not (folder / 'recipe.yaml').exists() and time.monotonic() < deadline:

@@ -123,6 +123,16 @@ def test_closest_point_is_on_the_edge_beyond_a_plane_with_an_end():
     np.testing.assert_allclose(graph.surface_points[0], [2.0, 0, 0], atol=1e-15)
 
 
+@pytest.mark.parametrize('connectivity', ['vi', 'vmax', 'swept'])
+def test_a_sphere_that_crosses_a_plane_with_an_end_in_one_step(connectivity):
+    table = Scene(surfaces=(Plane((0, 0, 0), (0, 0, 1), (1, 0, 0), 10.0, 10.0),))
+    positions = np.array([[0.0, 0, 3.0], [30.0, 0, 3.0]])
+    velocities = np.array([[0.0, 0, -60.0], [0.0, 0, -1.0]])
+    reach = Reach(connectivity, ground_edge=False)
+    graph = build_graph(positions, velocities, table, DT, reach)
+    assert graph.surface_receivers.tolist() == [0]
+
+
 def test_no_spheres_and_no_surfaces():
     graph = build_graph(np.zeros((0, 3)), np.zeros((0, 3)), Scene(), DT, Reach())
     assert len(graph.senders) == len(graph.surface_receivers) == 0

@@ -8,7 +8,7 @@ colcon.
 from __future__ import annotations
 
 import argparse
-import importlib
+import importlib.util
 import os
 import re
 import shlex
@@ -83,24 +83,44 @@ def test_python_runs_as_printed() -> None:
     assert trajectory.diverged_at is None
 
 
-def test_rollout_and_evaluate_as_printed(tmp_path: Path) -> None:
-    """The commands of prediction and scoring, in a folder of their own; fewer steps to be quick."""
-    pytest.importorskip('torch', reason='a rollout needs torch')
-    rollout, evaluate = (
-        next(words for words in commands() if words[:2] == ['rigid-gns', name] and rest in words)
-        for name, rest in (('rollout', '--out'), ('evaluate', '--data'))
-    )
-    for words in ([*rollout, '--steps', '5'], evaluate):
+# What makes a command that takes minutes or hours quick; all else is as printed.
+QUICK = {
+    'teacher-card': ['--quick'],
+    'generate': ['--trajectories', '1', '--steps', '3'],
+    'train': ['--steps', '1'],
+    'rollout': ['--steps', '5'],
+    'evaluate': [],
+}
+
+
+def test_stages_run_as_printed(tmp_path: Path) -> None:
+    """The commands of all stages, one after the other, in a folder of their own."""
+    for package in ('torch', 'pybullet'):
+        pytest.importorskip(package, reason='a stage needs it')
+    stages = [words for words in commands() if words[0] == 'rigid-gns' and '--bag' not in words]
+    assert [words[1] for words in stages] == list(QUICK)
+    for words in stages:
         done = subprocess.run(
-            [sys.executable, '-m', 'rigid_gns_core.cli', *words[1:]],
+            [sys.executable, '-m', 'rigid_gns_core.cli', *words[1:], *QUICK[words[1]]],
             capture_output=True,
             text=True,
             cwd=tmp_path,
             check=False,
             env=os.environ | {'PYTHONPATH': str(ROOT)},
         )
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / 'rollout.h5').is_file()
+        assert done.returncode == 0, (words, done.stderr)
+    for made in ('data/gns/0000.h5', 'runs/gns/best.safetensors', 'rollout.h5'):
+        assert (tmp_path / made).is_file(), made
+
+
+def test_the_measured_table_is_that_of_the_json_files() -> None:
+    path = ROOT / 'benchmarks' / 'measured_table.py'
+    spec = importlib.util.spec_from_file_location('measured_table', path)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    block = TEXT.split('<!-- measured: begin -->')[1].split('<!-- measured: end -->')[0]
+    assert module.table() in block
 
 
 def test_links_and_paths_lead_somewhere() -> None:

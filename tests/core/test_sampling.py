@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from rigid_gns_core.config import ConfigError, config_folder
+from rigid_gns_core.plane import closest_points
 from rigid_gns_core.recipe import DataRecipe, load_recipe
 from rigid_gns_core.sampling import SamplingError, StartRecipe, load_scene, sample_start
-from rigid_gns_core.scene import Plane, Scene, closest_points
+from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State
 
 SMOKE = DataRecipe(
-    trajectories=3, seed=5, steps=4, spheres=(5, 10), height=(0.0, 5.0), box_side=(6.0, 10.0),
+    trajectories=3, seed=5, steps=4, spheres=(5, 10), height=(0.0, 5.0), box_side=(6.0, 10.0)
 )
 
 
@@ -112,22 +113,28 @@ def test_open_ground_needs_lengths() -> None:
     assert 4.0 < np.abs(positions[:, 1]).max() <= 15.0
 
 
-@pytest.mark.parametrize(('scene', 'message'), [
-    (Scene(surfaces=Plane.box(5.0, 5.0)), r'only \d+ of 300 spheres .* use fewer spheres'),
-    (Scene(surfaces=Plane.box(2.1, 5.0)), 'no room for a sphere of radius 1 m .* along x'),
-])
+@pytest.mark.parametrize(
+    ('scene', 'message'),
+    [
+        (Scene(surfaces=Plane.box(5.0, 5.0)), r'only \d+ of 300 spheres .* use fewer spheres'),
+        (Scene(surfaces=Plane.box(2.1, 5.0)), 'no room for a sphere of radius 1 m .* along x'),
+    ],
+)
 def test_too_little_room_is_said(scene: Scene, message: str) -> None:
     with pytest.raises(SamplingError, match=message):
         sample_start(scene, StartRecipe(spheres=300, height=(0.0, 20.0)))
 
 
-@pytest.mark.parametrize(('change', 'message'), [
-    ({'spheres': (10, 1)}, r'spheres is \[10, 1\], expected'),
-    ({'spheres': (0, 4)}, 'lowest at least 1'),
-    ({'steps': 0}, 'steps is 0, expected at least 1'),
-    ({'dt': -0.1}, 'dt is -0.1'),
-    ({'box_side': (0.0, 3.0)}, 'do not fit into a box of side 3 m'),
-])
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        ({'spheres': (10, 1)}, r'spheres is \[10, 1\], expected'),
+        ({'spheres': (0, 4)}, 'lowest at least 1'),
+        ({'steps': 0}, 'steps is 0, expected at least 1'),
+        ({'dt': -0.1}, 'dt is -0.1'),
+        ({'box_side': (0.0, 3.0)}, 'do not fit into a box of side 3 m'),
+    ],
+)
 def test_a_recipe_out_of_range_is_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         replace(SMOKE, **change)  # type: ignore[arg-type]
@@ -145,13 +152,16 @@ def test_a_recipe_file_builds_on_another(tmp_path: Path) -> None:
         load_recipe(file)
 
 
-@pytest.mark.parametrize(('text', 'message'), [
-    ('start: {spheres: 2}', "missing key 'scene'"),
-    ('scene: {radius: -1}', 'radius is -1, expected greater than 0'),
-    ('scene: {}\nstart: {speres: 2}', "unknown key 'speres'"),
-    ('scene: 3', 'scene is 3, expected a mapping'),
-    ('scenes: {}', "unknown key 'scenes'"),
-])
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('start: {spheres: 2}', "missing key 'scene'"),
+        ('scene: {radius: -1}', 'radius is -1, expected greater than 0'),
+        ('scene: {}\nstart: {speres: 2}', "unknown key 'speres'"),
+        ('scene: 3', 'scene is 3, expected a mapping'),
+        ('scenes: {}', "unknown key 'scenes'"),
+    ],
+)
 def test_a_wrong_scene_file_is_named(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / 'wrong.yaml'
     file.write_text(text)

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rigid_gns_core import Plane, Scene
-from rigid_gns_core.scene import closest_points
+from rigid_gns_core.plane import closest_points
 
 EXACT = 1e-12  # a handful of roundings of numbers up to 100
 
@@ -157,7 +157,33 @@ def test_mapping_roundtrip_through_json(scene: Scene) -> None:
 def test_mapping_with_a_box() -> None:
     scene = Scene.from_mapping({'box': {'length_x': 60, 'length_y': 60}, 'restitution': 0.4})
     assert scene == Scene(surfaces=Plane.box(60.0, 60.0), restitution=0.4)
-    with pytest.raises(ValueError, match=r"scene\.box: unknown key \['depth'\], allowed"):
+    with pytest.raises(ValueError, match=r"scene\.box: unknown key 'depth', allowed"):
         Scene.from_mapping({'box': {'length_x': 1, 'length_y': 1, 'depth': 1}})
     with pytest.raises(ValueError, match=r"scene: unknown key 'bounce', allowed: surfaces"):
         Scene.from_mapping({'bounce': 1.0})
+
+
+@pytest.mark.parametrize(
+    ('mapping', 'message'),
+    [
+        ({'box': 5}, 'scene.box is 5, expected a mapping'),
+        ({'box': {}}, "missing key 'length_x'"),
+        ({'box': {'length_x': [1], 'length_y': 3}}, 'scene.box.length_x is'),
+        (
+            {'box': {'length_x': 3, 'length_y': 3, 'depth': 1}},
+            "unknown key 'depth', allowed: length",
+        ),
+        ({'surfaces': 5}, 'scene.surfaces is 5, expected a list'),
+        ([], 'expected a mapping'),
+    ],
+)
+def test_bad_files_are_named(mapping, message):
+    with pytest.raises(ValueError, match=message):
+        Scene.from_mapping(mapping)
+
+
+def test_gravity_may_be_one_number():
+    assert Scene(gravity=1.62).gravity == (0.0, 0.0, -1.62)
+    assert Scene.from_mapping({'gravity': 1.62}).gravity == (0.0, 0.0, -1.62)
+    with pytest.raises(ValueError, match='gravity is -9.81'):
+        Scene(gravity=-9.81)

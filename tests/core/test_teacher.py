@@ -21,9 +21,7 @@ def bullet():
 
 
 def spheres(positions, velocities=None, spins=None, quaternions=None) -> State:
-    given = {
-        'velocities': velocities, 'angular_velocities': spins, 'quaternions': quaternions,
-    }
+    given = {'velocities': velocities, 'angular_velocities': spins, 'quaternions': quaternions}
     arrays = {name: np.array(value) for name, value in given.items() if value is not None}
     return State(positions=np.array(positions, dtype=np.float64), **arrays)
 
@@ -63,7 +61,7 @@ def test_free_flight_is_exact(bullet) -> None:
     fall = np.array([0.0, 0.0, -GRAVITY])
     # float64 over 1920 substeps
     np.testing.assert_allclose(
-        run.positions[:, 0], start.positions[0] + velocity * t + 0.5 * fall * t**2, atol=1e-10,
+        run.positions[:, 0], start.positions[0] + velocity * t + 0.5 * fall * t**2, atol=1e-10
     )
     np.testing.assert_allclose(run.velocities[:, 0], velocity + fall * t, atol=1e-10)
     half = 0.5 * spin[1] * run.times[-1]
@@ -82,7 +80,9 @@ def test_start_is_kept_as_given(bullet) -> None:
 
 def test_properties_are_per_sphere(bullet) -> None:
     scene = Scene(
-        surfaces=(Plane(restitution=1.0),), radius=(0.5, 1.0, 2.0), mass=(1.0, 5.0, 100.0),
+        surfaces=(Plane(restitution=1.0),),
+        radius=(0.5, 1.0, 2.0),
+        mass=(1.0, 5.0, 100.0),
         restitution=(0.2, 0.5, 0.9),
     )
     places = np.array([[0.0, 0.0, 3.5], [10.0, 0.0, 4.0], [20.0, 0.0, 5.0]])
@@ -99,8 +99,7 @@ def test_surface_materials_multiply(bullet) -> None:
         Plane((10.0, 0.0, 0.0), length_x=10.0, length_y=10.0, restitution=1.0),
     )
     run = simulate(
-        Scene(surfaces=surfaces, restitution=0.8),
-        spheres([[-10.0, 0.0, 4.0], [10.0, 0.0, 4.0]]), 9,
+        Scene(surfaces=surfaces, restitution=0.8), spheres([[-10.0, 0.0, 4.0], [10.0, 0.0, 4.0]]), 9
     )
     impact, speed = np.sqrt(2 * 3.0 / GRAVITY), np.sqrt(2 * 3.0 * GRAVITY)
     expected = np.array([0.4, 0.8]) * speed - GRAVITY * (0.9 - impact)
@@ -146,7 +145,8 @@ def test_rolling_friction_has_no_direction(bullet, degrees: float) -> None:
     angle = np.radians(degrees)
     heading = np.array([np.cos(angle), np.sin(angle), 0.0])
     start = spheres(
-        positions=[[0.0, 0.0, 0.02]], velocities=[0.7 * heading],
+        positions=[[0.0, 0.0, 0.02]],
+        velocities=[0.7 * heading],
         spins=[35.0 * np.cross([0.0, 0.0, 1.0], heading)],
     )
     # mass and radius must not matter either
@@ -159,8 +159,7 @@ def test_rolling_friction_has_no_direction(bullet, degrees: float) -> None:
 
 def test_slow_sphere_never_falls_asleep(bullet) -> None:
     start = spheres(
-        positions=[[0.0, 0.0, 1.0]], velocities=[[0.01, 0.0, 0.0]],
-        spins=[[0.0, 0.01, 0.0]],
+        positions=[[0.0, 0.0, 1.0]], velocities=[[0.01, 0.0, 0.0]], spins=[[0.0, 0.01, 0.0]]
     )
     run = simulate(Scene(rolling_friction=0.0), start, 60)
     assert run.positions[-1, 0, 0] == pytest.approx(0.06, rel=1e-3)

@@ -31,12 +31,15 @@ def ballistic(restitution_error: float = 0.0):
         positions = np.tile(start.positions, (steps + 1, 1, 1))
         velocities = np.zeros_like(positions)
         positions[..., 2] = radius + np.where(
-            hit, up * since - 0.5 * g * since**2, height - 0.5 * g * t**2,
+            hit, up * since - 0.5 * g * since**2, height - 0.5 * g * t**2
         )
         velocities[..., 2] = np.where(hit, up - g * since, -g * t)
         return Trajectory(
-            positions=positions, velocities=velocities, angular_velocities=0.0 * velocities,
-            quaternions=np.tile(start.quaternions, (steps + 1, 1, 1)), dt=dt,
+            positions=positions,
+            velocities=velocities,
+            angular_velocities=0.0 * velocities,
+            quaternions=np.tile(start.quaternions, (steps + 1, 1, 1)),
+            dt=dt,
         )
 
     return simulate
@@ -75,11 +78,11 @@ def test_closed_forms_conserve() -> None:
         positions = np.outer([radii[0], -radii[1]], normal)
         for friction in (0.0, 0.1, 5.0):
             after = closed_form.impact_of_spheres(
-                velocities, spins, normal, radii, masses, 0.7, friction,
+                velocities, spins, normal, radii, masses, 0.7, friction
             )
             before = closed_form.momenta(positions, velocities, spins, masses, radii)
             for a, b in zip(
-                before, closed_form.momenta(positions, *after, masses, radii), strict=True,
+                before, closed_form.momenta(positions, *after, masses, radii), strict=True
             ):
                 np.testing.assert_allclose(a, b, atol=1e-12)
             total = [
@@ -89,8 +92,13 @@ def test_closed_forms_conserve() -> None:
             assert total[1] < total[0]
         # a second body of infinite mass at rest is a surface
         heavy = closed_form.impact_of_spheres(
-            np.array([velocities[0], [0, 0, 0]]), np.array([spins[0], [0, 0, 0]]), normal, radii,
-            np.array([masses[0], 1e15]), 0.7, 0.2,
+            np.array([velocities[0], [0, 0, 0]]),
+            np.array([spins[0], [0, 0, 0]]),
+            normal,
+            radii,
+            np.array([masses[0], 1e15]),
+            0.7,
+            0.2,
         )
         wall = closed_form.impact_on_surface(velocities[0], spins[0], normal, radii[0], 0.7, 0.2)
         np.testing.assert_allclose(heavy[0][0], wall[0], atol=1e-9)

@@ -1,14 +1,15 @@
 """Training learns, resumes to the same weights, and keeps the best of its rollouts."""
 
 import json
+import os
+import signal
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-import yaml
 
-from rigid_gns_core.config import ConfigError, find_config, from_mapping, load_yaml
+from rigid_gns_core.config import ConfigError, find_config, from_mapping, load_yaml, to_mapping
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.learner import Learner, TrainConfig
 from rigid_gns_core.models.gns import GNSConfig
@@ -16,7 +17,8 @@ from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import Trajectory
-from rigid_gns_core.train import Trainer, common_scene
+from rigid_gns_core.train import Trainer
+from rigid_gns_core.training_set import common_scene
 from rigid_gns_core.windows import Noise, Source
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
@@ -102,8 +104,41 @@ def test_best_is_the_best_of_the_log(tmp_path):
 
 def test_another_recipe_in_the_same_folder_is_refused(tmp_path):
     Trainer(CONFIG, RECORDS, [], tmp_path).run(stop_at=1)
-    with pytest.raises(ConfigError, match='differs from the recipe'):
+    with pytest.raises(ConfigError, match='differs from the recipe and data asked for in batch'):
         Trainer(replace(CONFIG, batch=5), RECORDS, [], tmp_path)
+
+
+def test_other_data_in_the_same_folder_are_refused(tmp_path):
+    Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path).run(stop_at=1)
+    for records, held_out in ((RECORDS[:3], HELD_OUT), (RECORDS, HELD_OUT[:1])):
+        with pytest.raises(ConfigError, match='asked for in sha256'):
+            Trainer(CONFIG, records, held_out, tmp_path)
+
+
+def test_validation_that_cannot_be_used_is_refused(tmp_path):
+    config = replace(CONFIG, validation_steps=50)
+    with pytest.raises(ValueError, match='no validation trajectory has 50 steps'):
+        Trainer(config, RECORDS, HELD_OUT, tmp_path)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_within_a_step_leaves_whole_steps(tmp_path, number):
+    Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'whole').run()
+    trainer = Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'parts')
+    advance = trainer.learner.advance
+
+    def interrupted():
+        if trainer.learner.step == 5:
+            os.kill(os.getpid(), number)
+        return advance()
+
+    trainer.learner.advance = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        trainer.run()
+    assert trainer.learner.step == 6
+    Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'parts').run()
+    for name in ('best.safetensors', 'state.safetensors'):
+        assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
 
 
 def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
@@ -132,19 +167,41 @@ def test_free_flight_gains_no_energy():
     assert learner.energy_gain(batch.next_motion, batch).item() < 1e-5  # float32 of 9.81 * 40
 
 
-def test_a_loss_that_is_not_finite_stops_the_run(tmp_path):
+@pytest.mark.parametrize('broken', ['loss', 'gradient'])
+def test_what_is_not_finite_stops_the_run_before_it_reaches_the_weights(tmp_path, broken):
     trainer = Trainer(CONFIG, RECORDS, [], tmp_path)
-    with torch.no_grad():
-        trainer.learner.network.decoder.bias.fill_(float('inf'))
+    trainer.run(stop_at=10)
+    saved = (tmp_path / 'state.safetensors').read_bytes()
+    bias = trainer.learner.network.decoder.bias
+    if broken == 'loss':
+        with torch.no_grad():
+            bias.fill_(float('inf'))
+    else:
+        bias.register_hook(lambda gradient: gradient * float('nan'))
     with pytest.raises(FloatingPointError, match='learning_rate'):
         trainer.run()
+    assert (tmp_path / 'state.safetensors').read_bytes() == saved
+    if broken == 'gradient':
+        assert torch.isfinite(bias).all()
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [('steps', 0), ('clip', -1.0), ('average', 1.5), ('warm_up', -5), ('start_fraction', 2.0)],
+)
+def test_recipes_out_of_range_are_named(name, value):
+    with pytest.raises(ValueError, match=name):
+        replace(CONFIG, **{name: value})
 
 
 @pytest.mark.parametrize(
     ('scenes', 'message'),
     [
         ([Scene(restitution=0.5), Scene(restitution=0.6)], 'differ'),
-        ([Scene(restitution=(0.5,) * 6)], 'per-sphere'),
+        ([Scene(restitution=(0.5, 0.6, 0.5, 0.5, 0.5, 0.5))], 'restitution from 0.5 to 0.6'),
+        ([Scene(surfaces=Plane(restitution=0.1))], 'restitution from 0.1 to 0.6'),
+        ([Scene(gravity=(9.81, 0.0, 0.0))], 'expected along -z'),
+        ([Scene(mass=(1.0, 2.0, 1, 1, 1, 1))], 'mass from 1 to 2'),
         ([], 'no training trajectories'),
     ],
 )
@@ -161,13 +218,10 @@ def test_learning_rate_warms_up_and_falls():
     assert all(np.diff(rates[5:]) < 0)
 
 
-def test_shipped_recipes_are_read():
-    for path in sorted(find_config('train', 'gns').parent.glob('*.yaml')):
-        config = from_mapping(TrainConfig, load_yaml(path), str(path))
-        assert config.model.message_passing_steps >= 1
-        assert (
-            yaml.safe_load(path.read_text())['model']['connectivity'] == config.model.connectivity
-        )
+def test_the_shipped_weights_follow_the_shipped_recipe():
+    config = from_mapping(TrainConfig, load_yaml(find_config('train', 'gns')))
+    training = load_simulator('gns').card['training']
+    assert {key: training[key] for key in to_mapping(config)} == to_mapping(config)
 
 
 def test_an_unknown_key_lists_the_allowed_ones():

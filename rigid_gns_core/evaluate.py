@@ -1,0 +1,308 @@
+"""Score predictions against a reference: one report, as a table, JSON and a figure.
+
+Also the stage `rigid-gns evaluate`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from .metrics import HORIZONS, divergence, error_metrics, horizon_metrics, law_metrics
+from .metrics.error import check_comparable
+from .metrics.table import format_table
+from .scene import Scene
+from .state import Trajectory
+
+__all__ = ['evaluate', 'format_table', 'read_json', 'summarise', 'write_json']
+
+Velocities = Literal['given', 'poses']
+
+
+def evaluate(
+    predicted: Trajectory,
+    reference: Trajectory,
+    scene: Scene,
+    *,
+    horizons: Iterable[int] = HORIZONS,
+    tolerance: float = 1e-9,
+    rest_speed: float | None = None,
+    velocities: Velocities = 'given',
+) -> dict[str, Any]:
+    """Score a prediction: laws of physics for both trajectories, and errors.
+
+    Where one trajectory is longer, the end of it is left out.
+
+    Args:
+        predicted: The rollout to score.
+        reference: The truth, with the same time step and spheres.
+        scene: Surfaces and sphere properties of both.
+        horizons: Steps at which errors are reported; those after the end are left out.
+        tolerance: Overlaps up to this depth, in diameters, do not count as intersections.
+        rest_speed: A sphere below this speed [m/s] is at rest; None: 0.01 sqrt(g r).
+        velocities: 'poses': replace those of both by backward differences of the poses (thesis
+            section 3.3) first, so that energies of a recording and of an engine compare.
+
+    Returns:
+        `laws` with `predicted` and `reference` (see `law_metrics`), `errors` (see
+        `error_metrics`), `horizons` by step (see `horizon_metrics`), `diverged_at` with the step
+        or None of each side, and `steps`, `dt` [s], `spheres`, `velocities`, `tolerance`.
+
+    Raises:
+        ValueError: The two differ in time step or spheres, or have no spheres.
+    """
+    if velocities not in ('given', 'poses'):
+        raise ValueError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
+    frames = min(len(predicted), len(reference))
+    predicted, reference = predicted.window(0, frames), reference.window(0, frames)
+    check_comparable(predicted, reference)
+    if velocities == 'poses':
+        predicted, reference = _from_poses(predicted), _from_poses(reference)
+    sides = {'predicted': predicted, 'reference': reference}
+    steps = horizon_metrics(predicted, reference, scene, horizons)
+    return {
+        'steps': frames - 1,
+        'dt': reference.dt,
+        'spheres': reference.count,
+        'velocities': velocities,
+        'tolerance': tolerance,
+        'diverged_at': {side: divergence(t, scene) for side, t in sides.items()},
+        'laws': {
+            side: law_metrics(t, scene, tolerance=tolerance, rest_speed=rest_speed)
+            for side, t in sides.items()
+        },
+        'errors': error_metrics(predicted, reference, scene),
+        'horizons': {str(step): values for step, values in steps.items()},
+    }
+
+
+def summarise(reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Mean and standard deviation over reports of `evaluate`, in the same nesting.
+
+    A number becomes `mean`, `std` (of the population), `count`, and `infinite`, how many were.
+    Where some were, mean and std are infinite too, and `finite_mean`, `finite_std` are of the rest.
+    A number that not all reports have is summarised over those that have it.
+
+    Raises:
+        ValueError: There are no reports.
+    """
+    if not reports:
+        raise ValueError('there are no reports to summarise; evaluate at least one trajectory')
+    sides = ('predicted', 'reference')
+    summary: dict[str, Any] = {
+        'reports': len(reports),
+        'diverged_at': {
+            side: {
+                'diverged': sum(r['diverged_at'][side] is not None for r in reports),
+                'count': len(reports),
+            }
+            for side in sides
+        },
+        'laws': {side: _summarise([r['laws'][side] for r in reports]) for side in sides},
+        'errors': _summarise([r['errors'] for r in reports]),
+    }
+    horizons = {step: None for report in reports for step in report['horizons']}
+    summary['horizons'] = {}
+    for step in sorted(horizons, key=int):
+        having = [r['horizons'][step] for r in reports if step in r['horizons']]
+        values = _summarise(having)
+        summary['horizons'][step] = values | {'time': values['time']['mean']}
+    return summary
+
+
+def write_json(path: str | Path, report: Mapping[str, Any]) -> None:
+    """Write a report as strict JSON; infinities, which JSON lacks, as the strings "inf", "-inf".
+
+    Raises:
+        ValueError: A value is NaN, or of a type that JSON does not know.
+    """
+    path = Path(path)
+    try:
+        text = json.dumps(_encode(report), indent=2, allow_nan=False, ensure_ascii=False)
+    except TypeError as error:
+        raise ValueError(f'{path}: the report cannot be written as JSON: {error}') from error
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text + '\n', encoding='utf-8')
+
+
+def read_json(path: str | Path) -> dict[str, Any]:
+    """Read what `write_json` wrote, with infinities as numbers again."""
+    return _decode(json.loads(Path(path).read_text(encoding='utf-8')))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns evaluate`."""
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        '--data',
+        type=Path,
+        metavar='PATH',
+        help='HDF5 file, or folder of them: roll a model out from the start of each trajectory',
+    )
+    source.add_argument(
+        '--bag', type=Path, help='recorded bag: score its predicted against its tracked poses'
+    )
+    parser.add_argument(
+        '--model', help='shipped name or path (with --data; default: the shipped one)'
+    )
+    parser.add_argument(
+        '--steps', type=int, help='steps to roll out (with --data; default: as long as the data)'
+    )
+    parser.add_argument(
+        '--velocities',
+        choices=('given', 'poses'),
+        default='poses',
+        help='velocities of both by differences of poses, or as given (with --data; default: '
+        'poses, since a learned simulator and a bag have no others)',
+    )
+    parser.add_argument(
+        '--json',
+        type=Path,
+        metavar='FILE',
+        help='write all numbers to this file (with --bag by default BAG_evaluation.json)',
+    )
+    parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='PNG',
+        help='draw positions, energy and error of the first trajectory (with --bag by default '
+        'BAG_evaluation.png)',
+    )
+    parser.add_argument('--no-figure', action='store_true', help='do not draw')
+    parser.add_argument('--scene', metavar='NAME|FILE', help='scene of a bag that holds none')
+    parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
+    parser.add_argument('--predicted', metavar='TOPIC', help='topic of predicted poses in a bag')
+    parser.epilog = (
+        'examples:\n'
+        '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
+        '  rigid-gns evaluate --bag recording --figure recording.png\n\n'
+        'What each number means: docs/metrics.md.'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `rigid-gns evaluate`; prints the table and returns 0."""
+    if arguments.bag is not None:
+        return _run_bag(arguments)
+    for name in ('scene', 'tracked', 'predicted'):
+        if getattr(arguments, name) is not None:
+            raise ValueError(f'--{name} goes with --bag: data say it themselves')
+    report = _run_data(arguments)
+    if arguments.json is not None:
+        write_json(arguments.json, report)
+        print(f'numbers: {arguments.json}')
+    if arguments.figure is not None:
+        print(f'figure:  {arguments.figure}')
+    return 0
+
+
+def _run_bag(arguments: argparse.Namespace) -> int:
+    for name in ('model', 'steps'):
+        if getattr(arguments, name) is not None:
+            raise ValueError(f'--{name} goes with --data: a bag holds its own predictions')
+    # the core does not depend on the ROS package; its bag reader needs no ROS either
+    return importlib.import_module('rigid_gns_ros.evaluate_bag').run(arguments)
+
+
+def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
+    if arguments.steps is not None and arguments.steps < 1:
+        raise ValueError(f'--steps is {arguments.steps}, expected at least 1')
+    from .dataset import read_records
+    from .progress import Progress
+    from .rollout import load_simulator
+
+    simulator = load_simulator(arguments.model)
+    records = read_records(arguments.data)
+    reports: dict[str, dict[str, Any]] = {}
+    draws = arguments.figure is not None and not arguments.no_figure
+    with Progress(len(records), 'evaluate', unit='trajectory') as progress:
+        for number, record in enumerate(records):
+            start = record.trajectory[0]
+            steps = record.trajectory.steps
+            steps = steps if arguments.steps is None else min(arguments.steps, steps)
+            predicted = simulator.rollout(
+                record.scene,
+                start.positions,
+                start.velocities,
+                start.angular_velocities,
+                steps=steps,
+                quaternions=start.quaternions,
+            )
+            name = f'{number:04d} {record.name}'.strip()
+            reports[name] = evaluate(
+                predicted, record.trajectory, record.scene, velocities=arguments.velocities
+            )
+            if draws and number == 0:
+                from .figure import write_figure
+
+                write_figure(
+                    arguments.figure,
+                    predicted,
+                    record.trajectory,
+                    record.scene,
+                    title=f'{simulator.name} on {name}: {reports[name]["spheres"]} spheres',
+                )
+            progress.update(mse=reports[name]['errors']['mse'])
+    print(f'model {simulator.name} on {arguments.data}: {len(reports)} trajectories\n')
+    one = next(iter(reports.values()))
+    summary = summarise(list(reports.values()))
+    print(format_table(one if len(reports) == 1 else summary), end='')
+    return {
+        'model': simulator.name,
+        'data': str(arguments.data),
+        'summary': summary,
+        'records': reports,
+    }
+
+
+def _from_poses(trajectory: Trajectory) -> Trajectory:
+    with np.errstate(invalid='ignore', over='ignore'):
+        return Trajectory.from_poses(trajectory.positions, trajectory.quaternions, trajectory.dt)
+
+
+def _summarise(mappings: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+    keys = {key: None for mapping in mappings for key in mapping}
+    summary = {}
+    for key in keys:
+        values = np.array([mapping[key] for mapping in mappings if key in mapping], dtype=float)
+        finite = values[np.isfinite(values)]
+        entry: dict[str, float] = {
+            'mean': float('inf'),
+            'std': float('inf'),
+            'count': len(values),
+            'infinite': len(values) - len(finite),
+        }
+        whole = ('', 'finite_') if len(finite) == len(values) else ('finite_',)
+        for prefix in whole if len(finite) else ():
+            entry[f'{prefix}mean'] = float(finite.mean())
+            entry[f'{prefix}std'] = float(finite.std())
+        summary[key] = entry
+    return summary
+
+
+def _encode(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _encode(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_encode(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _encode(value.tolist())
+    if isinstance(value, np.generic):
+        return _encode(value.item())
+    if isinstance(value, float) and np.isinf(value):
+        return 'inf' if value > 0 else '-inf'
+    return value
+
+
+def _decode(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _decode(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_decode(item) for item in value]
+    return float(value) if value in ('inf', '-inf') else value

@@ -1,0 +1,170 @@
+"""Bounded planes, and the checks of values that planes and scenes share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .state import Array
+
+PerSphere = float | tuple[float, ...]
+Vector = tuple[float, float, float]
+
+# name: (lowest, highest, lowest is allowed)
+RANGES = {
+    'radius': (0.0, np.inf, False),
+    'mass': (0.0, np.inf, False),
+    'restitution': (0.0, 1.0, True),
+    'friction': (0.0, np.inf, True),
+    'rolling_friction': (0.0, np.inf, True),
+}
+
+
+def checked_property(name: str, value: ArrayLike) -> PerSphere:
+    """A property as a number, or a tuple of one per sphere; ValueError where it is out of range."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim > 1 or array.size == 0:
+        raise ValueError(f'{name} has shape {array.shape}, expected a number or one per sphere')
+    low, high, closed = RANGES[name]
+    bad = ~((array >= low if closed else array > low) & (array <= high) & np.isfinite(array))
+    if bad.any():
+        offender = np.atleast_1d(array)[np.atleast_1d(bad)][0]
+        bound = f'{"at least" if closed else "greater than"} {low:g}'
+        bound += '' if high == np.inf else f' and at most {high:g}'
+        raise ValueError(f'{name} is {offender:g}, expected {bound}')
+    return float(array) if array.ndim == 0 else tuple(array.tolist())
+
+
+def checked_vector(name: str, value: ArrayLike) -> Vector:
+    """Three finite numbers; ValueError for anything else."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ValueError(f'{name} is {value}, expected three finite numbers')
+    return tuple(array.tolist())
+
+
+def _unit(name: str, value: ArrayLike) -> Vector:
+    vector = np.asarray(checked_vector(name, value))
+    norm = float(np.linalg.norm(vector))
+    if norm < 1e-9:
+        raise ValueError(f'{name} is {value}, expected a vector that is not zero')
+    if abs(norm - 1.0) > 1e-15:  # else the same bits again, for a scene that is read back
+        vector = vector / norm
+    return tuple(vector.tolist())
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A static, bounded plane (thesis section 3.1.2). Spheres live on the side of its normal.
+
+    Args:
+        point: Centre p_s [m], world frame.
+        normal: Normal n_s; normalised here.
+        direction: Reference direction d_s, the plane's own x axis; made orthogonal to the normal
+            and normalised here. None: any direction in the plane.
+        length_x: Full length along `direction` [m]; may be infinite.
+        length_y: Full length along normal x direction [m]; may be infinite.
+        restitution: Coefficient of restitution of the surface; None: the scene's.
+        friction: Coulomb friction coefficient of the surface; None: the scene's.
+
+    Raises:
+        ValueError: A vector is zero, direction is parallel to normal, or a value is out of range.
+    """
+
+    point: Vector = (0.0, 0.0, 0.0)
+    normal: Vector = (0.0, 0.0, 1.0)
+    direction: Vector | None = None
+    length_x: float = np.inf
+    length_y: float = np.inf
+    restitution: float | None = None
+    friction: float | None = None
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        set_field(self, 'point', checked_vector('point of a plane', self.point))
+        set_field(self, 'normal', _unit('normal of a plane', self.normal))
+        normal = np.asarray(self.normal)
+        direction = self.direction
+        if direction is None:
+            direction = np.eye(3)[int(np.argmin(np.abs(normal)))]
+        direction = np.asarray(_unit('direction of a plane', direction))
+        direction = direction - normal * (direction @ normal)
+        if np.linalg.norm(direction) < 1e-6:
+            raise ValueError('direction of a plane is parallel to its normal; choose one across it')
+        set_field(self, 'direction', _unit('direction of a plane', direction))
+        for name in ('length_x', 'length_y'):
+            length = float(getattr(self, name))
+            if not length > 0:
+                raise ValueError(f'{name} of a plane is {length:g}, expected more than 0')
+            set_field(self, name, length)
+        for name in ('restitution', 'friction'):
+            value = getattr(self, name)
+            if value is not None:
+                set_field(self, name, float(np.asarray(checked_property(name, float(value)))))
+
+    @property
+    def axes(self) -> Array:
+        """Rows: direction, normal x direction, normal; shape (3, 3)."""
+        direction, normal = np.asarray(self.direction), np.asarray(self.normal)
+        return np.stack([direction, np.cross(normal, direction), normal])
+
+    @classmethod
+    def box(
+        cls,
+        length_x: float,
+        length_y: float,
+        height: float = np.inf,
+        *,
+        restitution: float | None = None,
+        friction: float | None = None,
+    ) -> tuple[Plane, ...]:
+        """Ground at z = 0 and four walls around the origin, the thesis' training scene.
+
+        Args:
+            length_x: Inner length along x [m].
+            length_y: Inner length along y [m].
+            height: Height of the walls [m]; infinite by default.
+            restitution: Of all five; None: the scene's.
+            friction: Of all five; None: the scene's.
+        """
+        for name, value in (('length_x', length_x), ('length_y', length_y), ('height', height)):
+            if not value > 0 or (name != 'height' and value == np.inf):
+                raise ValueError(f'{name} of the box is {value:g}, expected more than 0 and finite')
+        x, y = length_x / 2, length_y / 2
+        z = height / 2 if np.isfinite(height) else 0.0
+        up = (0.0, 0.0, 1.0)
+
+        def wall(point: Vector, normal: Vector, width: float) -> Plane:
+            # a wall's y axis is normal x direction: with `up` as direction, x runs upwards
+            return cls(point, normal, up, height, width, restitution, friction)
+
+        return (
+            cls((0.0, 0.0, 0.0), up, (1.0, 0.0, 0.0), restitution=restitution, friction=friction),
+            wall((-x, 0.0, z), (1.0, 0.0, 0.0), length_y),
+            wall((x, 0.0, z), (-1.0, 0.0, 0.0), length_y),
+            wall((0.0, -y, z), (0.0, 1.0, 0.0), length_x),
+            wall((0.0, y, z), (0.0, -1.0, 0.0), length_x),
+        )
+
+
+def closest_points(
+    surfaces: tuple[Plane, ...], positions: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Closest point of each bounded plane to each position.
+
+    Returns:
+        Points [m], shape (n, surfaces, 3), and signed heights (p - p_s) . n_s [m] of the positions
+        above the infinite planes, shape (n, surfaces).
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    points = np.empty((len(positions), len(surfaces), 3))
+    heights = np.empty((len(positions), len(surfaces)))
+    for index, plane in enumerate(surfaces):
+        local = (positions - plane.point) @ plane.axes.T
+        heights[:, index] = local[:, 2]
+        half = np.array([plane.length_x, plane.length_y]) / 2
+        inside = np.clip(local[:, :2], -half, half)
+        points[:, index] = np.asarray(plane.point) + inside @ plane.axes[:2]
+    return points, heights
