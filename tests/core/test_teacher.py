@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
+from rigid_gns_core.dataset import demo_record
 from rigid_gns_core.rolling import resist_rolling
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State
@@ -207,3 +209,9 @@ def test_bad_input_is_named(bullet) -> None:
     teacher.close()
     with pytest.raises(TeacherError, match='closed'):
         teacher.step()
+
+
+def test_the_shipped_record_was_made_with_the_default_settings():
+    made_with = demo_record().teacher
+    defaults = asdict(TeacherSettings())
+    assert {name: made_with[name] for name in defaults} == defaults
