@@ -2,9 +2,9 @@
 
     python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json floor.json
 
-Each record is simulated again by Bullet at half and at twice the substeps it was made with, and scored
-like a model's prediction. The floor of an error is the larger of the two; one below it means nothing
-in a chaotic scene. Needs pybullet.
+Each record is simulated again by Bullet at half and at twice the substeps it was made with, and
+scored like a model's prediction. The floor of an error is the larger of the two; in a chaotic scene
+one below it means nothing. Needs pybullet.
 """
 
 from __future__ import annotations

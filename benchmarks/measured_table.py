@@ -1,9 +1,8 @@
 """The table of errors in README.md, made from the JSON files under docs/model.
 
-    rigid-gns evaluate --model gns --data data/gns_test --steps 300 --velocities poses \
-        --json docs/model/gns_test.json
-    python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json docs/model/floor.json
-    python benchmarks/measured_table.py
+rigid-gns evaluate --data data/gns_test --steps 300 --json docs/model/gns_test.json
+python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json docs/model/floor.json
+python benchmarks/measured_table.py
 """
 
 from __future__ import annotations
@@ -53,14 +52,18 @@ def rows(model: dict[str, Any], floor: dict[str, Any]) -> list[tuple[str, str, s
     found = []
     for step in HORIZONS:
         values = ours['horizons'][str(step)]
-        found.append((
-            f'position error after {values["time"]:g} s [m]', cell(values['position_error']),
-            cell(worse('horizons', str(step), 'position_error')),
-        ))
+        found.append(
+            (
+                f'position error after {values["time"]:g} s [m]',
+                cell(values['position_error']),
+                cell(worse('horizons', str(step), 'position_error')),
+            )
+        )
     for key, name in (('mse', 'MSE over 30 s [m²]'), ('chamfer', 'Chamfer over 30 s [m²]')):
         found.append((name, cell(ours['errors'][key]), cell(worse('errors', key))))
     for key, name in LAWS.items():
-        found.append((name, cell(ours['laws']['predicted'][key]), cell(worse('laws', 'predicted', key))))
+        own = cell(ours['laws']['predicted'][key])
+        found.append((name, own, cell(worse('laws', 'predicted', key))))
     return found
 
 
