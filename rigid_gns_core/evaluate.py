@@ -234,7 +234,8 @@ def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
                 steps=steps,
                 quaternions=start.quaternions,
             )
-            name = f'{number:04d} {record.name}'.strip()
+            name = record.name if record.name not in reports else ''
+            name = name or f'{number:04d}'
             reports[name] = evaluate(
                 predicted, record.trajectory, record.scene, velocities=arguments.velocities
             )
