@@ -85,7 +85,10 @@ def measure(publisher, count: int, repeats: int) -> dict[str, dict[str, float]]:
         wall, cpu = np.array(values).T
         low, median, high = (float(q) for q in np.quantile(wall, [0.1, 0.5, 0.9]))
         report[name] = {
-            'median_ms': median, 'p10_ms': low, 'p90_ms': high, 'max_ms': float(wall.max()),
+            'median_ms': median,
+            'p10_ms': low,
+            'p90_ms': high,
+            'max_ms': float(wall.max()),
             'cpu_median_ms': float(np.median(cpu)),
         }
     return report
@@ -120,15 +123,19 @@ def machine() -> dict[str, str]:
         names = [line for line in cpuinfo.read_text().splitlines() if line.startswith('model name')]
         model = names[0].split(':')[1].strip() if names else model
     return {
-        'cpu': model, 'cores': str(os.cpu_count()), 'load': f'{os.getloadavg()[0]:.1f}',
-        'python': platform.python_version(), 'numpy': version('numpy'), 'rclpy': version('rclpy'),
+        'cpu': model,
+        'cores': str(os.cpu_count()),
+        'load': f'{os.getloadavg()[0]:.1f}',
+        'python': platform.python_version(),
+        'numpy': version('numpy'),
+        'rclpy': version('rclpy'),
         'rmw': rclpy.get_rmw_implementation_identifier(),
     }
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument('--counts', type=int, nargs='+', default=[10, 154, 300, 1000])
     parser.add_argument('--repeats', type=int, default=300, help='messages per variant and count')

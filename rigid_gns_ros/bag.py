@@ -51,7 +51,10 @@ class BagWriter:
     """
 
     def __init__(
-        self, folder: str | Path, *, queue_bytes: int = 256 * 2**20,
+        self,
+        folder: str | Path,
+        *,
+        queue_bytes: int = 256 * 2**20,
         on_error: Callable[[str], None] | None = None,
     ) -> None:
         self.folder = Path(folder)
@@ -66,7 +69,8 @@ class BagWriter:
         self._raw = open(self.path, 'xb', buffering=0)  # noqa: SIM115 - closed by the thread
         self._writer = Writer(
             io.BufferedWriter(self._raw),  # type: ignore[arg-type]
-            chunk_size=_CHUNK_SIZE, compression=CompressionType.NONE,
+            chunk_size=_CHUNK_SIZE,
+            compression=CompressionType.NONE,
         )
         self._queue: queue.SimpleQueue[tuple[_Topic, bytes, int] | _Topic | None]
         self._queue = queue.SimpleQueue()
@@ -136,7 +140,9 @@ class BagWriter:
             raise ValueError(f'topic {topic} was not added; added: {", ".join(self._topics)}')
         with self._lock:
             if (
-                self._closed or self._error or not 0 <= log_time_ns < 2**63
+                self._closed
+                or self._error
+                or not 0 <= log_time_ns < 2**63
                 or self._waiting + len(cdr) > self._queue_bytes
             ):
                 self._lost += 1
@@ -198,10 +204,12 @@ class BagWriter:
     def _register(self, topic: _Topic) -> None:
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
-                topic.type_name, 'ros2msg', full_text(topic.type_name).encode(),
+                topic.type_name, 'ros2msg', full_text(topic.type_name).encode()
             )
         topic.channel = self._writer.register_channel(
-            topic.name, 'cdr', self._schemas[topic.type_name],
+            topic.name,
+            'cdr',
+            self._schemas[topic.type_name],
             {
                 'offered_qos_profiles': to_yaml(qos_profiles(topic.qos)),
                 'topic_type_hash': type_hash(topic.type_name),
@@ -213,7 +221,7 @@ class BagWriter:
             self._waiting -= len(cdr)
         self._unflushed += 1
         self._writer.add_message(
-            topic.channel, log_time_ns, cdr, publish_time=log_time_ns, sequence=topic.count,
+            topic.channel, log_time_ns, cdr, publish_time=log_time_ns, sequence=topic.count
         )
         topic.count += 1
         first, last = self._times or (log_time_ns, log_time_ns)

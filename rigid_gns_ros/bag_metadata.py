@@ -34,17 +34,23 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
     if qos not in _QOS:
         raise ValueError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
     depth, reliability, durability = _QOS[qos]
-    return [{
-        'history': 'keep_last', 'depth': depth,
-        'reliability': reliability, 'durability': durability,
-        'deadline': _infinite(), 'lifespan': _infinite(),
-        'liveliness': 'automatic', 'liveliness_lease_duration': _infinite(),
-        'avoid_ros_namespace_conventions': False,
-    }]
+    return [
+        {
+            'history': 'keep_last',
+            'depth': depth,
+            'reliability': reliability,
+            'durability': durability,
+            'deadline': _infinite(),
+            'lifespan': _infinite(),
+            'liveliness': 'automatic',
+            'liveliness_lease_duration': _infinite(),
+            'avoid_ros_namespace_conventions': False,
+        }
+    ]
 
 
 def bag_information(
-    file: str, topics: Sequence[RecordedTopic], first_ns: int, last_ns: int,
+    file: str, topics: Sequence[RecordedTopic], first_ns: int, last_ns: int
 ) -> dict[str, Any]:
     """The content of `rosbag2_bagfile_information` for a bag of one MCAP file.
 
@@ -65,7 +71,9 @@ def bag_information(
         'topics_with_message_count': [
             {
                 'topic_metadata': {
-                    'name': topic.name, 'type': topic.type_name, 'serialization_format': 'cdr',
+                    'name': topic.name,
+                    'type': topic.type_name,
+                    'serialization_format': 'cdr',
                     'offered_qos_profiles': qos_profiles(topic.qos),
                     'type_description_hash': type_hash(topic.type_name),
                 },
@@ -76,12 +84,14 @@ def bag_information(
         'compression_format': '',
         'compression_mode': '',
         'relative_file_paths': [file],
-        'files': [{
-            'path': file,
-            'starting_time': {'nanoseconds_since_epoch': first_ns},
-            'duration': {'nanoseconds': last_ns - first_ns},
-            'message_count': count,
-        }],
+        'files': [
+            {
+                'path': file,
+                'starting_time': {'nanoseconds_since_epoch': first_ns},
+                'duration': {'nanoseconds': last_ns - first_ns},
+                'message_count': count,
+            }
+        ],
         'custom_data': None,
         'ros_distro': 'jazzy',
     }

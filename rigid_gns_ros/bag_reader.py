@@ -6,6 +6,7 @@ has none, and every record that is whole is still there.
 
 from __future__ import annotations
 
+import itertools
 import re
 import struct
 from collections.abc import Callable, Iterator
@@ -23,6 +24,8 @@ from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
 
 _MAGIC = b'\x89MCAP0\r\n'
+# log times that fall by more are of another pass of simulated time, and not merely unordered [ns]
+_PASS = 1_000_000_000
 _HEAD = struct.Struct('<BQ')  # opcode, length of the content
 
 
@@ -32,19 +35,24 @@ class BagError(ValueError):
 
 @dataclass(frozen=True)
 class Topic:
-    """Messages of one topic in the order of their log times.
+    """Messages of one topic in the order of their log times, pass by pass.
+
+    Where simulated time went back by more than a second, as in a world that was reset, the log
+    times fall too: what was recorded after it stays after it.
 
     Args:
         name: Topic.
         type_name: Type, as `geometry_msgs/msg/PoseArray`.
         times: Log times [ns], int64, shape (messages,).
         messages: CDR bytes of each.
+        places: Place of each in the order of recording over all topics, int64, shape (messages,).
     """
 
     name: str
     type_name: str
     times: NDArray[np.int64]
     messages: list[bytes]
+    places: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.messages)
@@ -76,18 +84,32 @@ def read_bag(path: str | Path) -> Bag:
     files, information = _files(path, warnings)
     unpack = _message_unpacker(information)
     gathered: dict[str, _Gathered] = {}
+    place = itertools.count()
     for file in files:
-        _read_file(file, gathered, warnings)
+        _read_file(file, gathered, place, warnings)
     topics = {}
     for name, found in gathered.items():
         times = np.array(found.times, dtype=np.int64)
-        order = np.argsort(times, kind='stable')
+        order = _order(times)
         messages = [unpack(found.messages[index]) for index in order]
-        topics[name] = Topic(name, found.type_name, times[order], messages)
+        places = np.array(found.places, dtype=np.int64)[order]
+        topics[name] = Topic(name, found.type_name, times[order], messages, places)
     count, expected = sum(map(len, topics.values())), information.get('message_count')
     if expected is not None and count != expected:
         warnings.append(f'{path}: metadata.yaml counts {expected} messages, {count} were read')
     return Bag(path, topics, tuple(warnings))
+
+
+def _order(times: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places in order of time, within each pass of a clock that may have gone back."""
+    latest = np.maximum.accumulate(times) if len(times) else times
+    passes = np.zeros(len(times), dtype=np.int64)
+    start = 0
+    while (cuts := np.flatnonzero(times[start:] < latest[start:] - _PASS)).size:
+        start += int(cuts[0])
+        passes[start:] += 1
+        latest[start:] = np.maximum.accumulate(times[start:])
+    return np.lexsort((times, passes))
 
 
 def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]:
@@ -148,9 +170,12 @@ class _Gathered:
     type_name: str
     times: list[int] = field(default_factory=list)
     messages: list[bytes] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
 
 
-def _read_file(file: Path, gathered: dict[str, _Gathered], warnings: list[str]) -> None:
+def _read_file(
+    file: Path, gathered: dict[str, _Gathered], place: Iterator[int], warnings: list[str]
+) -> None:
     """Add the messages of one file to those of each topic."""
     schemas: dict[int, str] = {}
     channels: dict[int, _Gathered | None] = {}  # None: not CDR
@@ -173,6 +198,7 @@ def _read_file(file: Path, gathered: dict[str, _Gathered], warnings: list[str]) 
         elif topic := channels[record.channel_id]:
             topic.times.append(record.log_time)
             topic.messages.append(record.data)
+            topic.places.append(next(place))
     if homeless:
         warnings.append(
             f'{file}: {homeless} messages are lost, as the record of their topic is damaged'

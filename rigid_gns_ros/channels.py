@@ -29,11 +29,14 @@ class Channels:
     """
 
     def __init__(self, node: Node, on_tracked: Callable[[bytes], None], record: str) -> None:
-        self._node = node
+        self._node, self._on_tracked = node, on_tracked
         # before anything can be received or published
         self.bag: BagWriter | None = None
         if record:
-            self.bag = BagWriter(Path(record).expanduser(), on_error=self._log_error)
+            try:
+                self.bag = BagWriter(Path(record).expanduser(), on_error=self._log_error)
+            except OSError as error:
+                raise type(error)(f'parameter record is {record!r}: {error}') from error
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.predicted = node.create_publisher(PoseArray, 'predicted_poses', 10)
         self.scene = node.create_publisher(String, '~/scene', latched)
@@ -47,6 +50,15 @@ class Channels:
             self.bag.add_topic(self.scene.topic_name, 'std_msgs/msg/String', 'latched')
             self.bag.add_topic(self.step_time.topic_name, 'std_msgs/msg/Float64', 'reliable')
 
+    @property
+    def topics(self) -> dict[str, str]:
+        """Resolved names, for whoever reads the bag."""
+        return {
+            'tracked': self.tracked.topic_name,
+            'predicted': self.predicted.topic_name,
+            'step_time': self.step_time.topic_name,
+        }
+
     def send(self, publisher: Publisher, cdr: bytes) -> None:
         """Publish a message and record it."""
         publisher.publish(cdr)
@@ -56,12 +68,26 @@ class Channels:
         """Record a tracked message that was accepted."""
         self._record(self.tracked.topic_name, cdr)
 
+    def drain(self) -> None:
+        """Take all tracked messages that wait, of which the executor takes one at a time."""
+        while True:
+            with self.tracked.handle:
+                taken = self.tracked.handle.take_message(self.tracked.msg_type, self.tracked.raw)
+            if taken is None:
+                return
+            self._on_tracked(taken[0])
+
     def close(self) -> str:
-        """Finish the bag; returns its folder, or an empty text."""
+        """Finish the bag; returns what became of it, or an empty text."""
         if self.bag is None:
             return ''
         self.bag.close()
-        return str(self.bag.folder)
+        text = f'bag in {self.bag.folder}'
+        if self.bag.error:
+            text += f', INCOMPLETE: {self.bag.error}'
+        if self.bag.lost:
+            text += f' ({self.bag.lost} messages not recorded)'
+        return text
 
     def _log_error(self, text: str) -> None:
         self._node.get_logger().error(text)

@@ -79,15 +79,20 @@ TYPES: dict[str, tuple[str, tuple[str, ...]]] = {
     'geometry_msgs/msg/PoseArray': (
         'RIHS01_af0cc36d190e104d546d168d6b39df04fa4b4ccecf59cb4c9ed328d3d5004aa0',
         (
-            'geometry_msgs/Pose', 'geometry_msgs/Point', 'geometry_msgs/Quaternion',
-            'std_msgs/Header', 'builtin_interfaces/Time',
+            'geometry_msgs/Pose',
+            'geometry_msgs/Point',
+            'geometry_msgs/Quaternion',
+            'std_msgs/Header',
+            'builtin_interfaces/Time',
         ),
     ),
     'std_msgs/msg/String': (
-        'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18', (),
+        'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18',
+        (),
     ),
     'std_msgs/msg/Float64': (
-        'RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a', (),
+        'RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a',
+        (),
     ),
 }
 

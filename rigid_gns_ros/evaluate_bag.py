@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -18,25 +17,26 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 
 from .alignment import AlignmentError, align, decode_topic, longest_run, usable_frames
-from .bag_reader import Bag, BagError, Topic, read_bag
-from .messages import MessageError, decode_float64, decode_string
-
-_POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
-_STRING = 'std_msgs/msg/String'
-_FLOAT64 = 'std_msgs/msg/Float64'
+from .bag_reader import Bag, BagError, read_bag
+from .bag_topics import Topics, find_topics, listing
+from .messages import decode_float64
 
 
 def evaluate_bag(
-    folder: str | Path, *, scene: str | Path | None = None, tracked: str | None = None,
-    predicted: str | None = None, figure: str | Path | None = None,
+    folder: str | Path,
+    *,
+    scene: str | Path | None = None,
+    tracked: str | None = None,
+    predicted: str | None = None,
+    figure: str | Path | None = None,
 ) -> dict[str, Any]:
     """Score a bag.
 
     Args:
         folder: Bag folder, or an .mcap file.
         scene: Shipped name or YAML file of the scene. None: the one that the simulator recorded.
-        tracked: Topic of the tracked poses. None: the one that ends with `tracked_poses`.
-        predicted: Topic of the predicted poses. None: the one that ends with `predicted_poses`.
+        tracked: Topic of the tracked poses. None: that of the simulator, see `find_topics`.
+        predicted: Topic of the predicted poses. None: the same.
         figure: PNG to draw. None: none.
 
     Returns:
@@ -48,19 +48,18 @@ def evaluate_bag(
         ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
     bag = read_bag(folder)
-    predicted_topic = _find(bag, 'predicted_poses', _POSE_ARRAY, predicted, '--predicted')
-    tracked_topic = _find(bag, 'tracked_poses', _POSE_ARRAY, tracked, '--tracked')
-    recorded = _recorded_scene(bag, predicted_topic)
+    topics = find_topics(bag, tracked, predicted)
+    predicted_topic, tracked_topic, recorded = topics.predicted, topics.tracked, topics.recorded
     the_scene = _scene(bag, recorded, scene)
     every = recorded.get('parameters', {}).get('start') == 'every'
 
-    frames, log_times, damaged = decode_topic(predicted_topic)
-    run, breaks = longest_run(frames, every=every)
+    ours_all, theirs_all = decode_topic(predicted_topic), decode_topic(tracked_topic)
+    run, breaks = longest_run(ours_all.frames, every=every)
     count = run.poses.shape[1]
-    all_tracked, _, tracked_damaged = decode_topic(tracked_topic)
-    usable, dropped = usable_frames(all_tracked, run.frame_id, count)
-    if tracked_damaged:
-        dropped['damaged'] = tracked_damaged
+    places = ours_all.places[run.part]
+    usable, dropped = usable_frames(theirs_all, run.frame_id, count, places)
+    if theirs_all.damaged:
+        dropped['damaged'] = theirs_all.damaged
     if not usable:
         raise AlignmentError(
             f'no frame of {tracked_topic.name} can be compared with {predicted_topic.name} '
@@ -80,7 +79,7 @@ def evaluate_bag(
         'tracked': len(tracked_topic),
         'tracked_refused': sum(dropped.values()),
         'predicted': len(predicted_topic),
-        'predicted_damaged': damaged,
+        'predicted_damaged': ours_all.damaged,
         'compared': len(ours),
         'compared_s': ours.steps * ours.dt,
         'restarts': breaks['restarts'],
@@ -88,15 +87,15 @@ def evaluate_bag(
         'bridged': run.bridged,
         **alignment,
     }
-    stamps = np.array([frame.stamp_ns for frame in frames], dtype=np.int64)
-    report['timing'] = _timing(log_times, stamps) | _step_times(bag, predicted_topic, recorded)
+    stamps = np.array([frame.stamp_ns for frame in ours_all.frames], dtype=np.int64)
+    report['timing'] = _timing(ours_all.times, stamps) | _step_times(topics)
     report['notes'] = _notes(bag, report, dropped, every)
     if figure is not None:
         from rigid_gns_core.figure import write_figure
 
         title = f'{bag.path.name}: {count} spheres, model {report["recording"]["model"]}'
         write_figure(
-            figure, ours, reference, the_scene, title=title, names=('predicted', 'tracked'),
+            figure, ours, reference, the_scene, title=title, names=('predicted', 'tracked')
         )
     return report
 
@@ -105,7 +104,7 @@ def format_report(report: dict[str, Any]) -> str:
     """The table of a report with its notes."""
     notes = [
         textwrap.fill(
-            note, 100, initial_indent='- ', subsequent_indent='  ', break_long_words=False,
+            note, 100, initial_indent='- ', subsequent_indent='  ', break_long_words=False
         )
         for note in report['notes']
     ]
@@ -116,16 +115,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `evaluate`."""
     parser.add_argument('bag', type=Path, help='bag folder or .mcap file, whole or torn')
     parser.add_argument(
-        '--json', type=Path, metavar='FILE',
+        '--json',
+        type=Path,
+        metavar='FILE',
         help='where to write all numbers (default: BAG_evaluation.json beside the bag)',
     )
     parser.add_argument(
-        '--figure', type=Path, metavar='PNG',
+        '--figure',
+        type=Path,
+        metavar='PNG',
         help='where to draw positions, energy and error (default: BAG_evaluation.png)',
     )
     parser.add_argument('--no-figure', action='store_true', help='do not draw')
     parser.add_argument(
-        '--scene', metavar='NAME|FILE', help='scene, where the bag holds none or a wrong one',
+        '--scene', metavar='NAME|FILE', help='scene, where the bag holds none or a wrong one'
     )
     parser.add_argument('--tracked', metavar='TOPIC', help='topic of the tracked poses')
     parser.add_argument('--predicted', metavar='TOPIC', help='topic of the predicted poses')
@@ -150,8 +153,11 @@ def run(arguments: argparse.Namespace) -> int:
         except ModuleNotFoundError:
             missing, figure = 'not drawn, as matplotlib is not installed', None
     report = evaluate_bag(
-        arguments.bag, scene=arguments.scene, tracked=arguments.tracked,
-        predicted=arguments.predicted, figure=figure,
+        arguments.bag,
+        scene=arguments.scene,
+        tracked=arguments.tracked,
+        predicted=arguments.predicted,
+        figure=figure,
     )
     print(format_report(report))
     write_json(target, report)
@@ -176,63 +182,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
 
 
-def _find(bag: Bag, suffix: str, type_name: str, name: str | None, option: str) -> Topic:
-    """The topic called `name`, else the only one of that type whose last part is `suffix`."""
-    if name is not None:
-        found = [topic for topic in bag.topics.values() if topic.name == name]
-    else:
-        found = [topic for topic in bag.topics.values() if topic.name.split('/')[-1] == suffix]
-    found = [topic for topic in found if topic.type_name == type_name]
-    wanted = name or f'.../{suffix}'
-    if len(found) != 1:
-        problem = f'no topic {wanted}' if not found else f'{len(found)} topics {wanted}'
-        raise BagError(
-            f'{bag.path}: {problem} of type {type_name}; choose one with {option}. '
-            f'The bag holds {_listing(bag)}'
-        )
-    if not found[0].messages:
-        raise BagError(
-            f'{bag.path}: {found[0].name} holds no messages. The bag holds {_listing(bag)}'
-        )
-    return found[0]
-
-
-def _listing(bag: Bag) -> str:
-    listed = [f'{t.name} ({t.type_name}, {len(t)} messages)' for t in bag.topics.values()]
-    return ', '.join(sorted(listed)) or 'no topics'
-
-
-def _beside(bag: Bag, predicted: Topic, suffix: str, type_name: str) -> Topic | None:
-    """A topic of the node that predicted: that in the same namespace, where there are several."""
-    found = [
-        topic for topic in bag.topics.values()
-        if topic.name.endswith(f'/{suffix}') and topic.type_name == type_name and topic.messages
-    ]
-    namespace = predicted.name.rsplit('/', 1)[0]
-    near = [topic for topic in found if topic.name.rsplit('/', 2)[0] == namespace]
-    chosen = near if len(near) == 1 else found
-    return chosen[0] if len(chosen) == 1 else None
-
-
-def _recorded_scene(bag: Bag, predicted: Topic) -> dict[str, Any]:
-    """What the simulator said about itself on ~/scene; empty where there is nothing."""
-    topic = _beside(bag, predicted, 'scene', _STRING)
-    if topic is None:
-        return {}
-    try:
-        content = json.loads(decode_string(topic.messages[-1]))
-    except (MessageError, json.JSONDecodeError) as error:
-        raise BagError(f'{bag.path}: {topic.name} holds no JSON: {error}') from error
-    return content if isinstance(content, dict) else {}
-
-
 def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scene:
     if scene is not None:
         return load_scene(scene)[0]
     if 'scene' not in recorded:
         raise BagError(
             f'{bag.path}: no .../scene topic says what the scene is; name it with --scene. '
-            f'The bag holds {_listing(bag)}'
+            f'The bag holds {listing(bag)}'
         )
     return Scene.from_mapping(recorded['scene'], 'scene of the bag')
 
@@ -248,8 +204,8 @@ def _timing(log_times: NDArray[np.int64], stamps: NDArray[np.int64]) -> dict[str
     }
 
 
-def _step_times(bag: Bag, predicted: Topic, recorded: dict[str, Any]) -> dict[str, float]:
-    topic = _beside(bag, predicted, 'step_time', _FLOAT64)
+def _step_times(topics: Topics) -> dict[str, float]:
+    topic, recorded = topics.step_time, topics.recorded
     dt = {'model_dt_ms': 1e3 * float(recorded['dt'])} if 'dt' in recorded else {}
     if topic is None:
         return dt
@@ -278,7 +234,9 @@ def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: boo
     )
     notes = [noise, 'Lateness is the log time minus the stamp; a stamp is the time predicted for.']
     if every:
-        notes.append('Each prediction starts from a tracked frame: errors are one period ahead.')
+        notes.append(
+            'Each prediction starts from the newest frame: errors are about one period ahead.'
+        )
     if frames['restarts'] and not every:
         notes.append(
             f'The prediction started anew {frames["restarts"]} times; the longest stretch, '
@@ -290,6 +248,11 @@ def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: boo
         notes.append(
             f'{frames["interpolated"]} of {frames["compared"]} tracked poses are interpolated '
             f'between frames up to {frames["tracked_interval_s"]:.3g} s apart.'
+        )
+    if frames['untracked']:
+        notes.append(
+            f'{frames["untracked"]} predictions are left out, as tracked frames are missing there '
+            'for more than three of their median intervals; the longest part without is compared.'
         )
     if dropped:
         notes.append(f'Tracked frames refused: {_reasons(dropped)}.')

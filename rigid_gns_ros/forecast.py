@@ -1,4 +1,4 @@
-"""Predicted poses at equal times after a start frame, sampled from the model's own steps."""
+"""Predicted poses at any time after a start frame, sampled from the model's own steps."""
 
 from __future__ import annotations
 
@@ -21,63 +21,55 @@ class Prediction:
     """Poses predicted for one time.
 
     Args:
-        index: Number of periods since the start frame.
         stamp_ns: Time predicted for [ns].
         poses: Position [m] and quaternion (x, y, z, w) of each sphere, shape (n, 7).
         step_times: Wall-clock time of each model step that was needed [s].
     """
 
-    index: int
     stamp_ns: int
     poses: Array
     step_times: tuple[float, ...]
 
 
 class Forecast:
-    """Predictions k = 1, 2, ... for the times start + k * period.
+    """Predictions from one start frame, for any later times in rising order.
 
     Args:
         rollout: The model's rollout from the start frame.
         start_ns: Stamp of the start frame [ns].
-        period: Time between predictions [s]. Where it is not the model's own step, positions are
-            interpolated linearly and rotations along the shorter arc between two steps.
     """
 
-    def __init__(self, rollout: Rollout, start_ns: int, period: float) -> None:
-        self.rollout, self.start_ns, self.period = rollout, start_ns, period
-        self.next_index = 1
+    def __init__(self, rollout: Rollout, start_ns: int) -> None:
+        self.rollout, self.start_ns = rollout, start_ns
         self._before = self._after = rollout.state
 
-    def stamp_ns(self, index: int) -> int:
-        """Stamp of prediction `index` [ns], from the index itself so that nothing drifts."""
-        return self.start_ns + round(index * self.period * 1e9)
+    def advance_to(self, stamp_ns: int) -> Prediction:
+        """Compute the prediction for a time, taking as many steps of the model as it needs.
 
-    def skip_to(self, stamp_ns: int) -> None:
-        """Begin with the first prediction whose stamp is `stamp_ns` or later."""
-        while self.stamp_ns(self.next_index) < stamp_ns:
-            self.next_index += 1
+        Between two steps, positions are interpolated linearly and rotations along the shorter arc.
 
-    def advance(self) -> Prediction:
-        """Compute the next prediction.
+        Args:
+            stamp_ns: Time to predict for [ns], after the start frame and all earlier predictions.
 
         Raises:
             ValueError: The rollout diverged: a value is not finite.
+            FloatingPointError: The same, seen by the rollout.
         """
-        index = self.next_index
-        # position among the model's steps; 1e-9 steps off counts as on the step
-        place = index * self.period / self.rollout.dt
+        # position among the model's steps; stamps are whole nanoseconds, so one off is on the step
+        place = (stamp_ns - self.start_ns) * 1e-9 / self.rollout.dt
+        nearest = round(place)
+        if abs(place - nearest) * self.rollout.dt <= 1e-9:
+            place = float(nearest)
         step_times = []
-        while self.rollout.steps < place - 1e-9:
+        while self.rollout.steps < place:
             begun = time.perf_counter()
             self._before, self._after = self._after, self.rollout.step()
             step_times.append(time.perf_counter() - begun)
-        weight = min(place - (self.rollout.steps - 1), 1.0)
-        poses = _interpolate(self._before, self._after, weight)
+        poses = _interpolate(self._before, self._after, place - (self.rollout.steps - 1))
         if not np.isfinite(poses).all():
             sphere = int(np.argmin(np.isfinite(poses).all(axis=1)))
             raise ValueError(f'the predicted pose of sphere {sphere} is not finite')
-        self.next_index = index + 1
-        return Prediction(index, self.stamp_ns(index), poses, tuple(step_times))
+        return Prediction(stamp_ns, poses, tuple(step_times))
 
 
 class Forecaster:
@@ -109,10 +101,10 @@ class Forecaster:
         count = self.scene.sphere_count or 2
         surfaces = self.scene.surfaces
         ground = np.array(surfaces[0].point if surfaces else (0.0, 0.0, 0.0))
-        radius = self.scene.per_sphere('radius', count).max()
-        heights = radius * np.arange(1, 2 * count, 2)
+        self.radius = float(self.scene.per_sphere('radius', count).max())
+        heights = self.radius * np.arange(1, 2 * count, 2)
         state = State(positions=ground + heights[:, None] * self.scene.up)
-        self.forecast(state, 0).advance()
+        self.forecast(state, 0).rollout.step()
 
     @property
     def description(self) -> dict[str, Any]:
@@ -161,11 +153,11 @@ class Forecaster:
                 state.angular_velocities,
                 quaternions=state.quaternions,
             )
-        return Forecast(rollout, start_ns, self.period)
+        return Forecast(rollout, start_ns)
 
 
 def _interpolate(before: State, after: State, weight: float) -> Array:
-    if weight > 1 - 1e-9:
+    if weight >= 1:
         return np.concatenate([after.positions, after.quaternions], axis=1)
     positions = (1 - weight) * before.positions + weight * after.positions
     turn = rotation_between(before.quaternions, after.quaternions)

@@ -110,7 +110,8 @@ def decode_pose_array(cdr: bytes) -> PoseArrayFrame:
     values = np.frombuffer(cdr, reader.order + 'f8', 7 * count, start if count else 0)
     # a copy: aligned, writable, of native order and free of the message
     return PoseArrayFrame(
-        seconds * _NANOSECONDS + nanoseconds, frame_id,
+        seconds * _NANOSECONDS + nanoseconds,
+        frame_id,
         np.array(values, dtype=np.float64).reshape(count, 7),
     )
 
@@ -189,7 +190,7 @@ class _Reader:
                 f'{self.kind}: {name} has {length} bytes, but only '
                 f'{len(self.cdr) - self.offset} are left'
             )
-        data = bytes(self.cdr[self.offset:end])
+        data = bytes(self.cdr[self.offset : end])
         self.offset = end
         # some middleware writes an empty string without its NUL
         if length and (data[-1] != 0 or 0 in data[:-1]):

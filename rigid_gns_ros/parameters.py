@@ -23,6 +23,7 @@ class ParameterSpec:
         unit: Unit, empty where there is none.
         low: Least value of a number.
         high: Greatest value of a number.
+        least: Least value other than 0, where 0 has a meaning of its own.
         choices: The only values allowed of a string; empty: any.
         dynamic: Whether it may change while the node runs; else it is read-only.
     """
@@ -33,6 +34,7 @@ class ParameterSpec:
     unit: str = ''
     low: float = 0.0
     high: float = 0.0
+    least: float = 0.0
     choices: tuple[str, ...] = ()
     dynamic: bool = False
 
@@ -40,6 +42,9 @@ class ParameterSpec:
         """What is wrong with a value beyond type and range, which ROS checks; else None."""
         if self.choices and value not in self.choices:
             return f'{self.name} is {value!r}, allowed: {", ".join(self.choices)}'
+        if self.least and value != 0 and not self.least <= value:
+            span = f'{self.least:g} to {self.high:g} {self.unit}'
+            return f'{self.name} is {value:g}, allowed: 0, or {span}'
         return None
 
 
@@ -52,15 +57,16 @@ SIMULATOR = (
     ParameterSpec(
         'rate',
         0.0,
-        "predictions per second; 0: the model's native rate for the scene's radius",
+        "predictions per second, at least 0.1; 0: the model's native rate for the scene's radius",
         'Hz',
         0.0,
         1000.0,
+        0.1,
     ),
     ParameterSpec(
         'start',
         'first',
-        'first: predict on from the first frames; every: start again from each',
+        'first: predict on from the first frames; every: from the newest',
         choices=('first', 'every'),
         dynamic=True,
     ),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
@@ -31,7 +33,7 @@ def log_end(text: str) -> None:
 
 
 def run_node(name: str, make: Callable[[], ClosingNode]) -> int:
-    """Make a node and run it until it has finished, or until SIGINT or SIGTERM.
+    """Make a node and run it until it has finished, or until SIGINT, SIGTERM or SIGHUP.
 
     Returns:
         The exit code: 0, or 1 where the node could not be made.
@@ -39,6 +41,7 @@ def run_node(name: str, make: Callable[[], ClosingNode]) -> int:
     # rclpy's own handlers end the spinning; Python's would also raise KeyboardInterrupt, which at
     # the second SIGINT of a Ctrl-C under `ros2 launch` would strike while the bag is closed
     signal.signal(signal.SIGINT, lambda *_: None)
+    _terminate_on_hangup()
     rclpy.init()
     executor = SingleThreadedExecutor()
     node = None
@@ -61,3 +64,16 @@ def run_node(name: str, make: Callable[[], ClosingNode]) -> int:
             node.close()
         try_shutdown()
     return 0
+
+
+def _terminate_on_hangup() -> None:
+    """Make a SIGHUP a SIGTERM, as rclpy knows how to end at that one only; not under nohup."""
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        return
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})  # in all threads to come
+
+    def wait() -> None:
+        signal.sigwait({signal.SIGHUP})
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=wait, name='hangup', daemon=True).start()

@@ -167,7 +167,7 @@ def _source(values: dict[str, Any]) -> Source:
 
 
 def main() -> int:
-    """Run the node until its record ends, or until SIGINT or SIGTERM; returns the exit code."""
+    """Run the node until its record ends or a signal comes; returns the exit code."""
     return run_node('tracker', TrackerNode)
 
 

@@ -12,6 +12,13 @@ from rigid_gns_core.state import Array, State
 from .messages import PoseArrayFrame
 from .velocity import estimate_velocities
 
+# a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
+MAX_AHEAD_NS = 1_000_000_000
+# so many frames in a row refused for their stamps, while these rise, are a tracker begun anew
+RESTART_FRAMES = 5
+# positions further out than this many radii are no measurement
+MAX_DISTANCE = 1e6
+
 
 class RejectedFrame(ValueError):
     """A tracked frame cannot be used. `kind` names the check that failed."""
@@ -30,8 +37,11 @@ class TrackingWindow:
         max_spheres: Largest number of spheres accepted.
         gravity: Acceleration of free flight [m/s^2].
         max_gap: Longest time between two frames of a window [s]; after a longer one it starts anew.
+        radius: Of the largest sphere [m]; positions beyond a million radii are refused.
         check: Called with the number of spheres of a first frame; ValueError where the model cannot
             serve that many.
+        on_gap: Called with the time between two frames [s] where it is longer than `max_gap` and
+            the window was not yet full, so that a tracker as slow as that never fills it.
     """
 
     def __init__(
@@ -42,11 +52,17 @@ class TrackingWindow:
         max_spheres: int,
         gravity: tuple[float, float, float],
         max_gap: float,
+        radius: float,
         check: Callable[[int], None],
+        on_gap: Callable[[float], None],
     ) -> None:
         self.frame_id, self.length, self.max_spheres = frame_id, length, max_spheres
         self.gravity, self.max_gap_ns, self._check = gravity, round(max_gap * 1e9), check
+        self._far, self._on_gap = MAX_DISTANCE * radius, on_gap
         self._frames: deque[PoseArrayFrame] = deque(maxlen=length)
+        self._refused: list[PoseArrayFrame] = []  # for their stamps, which rise
+        self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
+        self.arrival_ns = 0  # of the newest frame, on the clock of this node
         self.count: int | None = None
 
     @property
@@ -62,10 +78,15 @@ class TrackingWindow:
     def clear(self) -> None:
         """Forget all frames and the number of spheres."""
         self._frames.clear()
+        self._refused.clear()
+        self._leads.clear()
         self.count = None
 
-    def add(self, frame: PoseArrayFrame) -> None:
-        """Take the next frame.
+    def add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
+        """Take the next frame, which arrived at `now_ns` of this node's clock.
+
+        Returns:
+            Whether all before were forgotten, as the tracker has begun anew.
 
         Raises:
             RejectedFrame: It cannot be used; what was there before is kept.
@@ -77,16 +98,31 @@ class TrackingWindow:
             )
         self._check_count(len(frame.poses))
         self._check_poses(frame.poses)
-        last = self.stamp_ns
-        if last is not None and frame.stamp_ns <= last:
-            raise RejectedFrame(
-                'stamp',
-                f'its stamp {seconds(frame.stamp_ns)} s does not come after '
-                f'{seconds(last)} s of the frame before; expected increasing stamps, or a call of '
-                '~/reset when the tracker was started again',
-            )
-        if last is not None and frame.stamp_ns - last > self.max_gap_ns:
+        restarted = False
+        try:
+            self._check_stamp(frame.stamp_ns, now_ns)
+        except RejectedFrame:
+            if self._refused and frame.stamp_ns <= self._refused[-1].stamp_ns:
+                self._refused.clear()
+            self._refused.append(frame)
+            if len(self._refused) < RESTART_FRAMES:
+                raise
+            frames, restarted = list(self._refused), True
+            self.clear()
+            for earlier in frames[:-1]:
+                self._take(earlier, now_ns)
+        self._take(frame, now_ns)
+        return restarted
+
+    def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
+        gap = frame.stamp_ns - (self.stamp_ns or 0) if self._frames else 0
+        if gap > self.max_gap_ns:
+            if not self.full:
+                self._on_gap(gap * 1e-9)
             self._frames.clear()
+        self._refused.clear()
+        self._leads.append(frame.stamp_ns - now_ns)
+        self.arrival_ns = now_ns
         self.count = len(frame.poses)
         self._frames.append(frame)
 
@@ -126,6 +162,23 @@ class TrackingWindow:
                 'to start again with another number',
             )
 
+    def _check_stamp(self, stamp: int, now: int) -> None:
+        last = self.stamp_ns
+        if last is not None and stamp <= last:
+            raise RejectedFrame(
+                'stamp',
+                f'its stamp {seconds(stamp)} s does not come after {seconds(last)} s of the frame '
+                'before; expected increasing stamps, or a call of ~/reset when the tracker was '
+                f'started again ({RESTART_FRAMES} such frames with rising stamps do the same)',
+            )
+        if self.full and stamp - now > max(self._leads) + MAX_AHEAD_NS:
+            ahead = (stamp - now - max(self._leads)) * 1e-9
+            raise RejectedFrame(
+                'ahead',
+                f'its stamp {seconds(stamp)} s is {ahead:.3f} s ahead of its time by the frames '
+                f'before, expected at most {MAX_AHEAD_NS * 1e-9:g} s',
+            )
+
     def _check_poses(self, poses: Array) -> None:
         finite = np.isfinite(poses).all(axis=1)
         if not finite.all():
@@ -133,6 +186,13 @@ class TrackingWindow:
             values = ', '.join(f'{value:g}' for value in poses[sphere])
             raise RejectedFrame(
                 'finite', f'the pose of sphere {sphere} is ({values}), expected finite numbers'
+            )
+        far = np.abs(poses[:, :3]).max(axis=1)
+        if (far > self._far).any():
+            raise RejectedFrame(
+                'far',
+                f'sphere {int(np.argmax(far))} is {far.max():.3g} m out, expected at most '
+                f'{self._far:.3g} m (a million radii); are positions in metres?',
             )
         norms = np.linalg.norm(poses[:, 3:], axis=1)
         if (norms < 1e-6).any():

@@ -34,6 +34,8 @@ def falling(time_s: float, count: int = 3, velocity: float = 1.0) -> np.ndarray:
 class Bench:
     """Nodes of one test in one context and one executor, and a tester that talks to them."""
 
+    falling = staticmethod(falling)
+
     def __init__(self) -> None:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor

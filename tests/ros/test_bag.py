@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 from rigid_gns_ros import definitions
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import BagError, read_bag
-from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+from rigid_gns_ros.messages import PoseArrayCodec, decode_float64, encode_float64, encode_string
 
 ROOT = Path(__file__).parents[2]
 START = 1_700_000_000_000_000_001
@@ -55,7 +55,8 @@ def test_own_reader_gives_the_bytes_back(tmp_path):
     bag = read_bag(tmp_path / 'bag')
     assert bag.warnings == ()
     assert {name: topic.messages for name, topic in bag.topics.items()} == {
-        **written, '/lab/tracked_poses': [],
+        **written,
+        '/lab/tracked_poses': [],
     }
     topic = bag.topics['/lab/predicted_poses']
     assert topic.type_name == POSE_ARRAY
@@ -89,8 +90,8 @@ def test_mcap_ros2_reads_it(tmp_path):
         reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
         assert reader.get_header().profile == 'ros2'
         poses = [
-            message.poses for _, _, _, message in
-            reader.iter_decoded_messages(topics='/lab/predicted_poses')
+            message.poses
+            for _, _, _, message in reader.iter_decoded_messages(topics='/lab/predicted_poses')
         ]
     assert len(poses) == 100
     expected = np.random.default_rng(7).normal(size=(5, 7))
@@ -105,9 +106,18 @@ def test_metadata_is_that_of_rosbag2_jazzy(tmp_path):
     content = yaml.safe_load((folder / 'metadata.yaml').read_text())
     information = content['rosbag2_bagfile_information']
     assert list(information) == [
-        'version', 'storage_identifier', 'duration', 'starting_time', 'message_count',
-        'topics_with_message_count', 'compression_format', 'compression_mode',
-        'relative_file_paths', 'files', 'custom_data', 'ros_distro',
+        'version',
+        'storage_identifier',
+        'duration',
+        'starting_time',
+        'message_count',
+        'topics_with_message_count',
+        'compression_format',
+        'compression_mode',
+        'relative_file_paths',
+        'files',
+        'custom_data',
+        'ros_distro',
     ]
     assert information['version'] == 9
     assert information['duration'] == {'nanoseconds': 99 * 10_000_000}
@@ -215,6 +225,7 @@ def test_what_cannot_be_recorded_is_counted_and_reported(tmp_path):
 
 def test_threads_write_at_once(tmp_path):
     with BagWriter(tmp_path / 'bag') as bag:
+
         def write(name: str) -> None:
             for k in range(500):
                 bag.write(name, encode_float64(k), START + k)
@@ -230,7 +241,7 @@ def test_threads_write_at_once(tmp_path):
     topics = read_bag(tmp_path / 'bag').topics
     expected = [encode_float64(k) for k in range(500)]
     assert {name: topic.messages == expected for name, topic in topics.items()} == dict.fromkeys(
-        ('/a', '/b', '/c'), True,
+        ('/a', '/b', '/c'), True
     )
 
 
@@ -245,18 +256,23 @@ bag.add_topic('/a', 'std_msgs/msg/Float64', 'reliable')
 
 def run_writer(folder: Path, body: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, '-c', WRITER + body, str(folder)], text=True, stdout=subprocess.PIPE,
+        [sys.executable, '-c', WRITER + body, str(folder)],
+        text=True,
+        stdout=subprocess.PIPE,
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
     )
 
 
 def test_a_killed_recorder_loses_half_a_second_at_most(tmp_path):
-    process = run_writer(tmp_path / 'bag', """
+    process = run_writer(
+        tmp_path / 'bag',
+        """
 for k in range(100_000):
     bag.write('/a', encode_float64(k), time.time_ns())
     print(k, flush=True)
     time.sleep(0.01)
-""")
+""",
+    )
     assert process.stdout is not None
     begin = time.monotonic()
     sent = 0
@@ -275,11 +291,14 @@ for k in range(100_000):
 
 
 def test_a_recorder_that_nobody_closed_is_closed_at_exit(tmp_path):
-    process = run_writer(tmp_path / 'bag', """
+    process = run_writer(
+        tmp_path / 'bag',
+        """
 for k in range(10):
     bag.write('/a', encode_float64(k), k)
 raise SystemExit(3)
-""")
+""",
+    )
     process.communicate(timeout=20)
     assert process.returncode == 3
     bag = read_bag(tmp_path / 'bag')
@@ -288,7 +307,9 @@ raise SystemExit(3)
 
 def test_a_full_disk_stops_the_recording_but_not_the_program(tmp_path):
     # a limit on the size of files fails in the same way, in the middle of a write
-    process = run_writer(tmp_path / 'bag', """
+    process = run_writer(
+        tmp_path / 'bag',
+        """
 import resource
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 for k in range(5000):
@@ -298,7 +319,8 @@ while bag.error is None:
 bag.write('/a', encode_float64(0), 0)
 bag.close()
 print(bag.topics['/a'], bag.lost, flush=True)
-""")
+""",
+    )
     out, _ = process.communicate(timeout=20)
     assert process.returncode == 0
     error, counts = out.splitlines()
@@ -331,7 +353,7 @@ def test_a_torn_file_gives_all_that_is_whole(tmp_path):
             bag = read_bag(path)
             messages = bag.topics.get('/simulator/step_time')
             messages = messages.messages if messages else []
-            assert messages == written[:len(messages)]  # no message is cut
+            assert messages == written[: len(messages)]  # no message is cut
             assert bag.warnings
             counts.append(len(messages))
         assert counts == sorted(counts)
@@ -395,9 +417,16 @@ def test_what_is_not_a_bag_is_named(tmp_path):
     (tmp_path / 'metadata.yaml').write_text('nothing: 1')
     with pytest.raises(BagError, match='not the metadata of a bag'):
         read_bag(tmp_path)
-    (tmp_path / 'metadata.yaml').write_text(yaml.safe_dump({'rosbag2_bagfile_information': {
-        'relative_file_paths': ['a.db3'], 'storage_identifier': 'sqlite3',
-    }}))
+    (tmp_path / 'metadata.yaml').write_text(
+        yaml.safe_dump(
+            {
+                'rosbag2_bagfile_information': {
+                    'relative_file_paths': ['a.db3'],
+                    'storage_identifier': 'sqlite3',
+                }
+            }
+        )
+    )
     with pytest.raises(BagError, match='stored as sqlite3, expected mcap; convert'):
         read_bag(tmp_path)
 
@@ -410,3 +439,20 @@ def test_a_folder_with_missing_parts_says_so(tmp_path):
     warnings = read_bag(tmp_path / 'bag').warnings
     assert 'bag_1.mcap: named in metadata.yaml, but missing' in warnings[0]
     assert 'counts 301 messages, 300 were read' in warnings[1]
+
+
+def test_log_times_that_go_back_are_passes_and_slight_disorder_is_sorted(tmp_path):
+    # one slightly unordered, two jumps back
+    folder, second = tmp_path / 'bag', 10**9
+    times = [100 * second, 102 * second, 101 * second + second // 2, 103 * second]
+    times += [50 * second, 51 * second, 104 * second, 20 * second]
+    with BagWriter(folder) as bag:
+        bag.add_topic('/a', 'std_msgs/msg/Float64', 'reliable')
+        bag.add_topic('/b', 'std_msgs/msg/Float64', 'reliable')
+        for index, time in enumerate(times):
+            bag.write('/a', encode_float64(float(index)), time)
+            bag.write('/b', encode_float64(0.0), time)
+    topic = read_bag(folder).topics['/a']
+    assert [decode_float64(cdr) for cdr in topic.messages] == [0, 2, 1, 3, 4, 5, 6, 7]
+    assert list(topic.times) == [times[index] for index in (0, 2, 1, 3, 4, 5, 6, 7)]
+    assert list(topic.places) == [0, 4, 2, 6, 8, 10, 12, 14]

@@ -97,7 +97,7 @@ def test_damaged_bytes_are_refused_by_name():
     cdr = PoseArrayCodec('world', 2).encode(make_poses(2), STAMP)
 
     def patched(offset: int, patch: bytes) -> bytes:
-        return cdr[:offset] + patch + cdr[offset + len(patch):]
+        return cdr[:offset] + patch + cdr[offset + len(patch) :]
 
     for offset, patch, reason in [
         (0, b'\x01', 'encapsulation'),
@@ -119,7 +119,7 @@ def test_random_bytes_never_raise_anything_else():
     rng = np.random.default_rng(0)
     whole = PoseArrayCodec('world', 2).encode(make_poses(2), STAMP)
     for _ in range(3000):
-        damaged = bytearray(whole[:rng.integers(len(whole) + 1)])
+        damaged = bytearray(whole[: rng.integers(len(whole) + 1)])
         for place in rng.integers(max(len(damaged), 1), size=3):
             if damaged:
                 damaged[place] = rng.integers(256)

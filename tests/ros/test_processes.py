@@ -22,7 +22,13 @@ Run = Callable[..., Any]
 
 @pytest.mark.parametrize(
     ('number', 'again'),
-    [(signal.SIGTERM, None), (signal.SIGINT, None), (signal.SIGINT, 0.003), (signal.SIGINT, 0.1)],
+    [
+        (signal.SIGTERM, None),
+        (signal.SIGHUP, None),
+        (signal.SIGINT, None),
+        (signal.SIGINT, 0.003),
+        (signal.SIGINT, 0.1),
+    ],
 )
 def test_a_signal_closes_the_bag(
     run_process: Run,

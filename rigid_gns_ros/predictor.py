@@ -1,0 +1,176 @@
+"""Which prediction is next, from which frame it starts, and when it is due. No ROS in here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .forecast import Forecast, Forecaster, Prediction
+from .schedule import Grid, Pacer
+from .tracking import TrackingWindow, seconds
+
+# a tracker whose clock is further off than this is followed on its own clock [ns]
+CLOCK_TOLERANCE_NS = 1_000_000_000
+
+
+class PredictionError(ValueError):
+    """There is no start or no next prediction. `kind` tells which."""
+
+    def __init__(self, kind: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+class Predictor:
+    """One prediction after the other, each computed ahead and held until it is due.
+
+    Times `now` and due times are of the node's clock, stamps of the tracker's [ns].
+
+    Args:
+        model: Makes the forecasts.
+        window: Tracked frames.
+        every: Whether each prediction starts from the newest frame, rather than all from the first.
+        warn: Called with a kind and a sentence; may be called often.
+        error: Called with a sentence, once.
+    """
+
+    def __init__(
+        self,
+        model: Forecaster,
+        window: TrackingWindow,
+        *,
+        every: bool,
+        warn: Callable[[str, str], None],
+        error: Callable[[str], None],
+    ) -> None:
+        self._model, self._window, self.every = model, window, every
+        self._warn, self._error = warn, error
+        self.period_ns = round(model.period * 1e9)
+        self.forecast: Forecast | None = None
+        self.pending: Prediction | None = None  # computed, not yet published
+        self.counts = {'published': 0, 'late': 0, 'skipped': 0}
+        self._grid = Grid(0, model.period)
+        self._pacer = Pacer(self.period_ns)
+        self._told_overload = False
+        self._offset_ns = 0  # node clock minus the tracker's clock, 0 where they agree
+        self._delay_ns = 0  # of all predictions, by the time that they were paused
+
+    @property
+    def due_ns(self) -> int:
+        """When the present prediction is to be published."""
+        return self._grid.stamp_ns + self._offset_ns + self._delay_ns
+
+    @property
+    def index(self) -> int:
+        """Number of periods from the frame that the stamps are counted from."""
+        return self._grid.index
+
+    def start(self, now: int) -> None:
+        """Start from the newest frame; `compute` is next.
+
+        Raises:
+            PredictionError: The frames give no start.
+        """
+        self.forecast = self._new_forecast()
+        self._offset_ns, self._delay_ns = self._clock_offset(self.forecast.start_ns, now), 0
+        self._grid = Grid(self.forecast.start_ns, self._model.period)
+        self._pacer.clear()
+
+    def stop(self) -> None:
+        """Forget what was predicted."""
+        self.forecast = self.pending = None
+
+    def compute(self, now: int) -> Prediction:
+        """Compute the next prediction, ahead of the time it is due.
+
+        Raises:
+            PredictionError: The rollout diverged, or the newest frames give no start.
+        """
+        assert self.forecast is not None
+        self._grid.advance()
+        forecast = self._renewed(self.forecast, now) if self.every else self.forecast
+        self.forecast = forecast
+        try:
+            self.pending = forecast.advance_to(self._grid.stamp_ns)
+        except (ValueError, FloatingPointError) as error:
+            raise PredictionError(
+                'diverged',
+                f'prediction for {seconds(self._grid.stamp_ns)} s failed: {error}; starting again',
+            ) from error
+        return self.pending
+
+    def resume(self, now: int) -> None:
+        """Move the schedule by the length of a pause, with one period to get going."""
+        self._delay_ns += now + self.period_ns - self.due_ns
+
+    def take(self) -> Prediction:
+        """The pending prediction, to be published now."""
+        assert self.pending is not None
+        prediction, self.pending = self.pending, None
+        self.counts['published'] += 1
+        return prediction
+
+    def take_in_time(self, now: int) -> Prediction | None:
+        """The pending prediction; None where it is so late that it is left out."""
+        assert self.pending is not None
+        late, took = now - self.due_ns, sum(self.pending.step_times)
+        admitted = self._pacer.admits(late, now)
+        if late > self.period_ns:
+            self.counts['late' if admitted else 'skipped'] += 1
+            self._note_late(late * 1e-9, took)
+        if admitted:
+            return self.take()
+        self.pending = None
+        return None
+
+    def _note_late(self, late: float, took: float) -> None:
+        period = f'{self._model.period:.4g} s'
+        self._warn(
+            'late',
+            f'a prediction is {late:.3f} s late, more than the period of {period}; so far '
+            f'{self.counts["late"]} published late and {self.counts["skipped"]} not published; '
+            f'this one took {took:.4g} s to compute',
+        )
+        if self._pacer.overloaded and not self._told_overload:
+            self._told_overload = True
+            self._error(
+                f'this machine cannot keep up with a prediction every {period} ({took:.4g} s to '
+                'compute the last one): all come late; lower the rate, or track fewer spheres'
+            )
+
+    def _renewed(self, forecast: Forecast, now: int) -> Forecast:
+        """Forecast from the newest frame, if there is a new one, for a time that is not past."""
+        newest, self._delay_ns = self._window.stamp_ns, 0
+        if newest is None or not self._window.full or newest <= forecast.start_ns:
+            # a slow tracker or a lost frame: it goes on period by period, however late, as a
+            # slow machine would fall behind the more, the more it tried to compute at once
+            return forecast
+        # no frame comes before its time: where it does, the tracker's clock is ahead
+        lead = newest + self._offset_ns - self._window.arrival_ns
+        if lead > self.period_ns // 2:
+            self._offset_ns -= lead
+        if now - self.due_ns > self.period_ns:
+            self.counts['skipped'] += self._grid.skip_to(now - self._offset_ns)
+        self._grid.skip_to(newest + 1)
+        self._grid.snap(newest)
+        return self._new_forecast()
+
+    def _new_forecast(self) -> Forecast:
+        try:
+            stamp, state = self._window.start()
+            return self._model.forecast(state, stamp)
+        except ValueError as error:
+            raise PredictionError(
+                'start', f'no start from these tracked frames: {error}'
+            ) from error
+
+    def _clock_offset(self, stamp: int, now: int) -> int:
+        for known in (0, self._offset_ns):
+            if abs(now - stamp - known) <= CLOCK_TOLERANCE_NS:
+                return known
+        self._warn(
+            'offset',
+            f'tracked stamp {seconds(stamp)} s is {(now - stamp) * 1e-9:+.3f} s off the '
+            "node's clock, expected at most 1 s: predictions follow the tracker's stamps, in time "
+            'with their arrival; does use_sim_time fit?',
+        )
+        return now - stamp

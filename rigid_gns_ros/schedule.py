@@ -1,0 +1,89 @@
+"""When predictions are due, and which of those that come late are published."""
+
+from __future__ import annotations
+
+# a tracked frame's own grid, so close to the present one, replaces it [periods]
+SNAP = 0.05
+# predictions late for so long without getting less late are no stall but overload
+OVERLOAD_NS = 3_000_000_000
+OVERLOAD_COUNT = 5
+
+
+class Grid:
+    """Stamps of predictions: origin + index * period, in whole nanoseconds and without drift.
+
+    Args:
+        origin_ns: Stamp of the frame from which periods are counted [ns].
+        period: Time between predictions [s].
+    """
+
+    def __init__(self, origin_ns: int, period: float) -> None:
+        self.origin_ns, self.period = origin_ns, period
+        self.index = 0
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the present prediction [ns]."""
+        return self._stamp(self.index)
+
+    def advance(self) -> None:
+        """Go on to the next prediction."""
+        self.index += 1
+
+    def skip_to(self, earliest_ns: int) -> int:
+        """Go on until the stamp is `earliest_ns` or later; returns by how many periods."""
+        before = self.index
+        self.index = max(before, int((earliest_ns - self.origin_ns) / (self.period * 1e9)) - 1)
+        while self.stamp_ns < earliest_ns:
+            self.index += 1
+        return self.index - before
+
+    def snap(self, frame_ns: int) -> None:
+        """Count from a tracked frame from now on, where that moves the stamp by 5 % at most."""
+        periods = max(1, round((self.stamp_ns - frame_ns) * 1e-9 / self.period))
+        own = Grid(frame_ns, self.period)
+        own.index = periods
+        if abs(own.stamp_ns - self.stamp_ns) * 1e-9 <= SNAP * self.period:
+            self.origin_ns, self.index = frame_ns, periods
+
+    def _stamp(self, index: int) -> int:
+        return self.origin_ns + round(index * self.period * 1e9)
+
+
+class Pacer:
+    """Decides whether a late prediction is published, and tells overload from a stall.
+
+    What is at most a period late is published. What is later is published unless another one was
+    less than a period ago: in overload everything computed comes out, after a stall no burst does.
+
+    Args:
+        period_ns: Time between predictions [ns].
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.overloaded = False  # whether it was ever seen that computing cannot keep up
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget what was published, after a jump of the clock or a new start."""
+        self._published_ns: int | None = None
+        self._late_count = 0
+        self._late_since: tuple[int, int] = (0, 0)  # first of the late ones in a row: when, by what
+
+    def admits(self, late_ns: int, now_ns: int) -> bool:
+        """Whether to publish at `now_ns` what is `late_ns` late."""
+        if late_ns <= self.period_ns:
+            self._late_count = 0
+        else:
+            self._late_count += 1
+            if self._late_count == 1:
+                self._late_since = now_ns, late_ns
+            since, by = self._late_since
+            if self._late_count >= OVERLOAD_COUNT and now_ns - since >= OVERLOAD_NS:
+                self.overloaded |= late_ns >= by
+            last = self._published_ns
+            if last is not None and now_ns - last < self.period_ns:
+                return False
+        self._published_ns = now_ns
+        return True
