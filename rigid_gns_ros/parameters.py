@@ -94,7 +94,8 @@ TRACKER = (
     ParameterSpec(
         'rate_factor',
         1.0,
-        "frames come this many times faster than real time; stamps keep to the record's own time",
+        "frames come this many times faster than real time; stamps keep to the record's own time, "
+        'so other speeds are for `start: first` or simulated time',
         '',
         0.01,
         100.0,

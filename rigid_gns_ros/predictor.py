@@ -144,6 +144,13 @@ class Predictor:
             # a slow tracker or a lost frame: it goes on period by period, however late, as a
             # slow machine would fall behind the more, the more it tried to compute at once
             return forecast
+        if self._window.lead_ns + self._offset_ns < -CLOCK_TOLERANCE_NS:
+            # even the fastest frame is late: the tracker's clock stood still, or is slower
+            self._offset_ns = self._clock_offset(newest, now)
+            self._grid = Grid(newest, self._model.period)
+            self._grid.advance()
+            self._pacer.clear()
+            return self._new_forecast()
         # no frame comes before its time: where it does, the tracker's clock is ahead
         lead = newest + self._offset_ns - self._window.arrival_ns
         if lead > self.period_ns // 2:

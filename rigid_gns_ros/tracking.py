@@ -75,6 +75,11 @@ class TrackingWindow:
         """Stamp of the newest frame [ns]; None before the first."""
         return self._frames[-1].stamp_ns if self._frames else None
 
+    @property
+    def lead_ns(self) -> int:
+        """Stamp minus arrival of the frame that was fastest, of the newest 20 [ns]."""
+        return max(self._leads, default=0)
+
     def clear(self) -> None:
         """Forget all frames and the number of spheres."""
         self._frames.clear()
@@ -171,8 +176,8 @@ class TrackingWindow:
                 'before; expected increasing stamps, or a call of ~/reset when the tracker was '
                 f'started again ({RESTART_FRAMES} such frames with rising stamps do the same)',
             )
-        if self.full and stamp - now > max(self._leads) + MAX_AHEAD_NS:
-            ahead = (stamp - now - max(self._leads)) * 1e-9
+        if self.full and stamp - now > self.lead_ns + MAX_AHEAD_NS:
+            ahead = (stamp - now - self.lead_ns) * 1e-9
             raise RejectedFrame(
                 'ahead',
                 f'its stamp {seconds(stamp)} s is {ahead:.3f} s ahead of its time by the frames '

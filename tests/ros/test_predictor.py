@@ -1,0 +1,60 @@
+"""`start: every` on a tracker whose clock falls behind; times are made up, so nothing waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+pytest.importorskip('torch', reason='the model needs torch')
+
+from rigid_gns_ros.forecast import Forecaster
+from rigid_gns_ros.messages import PoseArrayFrame
+from rigid_gns_ros.predictor import Predictor
+from rigid_gns_ros.tracking import TrackingWindow
+
+PERIOD = 100_000_000  # [ns]
+START = 1_000_000_000_000
+
+
+def test_a_tracker_whose_clock_stood_still_is_followed_again(
+    falling: Callable[..., np.ndarray],
+) -> None:
+    model = Forecaster('', 'box_154')
+    window = TrackingWindow(
+        frame_id='world',
+        length=1,
+        max_spheres=10,
+        gravity=model.scene.gravity,
+        max_gap=1.0,
+        radius=1.0,
+        check=lambda _: None,
+        on_gap=lambda _: None,
+    )
+    warned: list[str] = []
+    predictor = Predictor(
+        model, window, every=True, warn=lambda kind, _: warned.append(kind), error=pytest.fail
+    )
+    poses, pause = falling(0.0), 4_000_000_000
+    ahead, steps = [], []
+    for index in range(60):
+        # the tracker stands still for 4 s after frame 20 and then goes on with its old time
+        stamp = START + index * PERIOD
+        now = stamp + (pause if index > 20 else 0)
+        if index == 21:  # meanwhile the forecast goes on by itself
+            for late in range(pause // PERIOD):
+                predictor.compute(stamp + late * PERIOD)
+                predictor.take()
+        window.add(PoseArrayFrame(stamp, 'world', poses), now)
+        if predictor.forecast is None:
+            predictor.start(now)
+        prediction = predictor.compute(now)
+        predictor.take()
+        ahead.append((prediction.stamp_ns - stamp) // PERIOD)
+        steps.append(len(prediction.step_times))
+    assert set(ahead[:21]) == {1}
+    # the newest 20 frames decide, so that one late frame does not
+    assert warned == ['offset']
+    assert set(ahead[-15:]) == {1}
+    assert max(steps[-15:]) == 1
