@@ -107,6 +107,9 @@ def generate_scene(
     return write_record(path, record, contents)
 
 
+SCENE_STEPS = 600  # of `--scene`, where nothing else says it
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `rigid-gns generate`."""
     parser.epilog = EXAMPLE
@@ -131,7 +134,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--trajectories', type=int, metavar='N', help='make so many, whatever the recipe says'
     )
     parser.add_argument(
-        '--steps', type=int, default=600, metavar='N', help='time steps with --scene (default: 600)'
+        '--steps', type=int, metavar='N', help="time steps (default: the recipe's; a scene: 600)"
     )
     parser.add_argument(
         '--poses-only',
@@ -146,12 +149,15 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.out.exists():
             raise FileExistsError(f'{arguments.out} exists; remove it first')
         contents: Contents = 'poses' if arguments.poses_only else 'full'
-        path = generate_scene(arguments.scene, arguments.out, arguments.steps, contents=contents)
+        steps = SCENE_STEPS if arguments.steps is None else arguments.steps
+        path = generate_scene(arguments.scene, arguments.out, steps, contents=contents)
         print(f'{path}: {path.stat().st_size / 1e6:.2f} MB')
         return 0
-    recipe = load_recipe(arguments.config)
-    if arguments.trajectories is not None:
-        recipe = replace(recipe, trajectories=arguments.trajectories)
+    if arguments.poses_only:
+        raise ValueError('--poses-only goes with --scene: training needs all of a trajectory')
+    changes = {name: getattr(arguments, name) for name in ('trajectories', 'steps')}
+    changes = {name: value for name, value in changes.items() if value is not None}
+    recipe = replace(load_recipe(arguments.config), **changes)
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
     begin = time.monotonic()
     try:
@@ -269,6 +275,9 @@ def _make_in_processes(
 
     try:
         submit(workers)
+        # The executor watches the workers that were there when it last woke up, so the last of them
+        # might die unnoticed until another one has finished; this wakes it once more.
+        executor.submit(int)
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 spheres, seconds = future.result()

@@ -116,10 +116,15 @@ def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
         '    os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)\n'
         "if __name__ == '__main__':\n"
         '    threading.Thread(target=kill).start()\n'
-        "    generate(load_recipe('smoke'), sys.argv[1], workers=2)\n"
+        '    generate(load_recipe(sys.argv[2]), sys.argv[1], workers=2)\n'
     )
+    slow = tmp_path / 'slow.yaml'  # so that both workers are still at their first trajectory
+    slow.write_text('base: smoke\nsteps: 20000\n')
     done = subprocess.run(
-        [sys.executable, script, tmp_path / 'data'], capture_output=True, text=True, timeout=60
+        [sys.executable, script, tmp_path / 'data', slow],
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert done.returncode == 1
     assert 'GenerateError: a worker process died at trajectory 0 or 1 of seed 0' in done.stderr
@@ -169,6 +174,14 @@ def test_the_command_makes_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixt
     command = ['generate', '--config', 'smoke', '--out', str(tmp_path), '--workers', '1']
     assert main([*command, '--trajectories', '1']) == 0
     assert '1 trajectories of 30 steps' in capsys.readouterr().out
+    assert main([*command[:4], str(tmp_path / 'short'), '--trajectories', '1', '--steps', '2']) == 0
+    assert read_record(tmp_path / 'short' / '0000.h5').trajectory.steps == 2
+    capsys.readouterr()
+    for option, message in (('--steps', 'steps is 0'), ('--trajectories', 'trajectories is 0')):
+        assert main([*command, option, '0']) == 2
+        assert message in capsys.readouterr().err
+    assert main([*command, '--poses-only']) == 2
+    assert '--poses-only goes with --scene' in capsys.readouterr().err
     assert main([*command, '--workers', '0']) == 2
     assert 'workers is 0, expected at least 1' in capsys.readouterr().err
     assert main(['generate', '--config', 'nothing', '--out', str(tmp_path)]) == 2
