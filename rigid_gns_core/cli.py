@@ -17,6 +17,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
     'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
+    'hard-cases': (
+        'rigid_gns_core.hard_cases.command',
+        'check the stability of simulators on hard cases',
+    ),
 }
 
 

@@ -6,16 +6,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from .config import ConfigError, find_config, from_mapping, load_yaml
-from .plane import closest_points
+from .plane import Vector, closest_points
 from .scene import Scene
 from .state import Array, State
 
 # a sphere that found no place in so many throws will hardly find one
 _THROWS = 2000
+# spheres that touch are a rounding error apart, or this many radii at most into each other
+_TOLERANCE = 1e-6
+# share of the throws onto a floor that touch an earlier sphere, where the gap may be 0
+_TOUCHING = 0.3
+
+Layout = Literal['scattered', 'floor', 'blocks']
 
 
 class SamplingError(ValueError):
@@ -23,39 +30,112 @@ class SamplingError(ValueError):
 
 
 @dataclass(frozen=True)
-class StartRecipe:
-    """Spheres at rest, at random places that touch nothing.
+class Block:
+    """A cuboid of spheres on a grid along the axes.
 
     Args:
-        spheres: Number of spheres.
-        height: Lowest and highest centre above z = 0 [m].
+        count: Spheres along x, y and z.
+        corner: Centre of the sphere with the lowest x, y and z [m].
+        pitch: Distance of neighbouring centres [m].
+        lean: Shift along x and y from each layer to the next [m]; neighbours keep their distance.
+            Layers right above each other would bounce as columns that nothing tips.
+    """
+
+    count: tuple[int, int, int]
+    corner: tuple[float, float, float]
+    pitch: float = 2.0
+    lean: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if min(self.count) < 1:
+            raise ConfigError(f'count of a block is {list(self.count)}, expected at least 1 each')
+        if not (self.pitch > 0 and np.isfinite(self.pitch)):
+            raise ConfigError(f'pitch of a block is {self.pitch:g} m, expected a positive number')
+        if not np.isfinite(self.corner).all():
+            raise ConfigError(f'corner of a block is {list(self.corner)}, expected finite numbers')
+        if not np.hypot(*self.lean) < self.pitch:
+            raise ConfigError(
+                f'lean of a block is {list(self.lean)} m, expected less than its pitch, '
+                f'{self.pitch:g} m'
+            )
+
+    @property
+    def positions(self) -> Array:
+        """Centres [m], shape (n, 3)."""
+        steps = np.array(list(np.ndindex(self.count)), dtype=np.float64)
+        layer = np.sqrt(self.pitch**2 - np.square(self.lean).sum())
+        axes = np.array([(self.pitch, 0, 0), (0, self.pitch, 0), (*self.lean, layer)])
+        return np.asarray(self.corner) + steps @ axes
+
+
+@dataclass(frozen=True)
+class StartRecipe:
+    """Spheres at the start: where they are and how they move.
+
+    Places are random unless `blocks` or `at` say them.
+
+    Args:
+        spheres: Number of spheres. None: as many as `blocks` and `at` hold, else 1.
+        height: Lowest and highest centre above z = 0 [m]; with layout `blocks`, of the lowest
+            layer of those that hang; a floor needs none.
         length_x: Full length along x of the region around the scene's middle [m]; None: between
             the walls.
         length_y: The same along y [m].
-        gap: Least distance between surfaces at the start [m].
+        gap: Least distance between surfaces at the start [m]; not between the spheres of a block,
+            nor to the ground below it. On a floor, a gap of 0 lets some spheres touch.
         seed: Seed of the places.
+        layout: `scattered` touches nothing; on a `floor` every sphere rests on the ground; `blocks`
+            are one to four grids of touching spheres, turned about z, that rest on the ground or
+            hang in the air.
+        speed: Lowest and highest speed [m/s], one for each sphere that moves, in a random
+            direction: a horizontal one on a floor and in blocks.
+        spin: Lowest and highest angular speed [rad/s] of the same spheres, about a random axis.
+        moving: Probability of each sphere to have speed and spin.
+        blocks: Cuboids of spheres at given places; these spheres come first.
+        at: Given centres [m].
     """
 
-    spheres: int
+    spheres: int = None  # type: ignore[assignment]
     height: tuple[float, float] = (0.0, 150.0)
     length_x: float | None = None
     length_y: float | None = None
     gap: float = 0.1
     seed: int = 0
+    layout: Layout = 'scattered'
+    speed: tuple[float, float] = (0.0, 0.0)
+    spin: tuple[float, float] = (0.0, 0.0)
+    moving: float = 1.0
+    blocks: tuple[Block, ...] = ()
+    at: tuple[Vector, ...] = ()
 
     def __post_init__(self) -> None:
+        placed = len(self.at) + sum(int(np.prod(block.count)) for block in self.blocks)
+        if self.spheres is None:
+            object.__setattr__(self, 'spheres', placed or 1)
         if self.spheres < 1:
             raise ConfigError(f'spheres is {self.spheres}, expected at least 1')
+        if placed and self.spheres != placed:
+            raise ConfigError(
+                f'spheres is {self.spheres}, but blocks and at hold {placed}; leave spheres out'
+            )
+        if placed and self.layout != 'scattered':
+            raise ConfigError(
+                f'layout is {self.layout!r}, but blocks or at say the places; leave one out'
+            )
         check_range('height', self.height, -np.inf)
         if not self.gap >= 0:
             raise ConfigError(f'gap is {self.gap:g} m, expected at least 0')
+        check_range('speed', self.speed, 0.0)
+        check_range('spin', self.spin, 0.0)
+        if not 0 <= self.moving <= 1:
+            raise ConfigError(f'moving is {self.moving:g}, expected a share from 0 to 1')
 
 
 def load_scene(name: str | Path) -> tuple[Scene, StartRecipe]:
     """Scene and start of a YAML file, or of a shipped name in config/scenes.
 
     The file holds `scene:` (see `Scene.from_mapping`) and `start:` (see `StartRecipe`), of which
-    the second may be absent: then one sphere starts.
+    the second may be absent: then one sphere starts at a random place.
 
     Raises:
         ConfigError: No such scene, an unknown key, or a value out of range.
@@ -71,7 +151,7 @@ def load_scene(name: str | Path) -> tuple[Scene, StartRecipe]:
         raise ConfigError(f"{path}: missing key 'scene'")
     try:
         scene = Scene.from_mapping(mapping['scene'], 'scene')
-        start = from_mapping(StartRecipe, {'spheres': 1, **mapping.get('start', {})}, 'start')
+        start = from_mapping(StartRecipe, mapping.get('start', {}), 'start')
     except ValueError as error:
         raise ConfigError(f'{path}: {error}') from error
     return scene, start
@@ -80,19 +160,50 @@ def load_scene(name: str | Path) -> tuple[Scene, StartRecipe]:
 def sample_start(
     scene: Scene, recipe: StartRecipe, rng: np.random.Generator | None = None
 ) -> State:
-    """Place spheres at rest by throwing darts: a place too near to anything is thrown again.
+    """Place spheres, and set them in motion where the recipe says so.
+
+    Random places are found by throwing darts: one too near to anything is thrown again.
 
     Args:
         scene: Surfaces to keep clear of, and radii.
-        recipe: How many spheres, and where.
+        recipe: How many spheres, where, and how fast.
         rng: Source of the places; None: made from the recipe's seed.
 
     Raises:
-        SamplingError: There is no room, or no bound of the region; says which and what to change.
+        SamplingError: There is no room, no bound of the region, or a given place is taken; says
+            which and what to change.
     """
     rng = np.random.default_rng(recipe.seed) if rng is None else rng
     radii = scene.per_sphere('radius', recipe.spheres)
-    low, high = _region(scene, recipe, float(radii.max()))
+    if recipe.blocks or recipe.at:
+        positions = _given(scene, recipe, radii)
+    elif recipe.layout == 'floor':
+        positions = _on_floor(scene, recipe, radii, rng)
+    elif recipe.layout == 'blocks':
+        positions = _in_blocks(scene, recipe, radii, rng)
+    else:
+        positions = _scattered(scene, recipe, radii, rng)
+    if recipe.speed == recipe.spin == (0.0, 0.0):
+        return State(positions=positions)
+    moves = rng.random((recipe.spheres, 1)) < recipe.moving
+    velocities, spins = (
+        moves * _vectors(size, recipe.spheres, rng, level)
+        for size, level in ((recipe.speed, recipe.layout != 'scattered'), (recipe.spin, False))
+    )
+    return State(positions=positions, velocities=velocities, angular_velocities=spins)
+
+
+def _vectors(size: tuple[float, float], count: int, rng: np.random.Generator, level: bool) -> Array:
+    """Vectors of random size and direction, horizontal ones where `level`; shape (count, 3)."""
+    sizes = rng.uniform(*size, (count, 1))
+    directions = rng.normal(size=(count, 3))
+    if level:
+        directions[:, 2] = 0.0
+    return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def _scattered(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.Generator) -> Array:
+    low, high = _region(scene, recipe, float(radii.max()), recipe.height)
     positions = np.empty((recipe.spheres, 3))
     cell = 2 * float(radii.max()) + recipe.gap
     near: dict[tuple[int, ...], list[int]] = {}
@@ -113,7 +224,137 @@ def sample_start(
             )
         positions[sphere] = place
         near.setdefault(tuple(corner), []).append(int(sphere))
-    return State(positions=positions)
+    return positions
+
+
+def _on_floor(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.Generator) -> Array:
+    """Spheres that rest on the ground; shape (n, 3)."""
+    floor, height = _floor(scene)
+    low, high = _region(scene, recipe, float(radii.max()), (-np.inf, np.inf))
+    positions = np.empty((recipe.spheres, 3))
+    order = np.argsort(-radii, kind='stable')  # as for scattered ones
+    for done, sphere in enumerate(order):
+        others, radius = order[:done], radii[sphere]
+        for _ in range(_THROWS):
+            place = np.append(rng.uniform(low[:2], high[:2]), height + radius)
+            if done and recipe.gap == 0 and rng.random() < _TOUCHING:
+                neighbour = others[rng.integers(done)]
+                angle = rng.uniform(0, 2 * np.pi)
+                # two spheres on one floor touch where their points on the floor are this far apart
+                reach = 2 * np.sqrt(radius * radii[neighbour])
+                place[:2] = positions[neighbour, :2] + reach * np.array(
+                    [np.cos(angle), np.sin(angle)]
+                )
+            inside = (place[:2] >= low[:2]).all() and (place[:2] <= high[:2]).all()
+            if not inside or _nearest(positions[others], radii[others], place, radius) < recipe.gap:
+                continue
+            if _is_clear(scene, place[None], radius, recipe.gap, floor):
+                break
+        else:
+            raise SamplingError(
+                f'only {done} of {recipe.spheres} spheres found a place on a floor of '
+                f'{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} m; '
+                'use fewer spheres, a smaller gap or a larger box'
+            )
+        positions[sphere] = place
+    return positions
+
+
+def _in_blocks(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.Generator) -> Array:
+    """One to four blocks of touching spheres, the last one incomplete; shape (n, 3)."""
+    radius, count = float(radii[0]), recipe.spheres
+    if not (radii == radius).all():
+        raise SamplingError(
+            f'blocks need equal radii, but these go from {radii.min():g} to {radii.max():g} m; '
+            'give one radius, or another layout'
+        )
+    floor, ground = _floor(scene)
+    low, high = _region(scene, recipe, radius, (-np.inf, np.inf))
+    blocks = int(rng.integers(1, min(4, count), endpoint=True))
+    each = -(-count // blocks)
+    side = next(n for n in range(1, each + 1) if n**3 >= each)
+    grid = np.array(list(np.ndindex(side, side, side)), dtype=np.float64)[:each, ::-1]
+    grid[:, :2] -= (side - 1) / 2
+    positions = np.empty((0, 3))
+    while len(positions) < count:
+        block = 2 * radius * grid[: count - len(positions)]
+        for _ in range(_THROWS):
+            middle = np.append(rng.uniform(low[:2], high[:2]), ground + radius)
+            yaw, hangs = rng.uniform(0, 2 * np.pi), rng.random() < 0.5
+            if hangs:
+                middle[2] = max(middle[2], rng.uniform(*recipe.height))
+            turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+            places = middle + np.column_stack([block[:, :2] @ turn, block[:, 2]])
+            inside = (places[:, :2] >= low[:2]).all() and (places[:, :2] <= high[:2]).all()
+            if not (inside and _is_clear(scene, places, radius, recipe.gap, floor)):
+                continue
+            apart = np.linalg.norm(positions[:, None] - places, axis=2) - 2 * radius
+            if apart.min(initial=np.inf) >= recipe.gap:
+                break
+        else:
+            raise SamplingError(
+                f'only {len(positions)} of {count} spheres found a place, in blocks {side} wide on '
+                f'a floor of {high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} m; '
+                'use fewer spheres, a smaller gap or a larger box'
+            )
+        positions = np.concatenate([positions, places])
+    return positions
+
+
+def _given(scene: Scene, recipe: StartRecipe, radii: Array) -> Array:
+    """The places that the recipe says, shape (n, 3), checked."""
+    positions = np.concatenate(
+        [*(block.positions for block in recipe.blocks), np.reshape(recipe.at, (-1, 3))]
+    )
+    clearance = _clearance(scene, positions, radii)
+    worst = np.unravel_index(np.argmin(clearance), clearance.shape) if clearance.size else None
+    if worst is not None and clearance[worst] < -_TOLERANCE * radii[worst[0]]:
+        raise SamplingError(
+            f'sphere {worst[0]} at {_text(positions[worst[0]])} m starts {-clearance[worst]:.3g} m '
+            f'deep in surface {worst[1]}; move it'
+        )
+    for sphere in range(1, len(positions)):
+        nearest = _nearest(positions[:sphere], radii[:sphere], positions[sphere], radii[sphere])
+        if nearest < -_TOLERANCE * radii[sphere]:
+            raise SamplingError(
+                f'sphere {sphere} at {_text(positions[sphere])} m starts {-nearest:.3g} m deep in '
+                'one before it; move it, or give its block a larger pitch'
+            )
+    return positions
+
+
+def _text(place: Array) -> str:
+    return '(' + ', '.join(f'{value:g}' for value in place) + ')'
+
+
+def _nearest(positions: Array, radii: Array, place: Array, radius: float) -> float:
+    """Least distance [m] between the surface of a sphere and those of others, inf without any."""
+    apart = np.linalg.norm(positions - place, axis=1) - radii - radius
+    nearest = float(apart.min(initial=np.inf))
+    return 0.0 if abs(nearest) < 1e-9 * radius else nearest  # those that were put to touch
+
+
+def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:
+    """Distance [m] of spheres to surfaces, negative inside or behind; shape (n, surfaces)."""
+    points, heights = closest_points(scene.surfaces, places)
+    endless = np.array([np.isinf([s.length_x, s.length_y]).all() for s in scene.surfaces], bool)
+    distance = np.where(endless, heights, np.linalg.norm(places[:, None] - points, axis=2))
+    return np.asarray(distance - np.reshape(radii, (-1, 1)))
+
+
+def _is_clear(scene: Scene, places: Array, radius: float, gap: float, floor: int) -> bool:
+    """Whether spheres keep the gap to all surfaces, but may lie on surface `floor`."""
+    gaps = np.full(len(scene.surfaces), gap)
+    gaps[floor] = 0.0
+    return bool((_clearance(scene, places, radius) >= gaps - 1e-9 * radius).all())
+
+
+def _floor(scene: Scene) -> tuple[int, float]:
+    """Index and height [m] of the ground, which is level."""
+    ground = scene.ground
+    if ground is None or scene.surfaces[ground].normal[2] < 1 - 1e-9:
+        raise SamplingError('the scene has no level ground to lie on; add one, or scatter spheres')
+    return ground, scene.surfaces[ground].point[2]
 
 
 def _throws(
@@ -131,7 +372,9 @@ def _throws(
         yield from places[free.all(1)]
 
 
-def _region(scene: Scene, recipe: StartRecipe, radius: float) -> tuple[Array, Array]:
+def _region(
+    scene: Scene, recipe: StartRecipe, radius: float, height: tuple[float, float]
+) -> tuple[Array, Array]:
     """Lowest and highest centre [m] of spheres, shape (3,) each."""
     # the outermost of the level and upright planes bound the region; throws avoid the others
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -142,7 +385,7 @@ def _region(scene: Scene, recipe: StartRecipe, radius: float) -> tuple[Array, Ar
         elif plane.normal[axis] < -1 + 1e-9:
             high[axis] = max(high[axis], plane.point[axis] - radius - recipe.gap)
     low[np.isposinf(low)], high[np.isneginf(high)] = -np.inf, np.inf
-    low[2], high[2] = max(low[2], recipe.height[0]), min(high[2], recipe.height[1])
+    low[2], high[2] = max(low[2], height[0]), min(high[2], height[1])
     for axis, name in enumerate(('length_x', 'length_y')):
         length = getattr(recipe, name)
         if length is not None:

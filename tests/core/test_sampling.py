@@ -10,8 +10,8 @@ import pytest
 
 from rigid_gns_core.config import ConfigError, config_folder
 from rigid_gns_core.plane import closest_points
-from rigid_gns_core.recipe import DataRecipe, load_recipe
-from rigid_gns_core.sampling import SamplingError, StartRecipe, load_scene, sample_start
+from rigid_gns_core.recipe import DataRecipe, load_recipe, recipe_hash
+from rigid_gns_core.sampling import Block, SamplingError, StartRecipe, load_scene, sample_start
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State
 
@@ -19,18 +19,33 @@ SMOKE = DataRecipe(
     trajectories=3, seed=5, steps=4, spheres=(5, 10), height=(0.0, 5.0), box_side=(6.0, 10.0)
 )
 
+# hash of the recipe: middle of a wall [m], friction, sums of x, y and z [m]
+BEFORE = {
+    'fea659237a8e66b7': [40.647381, 0.5, 206.058491, -90.28402, 11834.731532],
+    '45bd6338cb978434': [40.647381, 0.146892, -159.214199, -60.827838, 11716.88353],
+    '28762a995a669b3f': [4.601816, 0.5, 0.192906, 1.542446, 24.799341],
+    'c005b28f17958fde': [4.601816, 0.146892, 3.177838, -2.727002, 24.010957],
+}
+
+
+def gaps(scene: Scene, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Gaps [m] between spheres, inf on the diagonal, and those to the surfaces; (n, n), (n, s)."""
+    radii = scene.per_sphere('radius', len(state))
+    between = np.linalg.norm(state.positions[:, None] - state.positions, axis=2)
+    between -= radii[:, None] + radii
+    np.fill_diagonal(between, np.inf)
+    points, _ = closest_points(scene.surfaces, state.positions)
+    return between, np.linalg.norm(state.positions[:, None] - points, axis=2) - radii[:, None]
+
 
 def assert_apart(scene: Scene, state: State, gap: float) -> None:
     """All surfaces are `gap` [m] apart, up to rounding."""
-    radii = scene.per_sphere('radius', len(state))
-    distance = np.linalg.norm(state.positions[:, None] - state.positions, axis=2)
-    distance -= radii[:, None] + radii
-    np.fill_diagonal(distance, np.inf)
-    assert distance.min() >= gap - 1e-9
-    points, heights = closest_points(scene.surfaces, state.positions)
-    to_surface = np.linalg.norm(state.positions[:, None] - points, axis=2) - radii[:, None]
+    between, to_surface = gaps(scene, state)
+    assert between.min() >= gap - 1e-9
     assert to_surface.min() >= gap - 1e-9
-    assert heights.min() > 0
+    _, heights = closest_points(scene.surfaces, state.positions)
+    # behind a bounded plane is a place as good as another, beyond the box is not
+    assert heights[:, :5].min() > 0
 
 
 @pytest.mark.parametrize('name', ['thesis', 'gns', 'gns_test', 'smoke'])
@@ -46,7 +61,7 @@ def test_shipped_recipes_draw_spheres_that_are_apart(name: str) -> None:
 @pytest.mark.parametrize('path', sorted((config_folder() / 'scenes').glob('*.yaml')), ids=str)
 def test_shipped_scenes_can_start(path: Path) -> None:
     scene, start = load_scene(path)
-    assert_apart(scene, sample_start(scene, start), start.gap)
+    assert_apart(scene, sample_start(scene, start), 0.0 if start.blocks else start.gap)
 
 
 def test_the_demonstration_scene_is_that_of_the_thesis() -> None:
@@ -56,6 +71,18 @@ def test_the_demonstration_scene_is_that_of_the_thesis() -> None:
     # every pair, walls included, has restitution 0.6
     assert np.square(scene.restitution) == pytest.approx(0.6, abs=1e-4)
     assert scene.surface_values('restitution') == pytest.approx(0.7746)
+
+
+def test_recipes_of_before_draw_what_they_drew() -> None:
+    """Values of the code as it was before radii, layouts and speeds could be drawn."""
+    found = {}
+    for name in ('thesis', 'smoke'):
+        recipe = load_recipe(name)
+        for drawn in (recipe, replace(recipe, friction=(0.1, 0.9))):
+            scene, state = drawn.draw(1)
+            values = [scene.surfaces[2].point[0], scene.friction, *state.positions.sum(0)]
+            found[recipe_hash(drawn)] = np.round(values, 6).tolist()
+    assert found == BEFORE
 
 
 def test_a_draw_depends_on_seed_and_index_alone() -> None:
@@ -113,6 +140,213 @@ def test_open_ground_needs_lengths() -> None:
     assert 4.0 < np.abs(positions[:, 1]).max() <= 15.0
 
 
+CONTACT = sorted(path.stem for path in (config_folder() / 'data').glob('contact_*.yaml'))
+
+
+@pytest.mark.parametrize('name', CONTACT)
+def test_contact_recipes_draw_spheres_that_are_not_inside_others(name: str) -> None:
+    recipe = load_recipe(name)
+    for index in range(4):
+        scene, state = recipe.draw(index)
+        assert recipe.spheres[0] <= len(state) <= recipe.spheres[1]
+        assert_apart(scene, state, 0.0)
+        again = recipe.draw(index)
+        assert again[0] == scene
+        assert np.array_equal(again[1].velocities, state.velocities)
+
+
+def test_contact_recipes_share_no_seed() -> None:
+    seeds = [load_recipe(name).seed for name in CONTACT]
+    assert len(CONTACT) == len(set(seeds)) == 7
+
+
+def test_radii_and_masses_are_drawn_evenly_in_the_logarithm() -> None:
+    recipe = replace(
+        SMOKE, spheres=(200, 200), radius=(0.1, 1.0), mass=(0.5, 2.0), box_side=(30.0, 30.0)
+    )
+    scene, state = recipe.draw(0)
+    assert_apart(scene, state, recipe.gap)
+    for name, low, high in (('radius', 0.1, 1.0), ('mass', 0.5, 2.0)):
+        drawn = scene.per_sphere(name, 200)
+        assert low <= drawn.min() < 1.1 * low and high / 1.1 < drawn.max() <= high
+        # the middle of the logarithms, within 4 standard errors
+        error = np.log(high / low) / np.sqrt(12 * 200)
+        assert abs(np.log(drawn).mean() - np.log(low * high) / 2) < 4 * error
+    dense = replace(recipe, mass=8.0, density=True).draw(0)[0]
+    radii = dense.per_sphere('radius', 200)
+    assert dense.per_sphere('mass', 200) == pytest.approx(8.0 * radii**3)
+
+
+def test_materials_vary_by_trajectory_or_by_sphere_and_surface() -> None:
+    recipe = replace(SMOKE, restitution=(0.2, 0.9), rolling_friction=(0.0, 0.1), vary='sphere')
+    scene, state = recipe.draw(0)
+    for name in ('restitution', 'rolling_friction'):
+        assert len(set(scene.per_sphere(name, len(state)))) == len(state)
+    surfaces = scene.surface_values('restitution')
+    assert len(set(surfaces)) == 5 and surfaces.min() >= 0.2 and surfaces.max() <= 0.9
+    # a number stays the same for all
+    assert scene.friction == 0.5 and (scene.surface_values('friction') == 0.5).all()
+    scene, _ = replace(recipe, vary='trajectory').draw(0)
+    assert isinstance(scene.restitution, float)
+    assert (scene.surface_values('restitution') == scene.restitution).all()
+
+
+def test_a_floor_holds_every_sphere_and_lets_some_touch() -> None:
+    recipe = replace(
+        SMOKE, spheres=(30, 30), layout='floor', gap=0.0, box_side=(25.0, 25.0), radius=(0.3, 1.0)
+    )
+    scene, state = recipe.draw(0)
+    assert_apart(scene, state, 0.0)
+    assert np.array_equal(state.positions[:, 2], scene.per_sphere('radius', 30))
+    touching = (np.abs(gaps(scene, state)[0]) < 1e-9).any(1)
+    assert 4 < touching.sum() < 28
+    scene, state = replace(recipe, gap=0.2).draw(0)
+    between, to_surface = gaps(scene, state)
+    assert between.min() >= 0.2 and to_surface[:, 1:].min() >= 0.2
+    assert np.abs(to_surface[:, 0]).max() < 1e-12
+
+
+def test_blocks_touch_within_and_keep_apart() -> None:
+    recipe = replace(
+        SMOKE, spheres=(40, 40), layout='blocks', gap=0.3, radius=0.5, box_side=(25.0, 25.0)
+    )
+    hanging = 0
+    for index in range(5):
+        scene, state = recipe.draw(index)
+        between, to_surface = gaps(scene, state)
+        touches = np.abs(between) < 1e-9
+        assert (touches | (between >= 0.3 - 1e-9)).all()
+        assert touches.any(1).all()
+        assert to_surface.min() >= -1e-9 and to_surface[:, 1:].min() >= 0.3 - 1e-9
+        hanging += (to_surface[:, 0] > 3.0).any()
+    assert hanging > 0
+    for index in range(5):
+        positions = replace(recipe, height=(0.0, 0.0)).draw(index)[1].positions
+        assert positions[:, 2] == pytest.approx(0.5 + np.round(positions[:, 2] - 0.5))
+        assert positions[:, 2].min() == 0.5
+
+
+def test_a_share_of_the_spheres_moves() -> None:
+    recipe = replace(
+        SMOKE, spheres=(200, 200), box_side=(60.0, 60.0), speed=(1.0, 3.0), spin=(2.0, 5.0)
+    )
+    for layout in ('scattered', 'floor'):
+        start = replace(recipe, layout=layout).draw(0)[1]
+        speed = np.linalg.norm(start.velocities, axis=1)
+        spin = np.linalg.norm(start.angular_velocities, axis=1)
+        assert 1.0 <= speed.min() < 1.1 and 2.9 < speed.max() <= 3.0
+        assert spin.min() >= 2.0 and spin.max() <= 5.0
+        # no direction is preferred: mean of 200 of length 2, within 4 standard errors
+        assert np.abs(start.velocities.mean(0)).max() < 4 * 2.1 / np.sqrt(2 * 200)
+        assert (np.abs(start.velocities[:, 2]).max() == 0) == (layout == 'floor')
+        assert np.abs(start.angular_velocities[:, 2]).max() > 1.0
+    start = replace(recipe, moving=0.25).draw(0)[1]
+    moves = (start.velocities != 0).any(1)
+    assert abs(moves.mean() - 0.25) < 4 * np.sqrt(0.25 * 0.75 / 200)
+    assert np.array_equal(moves, (start.angular_velocities != 0).any(1))
+
+
+def test_without_walls_there_is_the_ground_alone() -> None:
+    for layout in ('scattered', 'floor'):
+        scene, state = replace(SMOKE, walls=False, layout=layout).draw(0)
+        assert scene.surfaces == (Plane(),)
+        assert np.abs(state.positions[:, :2]).max() <= 5.0
+
+
+def test_given_places_are_kept() -> None:
+    start = StartRecipe(
+        blocks=(Block((2, 3, 2), (0.0, 0.0, 1.0), lean=(0.1, 0.2)),), at=((9.0, 0.0, 5.0),)
+    )
+    scene = Scene()
+    state = sample_start(scene, start)
+    assert start.spheres == len(state) == 13
+    assert state.positions[0].tolist() == [0.0, 0.0, 1.0]
+    assert state.positions[-1].tolist() == [9.0, 0.0, 5.0]
+    between, _ = gaps(scene, state)
+    # along x, y and from layer to layer, whatever the lean
+    assert (np.abs(between[:12]) < 1e-9).sum() / 2 == 6 + 8 + 6
+    assert between.min() > -1e-9
+
+
+def test_the_scenes_of_figure_14_are_what_they_say() -> None:
+    def load(name: str) -> tuple[Scene, np.ndarray, np.ndarray]:
+        scene, start = load_scene(name)
+        state = sample_start(scene, start)
+        return scene, state.positions, gaps(scene, state)[0]
+
+    cubes, inclined = load('ood_a'), load('ood_b')
+    assert len(cubes[1]) == 108 and np.array_equal(cubes[1], inclined[1])
+    assert (np.abs(cubes[2]) < 1e-9).any(1).all()
+    slopes = [np.degrees(np.arccos(plane.normal[2])) for plane in inclined[0].surfaces[5:]]
+    assert slopes == pytest.approx([20.0, 4.0, 0.0], abs=0.01)
+    _, positions, between = load('ood_c')
+    assert positions[-2:, 2].tolist() == [113.0, 230.0]
+    assert between[:50].min(1) == pytest.approx(0.005)
+    # less than a diameter, more than nothing beside the sphere that they hit
+    beside = np.linalg.norm(positions[-2:, :2] - positions[-4:-2, :2], axis=1)
+    assert (beside > 0.5).all() and (beside < 1.9).all()
+    _, positions, between = load('ood_d')
+    assert set(positions[:, 2]) == {60.0} and between.min() == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    ('start', 'message'),
+    [
+        (
+            {'at': ((0.0, 0.0, 1.0), (9.0, 0.0, 0.9))},
+            r'sphere 1 at \(9, 0, 0.9\) m .* in surface 0',
+        ),
+        ({'at': ((0.0, 0.0, 1.0), (0.0, 0.0, 2.9))}, 'sphere 1 .* starts 0.1 m deep in one before'),
+        (
+            {'spheres': 4, 'layout': 'floor', 'length_x': 3.0, 'length_y': 0.0},
+            'on a floor of 3 x 0',
+        ),
+        ({'spheres': 40, 'layout': 'blocks', 'length_x': 3.0, 'length_y': 3.0}, 'larger box'),
+    ],
+)
+def test_places_that_are_taken_are_said(start: dict[str, object], message: str) -> None:
+    with pytest.raises(SamplingError, match=message):
+        sample_start(Scene(), StartRecipe(**start))  # type: ignore[arg-type]
+
+
+def test_layouts_that_do_not_go_with_the_scene_are_said() -> None:
+    start = StartRecipe(spheres=3, layout='blocks', length_x=20.0, length_y=20.0)
+    with pytest.raises(SamplingError, match=r'blocks need equal radii, but these go from 0.5 to 1'):
+        sample_start(Scene(radius=(1.0, 0.5, 1.0)), start)
+    with pytest.raises(SamplingError, match='no level ground'):
+        sample_start(Scene(surfaces=()), start)
+
+
+@pytest.mark.parametrize(
+    ('start', 'message'),
+    [
+        ({'at': ((0.0, 0.0, 1.0),), 'spheres': 2}, 'spheres is 2, but blocks and at hold 1'),
+        ({'at': ((0.0, 0.0, 1.0),), 'layout': 'floor'}, "layout is 'floor', but blocks or at"),
+        ({'spheres': 0}, 'spheres is 0'),
+        ({'speed': (-1.0, 2.0)}, r'speed is \[-1, 2\], expected'),
+        ({'spin': (2.0, 1.0)}, r'spin is \[2, 1\], expected'),
+        ({'moving': 1.5}, 'moving is 1.5, expected a share from 0 to 1'),
+    ],
+)
+def test_a_start_out_of_range_is_refused(start: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        StartRecipe(**start)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ('block', 'message'),
+    [
+        ({'count': (1, 0, 1)}, r'count of a block is \[1, 0, 1\], expected at least 1'),
+        ({'pitch': 0.0}, 'pitch of a block is 0 m'),
+        ({'corner': (0.0, np.nan, 1.0)}, 'corner of a block'),
+        ({'lean': (2.0, 1.0)}, 'lean of a block is .* less than its pitch, 2 m'),
+    ],
+)
+def test_a_block_out_of_range_is_refused(block: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        replace(Block((1, 1, 1), (0.0, 0.0, 1.0)), **block)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ('scene', 'message'),
     [
@@ -133,6 +367,12 @@ def test_too_little_room_is_said(scene: Scene, message: str) -> None:
         ({'steps': 0}, 'steps is 0, expected at least 1'),
         ({'dt': -0.1}, 'dt is -0.1'),
         ({'box_side': (0.0, 3.0)}, 'do not fit into a box of side 3 m'),
+        ({'radius': (0.1, 3.0)}, 'spheres of radius 3 m in 2 layers do not fit'),
+        ({'radius': (0.0, 1.0)}, 'radius is 0, expected a positive number'),
+        ({'mass': (2.0, 1.0)}, r'mass is \[2, 1\], expected'),
+        ({'speed': (2.0, 1.0)}, r'speed is \[2, 1\], expected'),
+        ({'moving': -0.1}, 'moving is -0.1, expected a share'),
+        ({'radius': (0.5, 1.0), 'layout': 'blocks'}, 'blocks need equal radii'),
     ],
 )
 def test_a_recipe_out_of_range_is_refused(change: dict[str, object], message: str) -> None:

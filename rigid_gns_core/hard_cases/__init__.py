@@ -1,0 +1,8 @@
+"""Hard cases: starts and scenes that break simulators, and what is measured of each."""
+
+from .case import Case
+from .cases import hard_cases
+from .checks import measure_laws
+from .engines import Engine, run_cases
+
+__all__ = ['Case', 'Engine', 'hard_cases', 'measure_laws', 'run_cases']

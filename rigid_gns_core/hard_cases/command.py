@@ -1,0 +1,126 @@
+"""`rigid-gns hard-cases`: run models through the hard cases, beside the teacher."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from ..evaluate import write_json
+from ..progress import Progress
+from ..teacher import TeacherSettings, load_pybullet
+from .case import Case
+from .cases import DRIFT, ENERGY_RISE, hard_cases
+from .checks import LEAST_FLOOR, TEACHER_ENERGY_RISE
+from .engines import FLOAT64, TEACHER, load_engine, run_cases
+from .references import References
+from .report import format_summary, format_table
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns hard-cases`."""
+    parser.add_argument(
+        '--model',
+        nargs='+',
+        metavar='NAME',
+        help=f'shipped names, paths, or {TEACHER} (default: the shipped default)',
+    )
+    parser.add_argument('--cases', nargs='+', metavar='NAME', help='only these (default: all)')
+    parser.add_argument('--quick', action='store_true', help='fewer steps in long cases')
+    parser.add_argument('--seed', type=int, default=0, help='of random starts (default: 0)')
+    parser.add_argument(
+        '--teacher',
+        action=argparse.BooleanOptionalAction,
+        help='errors against Bullet (default: where pybullet is installed); takes minutes',
+    )
+    parser.add_argument(
+        '--substeps', type=int, default=96, help='of the teacher per time step (default: 96)'
+    )
+    parser.add_argument(
+        '--cache', type=Path, metavar='DIR', help="keep the teacher's trajectories in this folder"
+    )
+    parser.add_argument(
+        '--velocities',
+        choices=('given', 'poses'),
+        help="for the energy: a model's own, or differences of its poses (default: poses, except "
+        'where a model says that its own are instantaneous)',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
+    parser.epilog = '\n'.join(
+        [
+            'exit code: 1 if the default model fails a case',
+            'example: rigid-gns hard-cases --quick --cache runs/hard_cases',
+            'cases:',
+            *(f'  {case.name:14} {case.text}' for case in hard_cases()),
+            'What each number means: docs/hard_cases.md.',
+        ]
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the table; 1 where the default model fails a case."""
+    from ..checkpoint import DEFAULT_MODEL
+
+    cases = hard_cases(arguments.cases, quick=arguments.quick, seed=arguments.seed)
+    settings = TeacherSettings(substeps=arguments.substeps)
+    names = list(dict.fromkeys(arguments.model or [DEFAULT_MODEL]))
+    if arguments.teacher is not False:
+        try:
+            load_pybullet()
+        except ModuleNotFoundError:
+            if arguments.teacher:
+                raise
+            print('pybullet is not installed: no errors against the teacher\n')
+            arguments.teacher = False
+    references = None if arguments.teacher is False else References(settings, arguments.cache)
+    engines = [load_engine(name, arguments.velocities, settings) for name in names]
+    rows = []
+    total = len(cases) * len(engines)
+    total += sum(case.precision for case in cases) * sum(e.double is not None for e in engines)
+    with Progress(total, 'hard cases', unit='row') as progress:
+        for row in run_cases(engines, cases, references):
+            rows.append(row)
+            progress.update(case=row['case'], model=row['model'])
+    print(f'{format_table(rows)}\n\n{format_summary(rows)}')
+    if arguments.json is not None:
+        write_json(arguments.json, _report(arguments, cases, references, settings, rows))
+        print(f'numbers: {arguments.json}')
+    judged = (DEFAULT_MODEL, f'{DEFAULT_MODEL}{FLOAT64}')
+    return int(any(r['model'] in judged and r['verdict'] == 'FAILED' for r in rows))
+
+
+def _report(
+    arguments: argparse.Namespace,
+    cases: Sequence[Case],
+    references: References | None,
+    settings: TeacherSettings,
+    rows: list[dict[str, Any]],
+) -> dict[str, Any]:
+    try:
+        version = metadata.version('rigid_gns_ros')
+    except metadata.PackageNotFoundError:  # run from a source tree that is not installed
+        version = 'unknown'
+    return {
+        'version': version,
+        'quick': arguments.quick,
+        'thresholds': {
+            'energy_rise': ENERGY_RISE,
+            'drift': DRIFT,
+            'least_floor': LEAST_FLOOR,
+            'teacher_energy_rise': TEACHER_ENERGY_RISE,
+        },
+        'teacher': None if references is None else asdict(settings),
+        'cases': {
+            case.name: {
+                'text': case.text,
+                'spheres': len(case.start),
+                'steps': case.steps,
+                'seed': case.seed,
+            }
+            for case in cases
+        },
+        'rows': rows,
+    }

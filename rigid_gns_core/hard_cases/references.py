@@ -1,0 +1,84 @@
+"""The teacher beside a hard case: at three step sizes, and kept in a folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..state import Trajectory
+from ..teacher import TeacherError, TeacherSettings
+from ..teacher import simulate as bullet
+from .case import Case
+from .checks import HORIZONS
+
+_FORMAT = 1  # counts up where files in the cache no longer mean the same
+_ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')
+
+
+class References:
+    """The teacher's trajectories: at its substeps, at half and at twice as many.
+
+    Args:
+        settings: Of the first; the others differ in substeps alone.
+        cache: Folder for the results; None: they are kept for the last scene only.
+    """
+
+    def __init__(self, settings: TeacherSettings, cache: Path | None = None) -> None:
+        substeps = settings.substeps
+        self._settings = [
+            replace(settings, substeps=count)
+            for count in (substeps, max(1, substeps // 2), 2 * substeps)
+        ]
+        self._cache = cache
+        self._last: dict[str, Trajectory] = {}
+
+    def of(self, case: Case, dt: float) -> list[Trajectory] | None:
+        """Up to the last horizon, at time steps of `dt` [s]; None where Bullet refuses the case."""
+        steps = min(case.steps, max(HORIZONS))
+        runs: dict[str, Trajectory] = {}
+        for settings in self._settings:
+            key = _key(case, steps, dt, settings)
+            path = None if self._cache is None else self._cache / f'{case.name}-{key[:16]}.npz'
+            try:
+                if key in self._last:
+                    runs[key] = self._last[key]
+                elif path is not None and path.is_file():
+                    runs[key] = _load(path)
+                else:
+                    runs[key] = bullet(case.scene, case.start, steps, dt, settings)
+                    if path is not None:
+                        _save(path, runs[key])
+            except TeacherError:
+                return None
+        self._last = runs
+        return list(runs.values())
+
+
+def _key(case: Case, steps: int, dt: float, settings: TeacherSettings) -> str:
+    """What a trajectory of the teacher depends on, as a hash."""
+    start = {name: getattr(case.start, name).tolist() for name in _ARRAYS}
+    content = [_FORMAT, case.scene.to_mapping(), start, steps, dt, asdict(settings)]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _save(path: Path, trajectory: Trajectory) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + '.part')
+    with part.open('wb') as file:
+        arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
+        np.savez_compressed(file, dt=np.array(trajectory.dt), **arrays)
+    os.replace(part, path)  # a killed run leaves no half file
+
+
+def _load(path: Path) -> Trajectory:
+    try:
+        with np.load(path) as file:
+            return Trajectory(dt=float(file['dt']), **{name: file[name] for name in _ARRAYS})
+    except (zipfile.BadZipFile, KeyError, ValueError, EOFError) as error:
+        raise OSError(f'{path}: damaged, delete it: {error}') from error

@@ -1,0 +1,108 @@
+"""The table of hard cases: per case one line per model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .cases import DRIFT, ENERGY_RISE
+from .checks import HORIZONS, LEAST_FLOOR
+
+_LAWS = ('case', 'model', 'verdict', 'finite', 'inside', 'deepest', 'at end', 'energy rise')
+_LAWS += ('drift', 'speed')
+_ERRORS = ('error', 'floor', 'ratio')
+
+
+def format_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Text of rows of `command.run_cases`; columns that no row fills are left out."""
+    columns = [*_LAWS, *(_ERRORS if any(row['errors'] for row in rows) else ())]
+    notes: dict[str, int] = {}
+    cells = [[_cell(row, column) for column in columns] for row in rows]
+    remarks = [_remark(row, notes) for row in rows]
+    widths = [max(map(len, column)) for column in zip(columns, *cells, strict=True)]
+    lines = [_line(columns, widths)]
+    lines.append('-' * len(lines[0]))
+    for row, texts, remark in zip(rows, cells, remarks, strict=True):
+        if row['refused'] is not None:  # nothing was measured, so the reason takes the room
+            lines.append(f'{_line(texts[:2], widths)}  refused: {row["refused"]}')
+        else:
+            lines.append(f'{_line(texts, widths)}  {remark}'.rstrip())
+    lines += ['', _legend(len(columns) > len(_LAWS))]
+    lines += [f'({number}) {text}' for text, number in notes.items()]
+    return '\n'.join(lines)
+
+
+def format_summary(rows: Sequence[Mapping[str, Any]]) -> str:
+    """One line per model: how many cases it passed, failed and refused, and which it failed."""
+    lines = []
+    for model in dict.fromkeys(row['model'] for row in rows):
+        own = [row for row in rows if row['model'] == model]
+        count = {v: sum(row['verdict'] == v for row in own) for v in ('ok', 'FAILED', 'refused')}
+        failed = ', '.join(row['case'] for row in own if row['verdict'] == 'FAILED')
+        text = ', '.join(f'{number} {verdict}' for verdict, number in count.items())
+        lines.append(f'{model}: {text}' + (f' ({failed})' if failed else ''))
+    return '\n'.join(lines)
+
+
+def _legend(errors: bool) -> str:
+    text = (
+        f'! out of bounds: finite, inside, energy rise <= {ENERGY_RISE:g} (of m g r of all spheres '
+        f'plus the kinetic energy at the start), drift <= {DRIFT:g} r where spheres should rest.\n'
+        'deepest [diameters]: of the second half; speed [m/s]: the fastest at the end.'
+    )
+    if errors:
+        steps = '/'.join(map(str, HORIZONS))
+        text += (
+            f'\nerror [m] against the teacher after {steps} steps; floor [m]: the teacher against '
+            f'itself at half and twice the substeps, at least {LEAST_FLOOR:g} r.'
+        )
+    return text
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """The first three cells are words, the rest numbers."""
+    pairs = zip(cells, widths, strict=False)
+    aligned = [c.ljust(w) if i < 3 else c.rjust(w) for i, (c, w) in enumerate(pairs)]
+    return '  '.join(aligned)
+
+
+def _cell(row: Mapping[str, Any], column: str) -> str:
+    if column in ('case', 'model', 'verdict'):
+        return row[column]
+    laws = row['laws']
+    if laws is None:
+        return ''
+    if column in _ERRORS:
+        errors = row['errors'] or {}
+        return '/'.join(_short(values[column]) for values in errors.values()) or '-'
+    if column == 'inside':
+        return 'yes' if laws['inside'] else f'{laws["escaped"]} out!'
+    if column == 'finite':
+        return 'yes' if laws['finite'] else 'no!'
+    names = {'at end': 'final_depth', 'energy rise': 'energy_rise', 'speed': 'final_speed'}
+    name = names.get(column, column)
+    if laws[name] is None:
+        return '-'
+    return _short(laws[name]) + ('!' if name in row['failed'] else '')
+
+
+def _remark(row: Mapping[str, Any], notes: dict[str, int]) -> str:
+    """What else there is to say; long texts go below the table, under a number."""
+    parts = []
+    laws = row['laws'] or {}
+    if 0 < laws.get('push_out', 0.0) < np.inf:
+        parts.append(f'pushed out by {_short(laws["push_out"])}')
+    if row['teacher'] is False:
+        parts.append('teacher: no')
+    if row['precision']:
+        off = '/'.join(_short(value) for value in row['precision'].values())
+        parts.append(f'float32 is off by {off} m')
+    for text in row['warnings']:
+        parts.append(f'({notes.setdefault(text, len(notes) + 1)})')
+    return ', '.join(parts)
+
+
+def _short(value: float) -> str:
+    return f'{value:.2g}'

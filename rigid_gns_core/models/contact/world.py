@@ -1,0 +1,98 @@
+"""What does not move, as tensors: spheres, materials, planes and gravity of one or more scenes.
+
+Body n, one past the last sphere, stands for everything that is fixed: its inverse mass is zero, so
+that a contact with a surface is a contact of two bodies like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...scene import Scene
+
+# gravity of the model's units, in which a frame takes 0.1 and the largest radius is 1
+UNIT_GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class World:
+    """Static properties in the model's units; n spheres, s planes.
+
+    Args:
+        radius: Of spheres and of the fixed body (0), shape (n + 1,).
+        inverse_mass: 1 / m, shape (n + 1,).
+        inverse_inertia: 1 / (2/5 m r^2), shape (n + 1,).
+        restitution, friction, rolling_friction: Of the spheres, shape (n,).
+        gravity: Shape (3,).
+        point: Of the planes, shape (s, 3).
+        axes: Rows direction, normal x direction, normal of each plane, shape (s, 3, 3).
+        half: Half lengths along the first two axes, may be infinite, shape (s, 2).
+        plate: Planes with an end on all sides, which have two faces, shape (s,).
+        surface_restitution, surface_friction: Of the planes, shape (s,).
+    """
+
+    radius: Tensor
+    inverse_mass: Tensor
+    inverse_inertia: Tensor
+    restitution: Tensor
+    friction: Tensor
+    rolling_friction: Tensor
+    gravity: Tensor
+    point: Tensor
+    axes: Tensor
+    half: Tensor
+    plate: Tensor
+    surface_restitution: Tensor
+    surface_friction: Tensor
+
+    @property
+    def count(self) -> int:
+        """Number of spheres n."""
+        return len(self.restitution)
+
+    @classmethod
+    def of(cls, scene: Scene, count: int, dtype: torch.dtype = torch.float64) -> World:
+        """The world of `count` spheres in `scene`."""
+
+        def tensor(value: object) -> Tensor:
+            return torch.as_tensor(np.asarray(value, dtype=np.float64)).to(dtype)
+
+        radius = scene.per_sphere('radius', count)
+        mass = scene.per_sphere('mass', count)
+        planes = scene.surfaces
+        half = [[plane.length_x / 2, plane.length_y / 2] for plane in planes]
+        half_lengths = np.array(half, dtype=np.float64).reshape(-1, 2)
+        return cls(
+            radius=tensor(np.append(radius, 0.0)),
+            inverse_mass=tensor(np.append(1.0 / mass, 0.0)),
+            inverse_inertia=tensor(np.append(2.5 / (mass * radius**2), 0.0)),
+            restitution=tensor(scene.per_sphere('restitution', count)),
+            friction=tensor(scene.per_sphere('friction', count)),
+            rolling_friction=tensor(scene.per_sphere('rolling_friction', count)),
+            gravity=tensor(scene.gravity),
+            point=tensor([plane.point for plane in planes]).reshape(-1, 3),
+            axes=tensor([plane.axes for plane in planes]).reshape(-1, 3, 3),
+            half=tensor(half_lengths),
+            plate=torch.from_numpy(np.isfinite(half_lengths).all(axis=1)),
+            surface_restitution=tensor(scene.surface_values('restitution')),
+            surface_friction=tensor(scene.surface_values('friction')),
+        )
+
+    @classmethod
+    def join(cls, worlds: Sequence[World]) -> World:
+        """Worlds side by side, of the same gravity; spheres and planes are numbered through."""
+        values = {}
+        for field in fields(cls):
+            parts = [getattr(world, field.name) for world in worlds]
+            if field.name == 'gravity':
+                values[field.name] = parts[0]
+                continue
+            if field.name in ('radius', 'inverse_mass', 'inverse_inertia'):
+                parts = [part[:-1] for part in parts] + [parts[0][-1:]]
+            values[field.name] = torch.cat(parts)
+        return cls(**values)
