@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
+from abc import ABC, abstractmethod
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .checkpoint import CheckpointError, find_model, load_card, load_weights
 from .config import from_mapping
-from .models.gns import GNS, GNSConfig
-from .models.stepping import GNSStepper
 from .scene import Scene
 from .similarity import ModelUnits, Similarity
 from .state import State, Trajectory
@@ -27,20 +26,14 @@ class Stepper(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Materials:
-    """What a model without materials as inputs was trained on; see `Scene`."""
-
-    restitution: float
-    friction: float
-    rolling_friction: float
-
-
 class Rollout:
-    """A simulation in progress: `state` is now, `step` advances it by `dt` [s]."""
+    """A simulation in progress: `state` is now, `step` advances it by `dt` [s].
+
+    `stepper` is the model's own, with what it tells of itself.
+    """
 
     def __init__(self, stepper: Stepper, similarity: Similarity, state: State, dt: float) -> None:
-        self._stepper = stepper
+        self.stepper = stepper
         self._similarity = similarity
         self.state = state
         self.dt = dt
@@ -49,68 +42,51 @@ class Rollout:
     def step(self) -> State:
         """Advance by `dt` and return the new state.
 
-        Velocities of the state are means over the step (backward differences, thesis section 3.3).
+        What its velocities are, `Simulator.velocities` says.
 
         Raises:
             FloatingPointError: The rollout diverged; `state` is the last finite one.
         """
-        state = self._similarity.to_world(self._stepper.step())
+        state = self._similarity.to_world(self.stepper.step())
         self.state = state
         self.steps += 1
         return state
 
 
-class Simulator:
+class Simulator(ABC):
     """A trained model, ready to predict.
 
+    `velocities` says what the velocities of its states are: 'given', those of the instant, or
+    'poses', means over the step before (backward differences, thesis section 3.3).
+
     Args:
-        network: The trained network.
-        card: What is known of it: configuration, units, recipe, metrics.
+        card: What is known of the model: configuration, units, recipe, metrics.
         name: Name for messages and reports.
     """
 
-    def __init__(self, network: GNS, card: dict[str, Any], name: str) -> None:
-        self.network = network.eval()
+    velocities: ClassVar[Literal['given', 'poses']]
+    kind: ClassVar[str]
+
+    def __init__(self, card: dict[str, Any], name: str) -> None:
         self.card = card
         self.name = name
         self.units = from_mapping(ModelUnits, card['units'], f'{name}: units')
-        self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
-
-    @property
-    def history(self) -> int:
-        """H, the number of previous velocities the model uses."""
-        return self.network.config.history
 
     def native_dt(self, scene: Scene) -> float:
         """The model's time step for this radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
         return self.units.dt * Similarity.between(scene, self.units).time
 
+    @abstractmethod
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
         """Refuse a scene that the model cannot serve; warn where it was not trained for it.
 
         Raises:
-            ValueError: Radii or masses differ, a property has the wrong length, or no gravity.
+            ValueError: The model cannot serve it.
         """
-        for name in ('radius', 'mass'):
-            values = scene.per_sphere(name, count)
-            if count and np.ptp(values) > 1e-9 * values.max():
-                raise ValueError(
-                    f'{name} differs between spheres ({values.min():g} to {values.max():g}), '
-                    f'but model {self.name!r} knows spheres of one {name} only'
-                )
-        Similarity.between(scene, self.units)
-        for name, trained in vars(self.materials).items():
-            values = scene.per_sphere(name, count)
-            if name != 'rolling_friction':
-                values = np.concatenate([values, scene.surface_values(name)])
-            low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
-            if max(trained - low, high - trained) > 1e-3:
-                what = f'{low:g}' if low == high else f'{low:g} to {high:g}'
-                warnings.warn(
-                    f'{name} of the scene is {what}, but model {self.name!r} was trained at '
-                    f'{trained:g} and will behave like that',
-                    stacklevel=stacklevel,
-                )
+
+    @abstractmethod
+    def stepper(self, scene: Scene, state: State) -> Stepper:
+        """A rollout in the model's units."""
 
     def start(
         self,
@@ -126,8 +102,8 @@ class Simulator:
         Args:
             scene: Surfaces, radius, materials and gravity.
             positions: Centres [m], world frame, shape (n, 3).
-            velocities: Velocities now, not means over a step as `Trajectory.velocities` of a
-                rollout are [m/s], shape (n, 3). None: at rest.
+            velocities: Velocities of the instant, whatever `Simulator.velocities` says of those
+                that come out [m/s], shape (n, 3). None: at rest.
             angular_velocities: [rad/s], world frame, shape (n, 3). None: no spin.
             quaternions: Rotations (x, y, z, w), shape (n, 4). None: identity.
 
@@ -185,26 +161,39 @@ class Simulator:
         state = State(**given)
         self.check(scene, len(state), stacklevel=4)  # warnings point at who called start or rollout
         similarity = Similarity.between(scene, self.units)
-        stepper = GNSStepper(
-            self.network, similarity.scene(scene), similarity.to_model(state), self.units.dt
-        )
+        stepper = self.stepper(similarity.scene(scene), similarity.to_model(state))
         return Rollout(stepper, similarity, state, self.native_dt(scene))
 
 
-def load_simulator(name_or_path: str | Path | None = None) -> Simulator:
+def load_simulator(
+    name_or_path: str | Path | None = None, *, dtype: str | None = None, **options: Any
+) -> Simulator:
     """Load a shipped model by name, any model by path, or the shipped default.
+
+    Args:
+        name_or_path: None: the default.
+        dtype: 'float64' or 'float32', of the arithmetic; None: the model's usual one.
+        options: Of the kind of model, such as those of `ContactOptions`.
 
     Raises:
         CheckpointError: There is no such model, or its files are damaged or of another version.
+        ValueError: The model has no such dtype or option.
     """
+    from .simulators import KINDS  # here, since they build on this module
+
     path = find_model(name_or_path)
     card = load_card(path)
-    if card['kind'] != 'gns':
-        raise CheckpointError(f'{path}: its card is of kind {card["kind"]!r}, known: gns')
-    known = {field.name for field in fields(GNSConfig)}
+    if card['kind'] not in KINDS:
+        raise CheckpointError(
+            f'{path}: its card is of kind {card["kind"]!r}, known: {", ".join(KINDS)}'
+        )
+    kind = KINDS[card['kind']]
+    known = {field.name for field in fields(kind.config)}
     if missing := sorted(known - set(card['config'])):
         # a default that changes later must not change what old weights mean
         raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
-    network = GNS(from_mapping(GNSConfig, card['config'], f'{path}: config'))
+    network = kind.network(from_mapping(kind.config, card['config'], f'{path}: config'))
     load_weights(network, path, card['weights_sha256'])
-    return Simulator(network, card, path.stem)
+    if dtype is not None:
+        options['dtype'] = dtype
+    return kind.simulator(network, card, path.stem, **options)

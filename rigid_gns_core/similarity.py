@@ -49,12 +49,9 @@ class Similarity:
     def between(cls, scene: Scene, units: ModelUnits) -> Similarity:
         """Similarity of `scene` to a model. The largest sphere counts as the model's radius.
 
-        Raises:
-            ValueError: There is no gravity, which the model was trained with.
+        Without gravity there is no time to compare with, and that of the model's gravity is taken.
         """
-        gravity = float(np.linalg.norm(scene.gravity))
-        if gravity == 0:
-            raise ValueError('gravity is 0, but the model was trained with gravity; set it')
+        gravity = float(np.linalg.norm(scene.gravity)) or units.gravity
         length = float(np.max(scene.radius)) / units.radius
         time = float(np.sqrt(length * units.gravity / gravity))
         return cls(length, time, *_upright(scene.up))

@@ -17,14 +17,16 @@ import yaml
 
 from .checkpoint import load_tensors, save_model, save_tensors
 from .config import ConfigError, find_config, from_mapping, load_yaml, positive, to_mapping
+from .contact_learner import ContactLearner, ContactTrainConfig
 from .dataset import Dataset, Record
+from .gns_learner import GNSLearner, GNSTrainConfig
 from .interrupt import stop_on_signal
-from .learner import Learner, TrainConfig
+from .learner import Learner, Schedule
 from .metrics import chamfer
 from .progress import Progress
 from .rollout import Simulator
-from .training_set import common_scene, fingerprint
-from .windows import Source
+from .simulators import KINDS
+from .training_set import fingerprint
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
 
@@ -34,30 +36,28 @@ class Trainer:
 
     Args:
         config: The recipe.
-        records: Training trajectories, of one radius, gravity, time step and material.
+        records: Training trajectories that the kind of model can learn from.
         validation: Held-out trajectories; rollouts of them choose the best checkpoint.
         folder: Holds `best` (weights and card), the run's state, its recipe and its log.
         origin: Where the data came from, kept in the card.
 
     Raises:
-        ValueError: There are no records, or they differ in radius, gravity, dt or material.
+        ValueError: There are no records, or the kind of model cannot learn from them.
         ConfigError: The folder belongs to another recipe.
     """
 
     def __init__(
         self,
-        config: TrainConfig,
+        config: Schedule,
         records: Sequence[Record],
         validation: Sequence[Record],
         folder: str | Path,
         origin: str = '',
     ) -> None:
         self.config, self.folder, self.origin = config, Path(folder), origin
-        self.units, self.materials = common_scene(records)
         self.validation = _long_enough(validation, config)
         self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
-        sources = [Source.of(record.trajectory, record.scene) for record in records]
-        self.learner = Learner(config, sources, self.units)
+        self.learner = make_learner(config, records)
         self.best = math.inf
         self._resume()
 
@@ -90,22 +90,23 @@ class Trainer:
         if self.validation:
             with self.learner.averaged_weights() as network, warnings.catch_warnings():
                 warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
-                simulator = Simulator(network, self.card(None), 'validation')
+                kind = KINDS[self.learner.kind].simulator
+                simulator = kind(network, self.card(None), 'validation')
                 scores = [self._rollout_score(simulator, record) for record in self.validation]
         return float(np.mean(scores))
 
     def card(self, score: float | None) -> dict[str, Any]:
         """What a checkpoint says of itself."""
         return {
-            'kind': 'gns',
-            'config': to_mapping(self.config.model),
-            'units': to_mapping(self.units),
-            'materials': self.materials,
+            'kind': self.learner.kind,
+            'config': to_mapping(self.learner.model),
+            'units': to_mapping(self.learner.units),
+            'materials': self.learner.materials,
             'training': {
                 **to_mapping(self.config),
                 'step': self.learner.step,
                 'data': self.origin,
-                'trajectories': len(self.learner.sources),
+                'trajectories': self.learner.trajectories,
             },
             'validation': {'root_chamfer_radii': score},
         }
@@ -123,7 +124,8 @@ class Trainer:
         )
         if predicted.diverged_at is not None:
             return math.inf
-        return math.sqrt(chamfer(predicted.positions, reference.positions)) / self.units.radius
+        radius = float(np.max(record.scene.radius))
+        return math.sqrt(chamfer(predicted.positions, reference.positions)) / radius
 
     def _validate_and_save(self, losses: list[float], progress: Progress) -> None:
         score = self.validate()
@@ -172,7 +174,32 @@ class Trainer:
             self.learner.load_state(tensors)
 
 
-def _long_enough(records: Sequence[Record], config: TrainConfig) -> list[Record]:
+RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig, 'contact': ContactTrainConfig}
+
+
+def load_recipe(name: str | Path) -> Schedule:
+    """Training recipe of a YAML file, or of a shipped name in config/train; `kind` is the model's.
+
+    Raises:
+        ConfigError: No such recipe, an unknown key, or a value out of range.
+    """
+    path = find_config('train', name)
+    mapping = load_yaml(path)
+    kind = mapping.pop('kind', None)
+    if kind not in RECIPES:
+        raise ConfigError(f'{path}: kind is {kind!r}, allowed: {", ".join(RECIPES)}')
+    return from_mapping(RECIPES[kind], mapping, str(path))
+
+
+def make_learner(config: Schedule, records: Sequence[Record]) -> Learner[Any]:
+    """Learner of the recipe's kind of model."""
+    if isinstance(config, ContactTrainConfig):
+        return ContactLearner(config, records)
+    assert isinstance(config, GNSTrainConfig)
+    return GNSLearner.of(config, records)
+
+
+def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
     enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
     if records and not enough:
         raise ValueError(
@@ -185,8 +212,12 @@ def _long_enough(records: Sequence[Record], config: TrainConfig) -> list[Record]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns train`."""
-    parser.add_argument('--config', default='gns', help='recipe: a file or a name in config/train')
-    parser.add_argument('--data', required=True, type=Path, help='folder made by generate')
+    parser.add_argument(
+        '--config', default='contact', help='recipe: a file or a name in config/train'
+    )
+    parser.add_argument(
+        '--data', required=True, type=Path, nargs='+', help='folders made by generate'
+    )
     parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
     parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
     parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
@@ -200,15 +231,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns train`."""
-    path = find_config('train', arguments.config)
-    config = from_mapping(TrainConfig, load_yaml(path), str(path))
+    config = load_recipe(arguments.config)
     changes = {name: getattr(arguments, name) for name in ('steps', 'seed')}
     config = replace(config, **{k: v for k, v in changes.items() if v is not None})
     torch.set_num_threads(arguments.threads)
     validation = list(Dataset(arguments.validation)) if arguments.validation else []
-    trainer = Trainer(
-        config, list(Dataset(arguments.data)), validation, arguments.out, arguments.data.name
-    )
+    records = [record for folder in arguments.data for record in Dataset(folder)]
+    origin = ' '.join(folder.name for folder in arguments.data)
+    trainer = Trainer(config, records, validation, arguments.out, origin)
     best = trainer.run()
     score = f'best validation {best:.4g} radii' if validation else 'no validation set: last weights'
     print(f'{score}; weights: {arguments.out / "best.safetensors"}')

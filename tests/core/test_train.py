@@ -11,7 +11,7 @@ import torch
 
 from rigid_gns_core.config import ConfigError, find_config, from_mapping, load_yaml, to_mapping
 from rigid_gns_core.dataset import Record
-from rigid_gns_core.learner import Learner, TrainConfig
+from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.gns import GNSConfig
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
@@ -22,7 +22,7 @@ from rigid_gns_core.training_set import common_scene
 from rigid_gns_core.windows import Noise, Source
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
-CONFIG = TrainConfig(
+CONFIG = GNSTrainConfig(
     model=GNSConfig(message_passing_steps=1, width=16),
     steps=20,
     batch=4,
@@ -69,7 +69,7 @@ def test_resumed_run_gives_the_same_bytes(tmp_path):
 
 def test_seeds_differ():
     first, second = (
-        Learner(
+        GNSLearner(
             replace(CONFIG, seed=s), [Source.of(RECORDS[0].trajectory, RECORDS[0].scene)], UNITS
         )
         for s in (0, 1)
@@ -143,7 +143,7 @@ def test_a_signal_within_a_step_leaves_whole_steps(tmp_path, number):
 
 def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
-    learner = Learner(CONFIG, [source], UNITS)
+    learner = GNSLearner(CONFIG, [source], UNITS)
     batch = learner.batch(0, 3, Noise(std=0.0))
     motion = batch.graph.motion
     predicted = motion.clone()
@@ -162,7 +162,7 @@ def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
 def test_free_flight_gains_no_energy():
     # backward differences make E[k+1] - E[k] = -m g^2 dt^2 / 2 in free flight: never a gain
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
-    learner = Learner(CONFIG, [source], UNITS)
+    learner = GNSLearner(CONFIG, [source], UNITS)
     batch = learner.batch(0, 3, Noise(std=0.0))
     assert learner.energy_gain(batch.next_motion, batch).item() < 1e-5  # float32 of 9.81 * 40
 
@@ -219,11 +219,11 @@ def test_learning_rate_warms_up_and_falls():
 
 
 def test_the_shipped_weights_follow_the_shipped_recipe():
-    config = from_mapping(TrainConfig, load_yaml(find_config('train', 'gns')))
+    config = from_mapping(GNSTrainConfig, load_yaml(find_config('train', 'gns')))
     training = load_simulator('gns').card['training']
     assert {key: training[key] for key in to_mapping(config)} == to_mapping(config)
 
 
 def test_an_unknown_key_lists_the_allowed_ones():
     with pytest.raises(ConfigError, match="unknown key 'momentum', allowed: model, noise, seed"):
-        from_mapping(TrainConfig, {'momentum': 1})
+        from_mapping(GNSTrainConfig, {'momentum': 1})

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
+from .candidates import Candidates
 from .world import World
 
 # bodies nearer than this times the smaller radius count as touching
@@ -25,6 +26,8 @@ class Contacts:
         time: Time of impact from the start of the substep; negative where the bodies overlap and
             should have met before, shape (c,).
         gap: Gap between the surfaces at that time, shape (c,).
+        open: The same for bodies that their free paths do not bring together, but that are so near
+            that other contacts may; their time is 0. Else 0, shape (c,).
         approach: Speed at which they approach then, negative where they part, shape (c,).
         pull: Relative acceleration of the free paths along the normal, shape (c,).
     """
@@ -36,6 +39,7 @@ class Contacts:
     normal: Tensor
     time: Tensor
     gap: Tensor
+    open: Tensor
     approach: Tensor
     pull: Tensor
 
@@ -55,10 +59,12 @@ def sphere_contacts(
     second: Tensor,
     h: float,
     past: float,
+    near: float,
 ) -> Contacts:
     """Pairs that touch or meet within `h`; relative motion of free paths is straight.
 
-    Pairs that overlap should have met before, up to `past` ago.
+    Pairs that overlap should have met before, up to `past` ago; those with a gap below `near` are
+    kept in view.
 
     The time of impact is the first root of |x + u t| = R, exact for spheres.
     """
@@ -71,19 +77,20 @@ def sphere_contacts(
     square = moving.square().sum(1)
     discriminant = along.square() - square * gap * (distance + touching)
     hits = (gap > 0) & (along < 0) & (discriminant >= 0)
-    ahead = gap * (distance + touching) / (discriminant.clamp(min=0).sqrt() - along).clamp(
-        min=1e-30
+    ahead = (
+        gap * (distance + touching) / (discriminant.clamp(min=0).sqrt() - along).clamp(min=1e-30)
     )
     hits &= ahead <= h
     smaller = torch.minimum(world.radius[first], world.radius[second])
     touches = gap <= TOUCH * smaller
-    active = torch.nonzero(hits | touches)[:, 0]
+    active = torch.nonzero(hits | touches | (gap <= near))[:, 0]
     offset, moving, distance = offset[active], moving[active], distance[active]
     gap, along, ahead, hits = gap[active], along[active], ahead[active], hits[active]
+    apart = torch.where(hits | touches[active], 0.0, gap)
     speed = -along / distance.clamp(min=1e-30)
     late = torch.where(speed > 0, (gap / speed.clamp(min=1e-30)).clamp(-past, past), 0.0)
     time = torch.where(hits, ahead, late.clamp(max=0.0))
-    meeting = offset + time[:, None] * moving
+    meeting = offset + time.clamp(min=0)[:, None] * moving
     length = meeting.norm(dim=1, keepdim=True)
     up = torch.zeros_like(meeting)
     up[:, 2] = 1.0
@@ -97,6 +104,7 @@ def sphere_contacts(
         normal=normal,
         time=time,
         gap=length[:, 0] - touching[active],
+        open=apart,
         approach=approach,
         pull=torch.zeros_like(approach),
     )
@@ -110,6 +118,7 @@ def surface_contacts(
     plane: Tensor,
     h: float,
     past: float,
+    near: float,
 ) -> Contacts:
     """Spheres that touch or meet a bounded plane within `h`, on parabolas.
 
@@ -132,31 +141,35 @@ def surface_contacts(
     touches = gap <= TOUCH * radius
     late = torch.where(speed < 0, (gap / (-speed).clamp(min=1e-30)).clamp(-past, past), 0.0)
     time = torch.where(hits, ahead, late.clamp(max=0.0))
-    there = local + time.clamp(min=0)[:, None] * (moving + 0.5 * time[:, None] * pulling)
-    face = ((there[:, :2].abs() <= half).all(1)) & (hits | touches)
+    before = time.clamp(min=0)[:, None]
+    there = local + before * (moving + 0.5 * before * pulling)
+    face = (there[:, :2].abs() <= half).all(1) & (hits | touches | (gap <= near))
 
     # edges: closest points at the start and at the end of the free path
     rim = _outside(local, half)
     end = local + h * moving + 0.5 * h**2 * pulling
     rim_end = _outside(end, half)
     rim_gap, rim_gap_end = rim.norm(dim=1) - radius, rim_end.norm(dim=1) - radius
-    edge = ~face & ((rim_gap <= TOUCH * radius) | (rim_gap_end < 0))
+    edge = ~face & ((rim_gap <= max(near, TOUCH)) | (rim_gap_end < 0))
     edge &= (rim[:, :2] != 0).any(1) | (rim_end[:, :2] != 0).any(1)
+    apart = torch.where(face, (hits | touches).logical_not() * gap, (rim_gap_end >= 0) * rim_gap)
+    apart = torch.where(apart > TOUCH * radius, apart, 0.0)
     share = (rim_gap / (rim_gap - rim_gap_end).clamp(min=1e-30)).clamp(0.0, 1.0)
-    edge_time = torch.where(rim_gap > 0, share * h, 0.0)
+    edge_time = torch.where((rim_gap > 0) & (rim_gap_end < 0), share * h, 0.0)
 
     active = torch.nonzero(face | edge)[:, 0]
     on_face = face[active][:, None]
     axes, local, moving, pulling = axes[active], local[active], moving[active], pulling[active]
     when = torch.where(on_face[:, 0], time[active], edge_time[active])
-    at = local + when[:, None] * (moving + 0.5 * when[:, None] * pulling)
+    ahead = when.clamp(min=0)[:, None]
+    at = local + ahead * (moving + 0.5 * ahead * pulling)
     from_rim = _outside(at, half[active])
     rim_length = from_rim.norm(dim=1, keepdim=True).clamp(min=1e-30)
     straight = torch.zeros_like(local)
     straight[:, 2] = side[active]
     normal = torch.where(on_face, straight, from_rim / rim_length)
     distance = torch.where(on_face[:, 0], side[active] * at[:, 2], rim_length[:, 0])
-    velocity = moving + when.clamp(min=0)[:, None] * pulling
+    velocity = moving + ahead * pulling
     return Contacts(
         a=sphere[active],
         b=torch.full_like(active, world.count),
@@ -165,9 +178,50 @@ def surface_contacts(
         normal=torch.einsum('cij,ci->cj', axes, normal),
         time=when,
         gap=distance - radius[active],
+        open=apart[active],
         approach=-(velocity * normal).sum(1),
         pull=(pulling * normal).sum(1),
     )
+
+
+def find_contacts(
+    world: World,
+    positions: Tensor,
+    velocities: Tensor,
+    candidates: Candidates,
+    h: float,
+    past: float,
+) -> Contacts:
+    """Contacts of the next substep, of spheres with spheres and with surfaces."""
+    near = float(world.gravity.norm()) * h**2
+    parts = []
+    if len(candidates.first):
+        parts.append(
+            sphere_contacts(
+                world,
+                positions,
+                velocities,
+                torch.from_numpy(candidates.first),
+                torch.from_numpy(candidates.second),
+                h,
+                past,
+                near,
+            )
+        )
+    if len(candidates.sphere):
+        parts.append(
+            surface_contacts(
+                world,
+                positions,
+                velocities,
+                torch.from_numpy(candidates.sphere),
+                torch.from_numpy(candidates.plane),
+                h,
+                past,
+                near,
+            )
+        )
+    return join(parts)
 
 
 def _outside(local: Tensor, half: Tensor) -> Tensor:
@@ -178,7 +232,9 @@ def _outside(local: Tensor, half: Tensor) -> Tensor:
 
 def join(parts: list[Contacts]) -> Contacts:
     """Contacts of several kinds as one."""
-    return Contacts(*(torch.cat([getattr(p, field.name) for p in parts]) for field in fields(Contacts)))
+    return Contacts(
+        *(torch.cat([getattr(p, field.name) for p in parts]) for field in fields(Contacts))
+    )
 
 
 def gaps(world: World, positions: Tensor, contacts: Contacts) -> tuple[Tensor, Tensor]:

@@ -1,4 +1,4 @@
-"""The learned part: a graph network on contacts, which tunes what each contact aims at.
+"""The learned part: a graph network on contacts, which sets the pace of each in every round.
 
 Nodes of its graph are the contacts and the bodies between them. Contacts read invariant scalars
 only, so the model turns with the scene about gravity, and the two bodies of a contact play the same
@@ -17,6 +17,8 @@ from ..layers import MLP
 
 FEATURES = 17
 ROUND_FEATURES = 7
+# share of a round's step that the next one repeats, without a network: halves the rounds of piles
+MOMENTUM = 0.5
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Feel(NamedTuple):
 
     lacking: what its normal velocity lacks; slip: speed of slip; carried: its normal impulse as a
     change of speed; others, others_slip: change of its normal velocity (signed) and of its slip
-    that the other contacts of its bodies make; load: contacts that press on its bodies.
+    that the other contacts of its bodies make, beyond what they did when the substep began; load:
+    contacts that press on its bodies.
     """
 
     lacking: Tensor
@@ -64,14 +67,20 @@ class Feel(NamedTuple):
 class Tuning(NamedTuple):
     """Output of a round, shape (c,) each.
 
-    normal, slip: shifts of the aimed normal velocity and slip speed; pace, pace_slip: factors on
-    the damped steps towards them.
+    pace, pace_slip: factors on the damped steps of normal impulse and friction; momentum: share of
+    the last step that is repeated; raw: -1 to 1, for networks without a law.
     """
 
-    normal: Tensor
-    slip: Tensor
     pace: Tensor
     pace_slip: Tensor
+    momentum: Tensor
+    raw: Tensor
+
+    @classmethod
+    def plain(cls, load: Tensor) -> Tuning:
+        """Without a network."""
+        one = torch.ones_like(load)
+        return cls(one, one, MOMENTUM * (1.0 - 1.0 / load), torch.zeros_like(load))
 
 
 class ContactNetwork(nn.Module):
@@ -88,17 +97,18 @@ class ContactNetwork(nn.Module):
         self.rounds = nn.ModuleList(
             MLP((width, width, ROUND_FEATURES), width, width) for _ in range(config.rounds)
         )
-        self.heads = nn.ModuleList(nn.Linear(width, 4) for _ in range(config.rounds))
-        for head in self.heads:
+        heads = [nn.Linear(width, 4) for _ in range(config.rounds)]
+        for head in heads:
             nn.init.zeros_(head.weight)
             nn.init.zeros_(head.bias)
+        self.heads = nn.ModuleList(heads)
 
     def encode(self, features: Tensor) -> Tensor:
         """Latents of contacts, shape (c, width)."""
         return self.encoder(features.float())
 
     def round(
-        self, index: int, latent: Tensor, feel: Feel, unit: Tensor, a: Tensor, b: Tensor, bodies: int
+        self, index: int, latent: Tensor, feel: Feel, unit: float, a: Tensor, b: Tensor, bodies: int
     ) -> tuple[Tensor, Tuning]:
         """One round of message passing.
 
@@ -106,8 +116,9 @@ class ContactNetwork(nn.Module):
             index: Number of the round.
             latent: Of the contacts, shape (c, width).
             feel: What contacts see.
-            unit: Speed that scales it, a scalar.
-            a, b: Bodies of the contacts; the last body is fixed, shape (c,).
+            unit: Speed that scales it.
+            a: One body of each contact, shape (c,).
+            b: The other, shape (c,); body n is fixed.
             bodies: n + 1.
         """
         scaled = torch.stack([torch.asinh(10.0 * value / unit) for value in feel[:5]], 1)
@@ -116,15 +127,17 @@ class ContactNetwork(nn.Module):
         seen = torch.cat([scaled, load, torch.asinh(10.0 * both)[:, None]], 1).float()
         total = latent.new_zeros(bodies, latent.shape[1])
         total = total.index_add(0, a, latent).index_add(0, b, latent)
-        total = torch.cat([total[:-1], torch.zeros_like(total[-1:])])  # the fixed body tells nothing
+        total = torch.cat(
+            [total[:-1], torch.zeros_like(total[-1:])]
+        )  # the fixed body tells nothing
         around = total[a] + total[b] - latent
         latent = latent + self.rounds[index](latent, around, seen)
         raw = torch.tanh(self.heads[index](latent)).to(feel.lacking.dtype)
-        felt = feel.others.abs() + feel.others_slip
-        shared = 1.0 - 1.0 / feel.load  # contacts that share no body keep the exact step
+        # a contact that shares no body with one that presses keeps the exact step
+        shared = 1.0 - 1.0 / feel.load
         return latent, Tuning(
-            normal=felt * raw[:, 0],
-            slip=felt * raw[:, 1],
-            pace=torch.exp(shared * raw[:, 2]),
-            pace_slip=torch.exp(shared * raw[:, 3]),
+            pace=torch.exp(shared * raw[:, 0]),
+            pace_slip=torch.exp(shared * raw[:, 1]),
+            momentum=shared * (MOMENTUM + (1.0 - MOMENTUM) * 0.9 * raw[:, 2]),
+            raw=raw[:, 3],
         )

@@ -1,26 +1,24 @@
-"""Impulses of all contacts of a substep, by rounds of a law that the network tunes.
+"""Impulses of all contacts of a substep, by rounds of a law whose pace the network sets.
 
-The law of one isolated contact is solved exactly in a single round: restitution at the time of
-impact, or support for what remains of the substep; Coulomb friction that stops slip but never
-reverses it; rolling friction that stops rolling but never reverses it. Where contacts share bodies,
-each round takes a damped step (mass splitting), and the network shifts what the contacts aim at, in
-proportion to what they feel of each other. A contact that feels no other is left to the law.
+Where contacts share bodies, each round recomputes what every contact feels of the others and takes
+a damped step (mass splitting) towards the law of one contact: restitution or support, Coulomb
+friction that stops slip but never reverses it, rolling friction that stops rolling but never
+reverses it. So the end of the rounds is physical whatever the network says; it decides how near
+they come in so few rounds. A contact alone needs one round and no network.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from .geometry import Contacts
-from .network import ContactNetwork, Feel
-from .world import UNIT_GRAVITY, World
-
-# approach speeds of two spheres below this do not bounce: as the teacher, 3 g dt / 240
-_QUIET = 3.0 * UNIT_GRAVITY * 0.1 / 240.0
+from .features import describe
+from .law import Law, aim_of
+from .network import ContactNetwork, Feel, Tuning
+from .vectors import across, clip, dot, length
+from .world import UNIT_GRAVITY
 
 
 @dataclass(frozen=True)
@@ -59,91 +57,6 @@ class Solution:
     positions: Tensor
 
 
-class Law:
-    """Coefficients of the contacts of one substep.
-
-    Args:
-        world: What does not move.
-        contacts: Of the substep.
-        h: Its length; 0 for one that only mends what the last one missed.
-        pace: Length of a substep as such, to which speeds are compared.
-    """
-
-    def __init__(self, world: World, contacts: Contacts, h: float, pace: float) -> None:
-        self.world, self.contacts, self.h, self.pace = world, contacts, h, pace
-        a, b, plane = contacts.a, contacts.b, contacts.plane
-        fixed = plane >= 0
-        pad = lambda values: torch.cat([values, values.new_zeros(1)])  # noqa: E731
-        which = plane.clamp(min=0)
-        has_planes = len(world.surface_restitution) > 0
-
-        def pair(own: Tensor, surface: Tensor) -> Tensor:
-            other = pad(own)[b]
-            if has_planes:
-                other = torch.where(fixed, surface[which], other)
-            return own[a] * other
-
-        self.fixed = fixed
-        self.restitution = pair(world.restitution, world.surface_restitution)
-        self.friction = pair(world.friction, world.surface_friction)
-        self.rolling = torch.where(fixed, (world.rolling_friction * world.radius[:-1])[a], 0.0)
-        self.inverse_a, self.inverse_b = world.inverse_mass[a], world.inverse_mass[b]
-        self.arm_a = world.radius[a] + torch.where(fixed, contacts.gap, 0.5 * contacts.gap)
-        self.arm_b = torch.where(fixed, 0.0, world.radius[b] + 0.5 * contacts.gap)
-        self.spin_a = self.arm_a.square() * world.inverse_inertia[a]
-        self.spin_b = self.arm_b.square() * world.inverse_inertia[b]
-        self.rest = (h - contacts.time.clamp(min=0.0)).clamp(min=0.0)
-
-
-class Aim(NamedTuple):
-    """What contacts would come to, each alone; shape (c,) each.
-
-    parting: normal velocity at the end of the substep; flying: whether it is then off the other
-    body after a bounce; airborne: time since that bounce; impulse: normal impulse over reduced
-    mass; lever: time before the end at which that impulse, acting at once, leads to the same place.
-    """
-
-    parting: Tensor
-    flying: Tensor
-    airborne: Tensor
-    impulse: Tensor
-    lever: Tensor
-
-
-def bounces(law: Law, approach: Tensor) -> Aim:
-    """The law of one isolated contact along its normal.
-
-    On a surface that pulls, a sphere bounces with e times the speed of each approach, in flights
-    whose times are a geometric series, until it approaches slower than `_QUIET` and rests. So small
-    bounces need no small substeps. Two spheres meet once.
-    """
-    contacts, e = law.contacts, law.restitution
-    pull = (-contacts.pull).clamp(min=0.0)
-    time = torch.where(approach > 0, law.h - contacts.time, law.rest)
-    loud = approach > _QUIET
-    speed = (e * approach).clamp(min=1e-12)
-    one_less = (1.0 - e).clamp(min=1e-6)
-    log_e = torch.log1p(-one_less)
-    with torch.no_grad():
-        left = 1.0 - time * pull * one_less / (2.0 * speed)
-        over = left <= 0
-        flights = torch.floor(left.clamp(min=1e-30).log() / log_e).clamp(min=0.0)
-        allowed = torch.ceil(torch.log(_QUIET / approach.clamp(min=_QUIET)) / log_e)
-        flying = loud & (e > 1e-3) & ~over & (flights < allowed)
-        flights = torch.where(flying, flights, torch.zeros_like(flights))
-    damping = torch.exp(flights * log_e)
-    spent = 2.0 * speed / pull.clamp(min=1e-9) * (1.0 - damping) / one_less
-    airborne = torch.where(flying, time - torch.where(flights > 0, spent, 0.0), 0.0)
-    last = speed * damping
-    parting = torch.where(flying, last - pull * airborne, 0.0)
-    height = torch.where(flying, last * airborne - 0.5 * pull * airborne.square(), 0.0)
-    closing = approach.clamp(min=0.0)
-    impulse = parting + closing + pull * time
-    fallen = closing * time + 0.5 * pull * time.square()
-    lever = (height + fallen) / impulse.clamp(min=1e-9)
-    return Aim(parting, flying, airborne, impulse, lever)
-
-
 def solve(
     law: Law,
     velocities: Tensor,
@@ -162,159 +75,178 @@ def solve(
         rounds: M, rounds of message passing.
         network: None: the law alone.
     """
-    world, contacts, h = law.world, law.contacts, law.h
-    a, b, normal = contacts.a, contacts.b, contacts.normal
-    count = world.count
-    bodies = count + 1
-    still = velocities.new_zeros(1, 3)
-    before = torch.cat([velocities, still])
-    free = torch.cat([velocities + h * world.gravity, still])
-    spin = torch.cat([angular_velocities, still])
-    relative = before[a] - before[b]
-    approach = -_dot(normal, relative) - contacts.time.clamp(min=0.0) * contacts.pull
-    aim = bounces(law, approach)
-    bounce, target = aim.flying, aim.parting
-    pulled = torch.where(law.fixed[:, None], world.gravity, torch.zeros_like(normal))
-    drag = aim.airborne[:, None] * _across(pulled, normal)
-    scale = torch.as_tensor(UNIT_GRAVITY * law.pace, dtype=velocities.dtype)
-
-    keep = (~bounce).to(velocities.dtype)
-    normals = start.normal * keep
-    tangentials = _across(start.tangential, normal) * keep[:, None]
-    rollings = start.rolling * keep[:, None]
-    change, turn = _apply(law, normals, tangentials, rollings, bodies)
-    unit = law.inverse_a + law.inverse_b
-    tangent_unit = unit + law.spin_a + law.spin_b
-    free_parting = _dot(normal, free[a] - free[b])
-    free_slip = _slip(law, free, spin)
-    latent = None
-    if network is not None:
-        latent = network.encode(describe(law, approach, bounce, free_parting, free_slip, spin))
-    inertia_a = 1.0 / world.inverse_inertia[a]
-    mass_a = 1.0 / law.inverse_a
+    solver = _Solver(law, velocities, angular_velocities, start, network)
     for index in range(rounds):
-        end = free + change
-        parting = _dot(normal, end[a] - end[b])
-        lacking = target - parting
-        pressing = (normals > 0) | (lacking > 1e-9 * scale)
-        load = _sum(a, b, pressing.to(velocities.dtype), bodies)[:-1].clamp(min=1.0)
-        load = torch.cat([load, load.new_ones(1)])
-        load_a, load_b = load[a], load[b]
-        pace = pace_slip = torch.ones_like(lacking)
-        slip_aim = drag
-        if network is not None and latent is not None:
-            slip = _slip(law, end, spin + turn)
-            feel = Feel(
-                lacking=lacking,
-                slip=_length(slip - drag),
-                carried=normals * unit,
-                others=parting - free_parting - normals * unit,
-                others_slip=_length(slip - free_slip - tangentials * tangent_unit[:, None]),
-                load=torch.maximum(load_a, load_b),
+        solver.round(index)
+    return solver.solution()
+
+
+class _Solver:
+    """Impulses so far, and what they make of the bodies; see `solve`."""
+
+    def __init__(
+        self,
+        law: Law,
+        velocities: Tensor,
+        angular_velocities: Tensor,
+        start: Impulses,
+        network: ContactNetwork | None,
+    ) -> None:
+        world, contacts, h = law.world, law.contacts, law.h
+        self.law, self.network = law, network
+        self.has_law = network is None or network.config.law
+        self.bodies = world.count + 1
+        a, b, normal = contacts.a, contacts.b, contacts.normal
+        still = velocities.new_zeros(1, 3)
+        before = torch.cat([velocities, still])
+        self.free = torch.cat([velocities + h * world.gravity, still])
+        self.spin = torch.cat([angular_velocities, still])
+        self.approach = -dot(normal, before[a] - before[b])
+        self.approach = self.approach - contacts.time.clamp(min=0.0) * contacts.pull
+        pulled = torch.where(law.fixed[:, None], world.gravity, torch.zeros_like(normal))
+        self.pulled = across(pulled, normal)
+        self.scale = UNIT_GRAVITY * law.pace
+        self.unit = law.inverse_a + law.inverse_b
+        self.free_parting = dot(normal, self.free[a] - self.free[b])
+        self.free_slip = _slip(law, self.free, self.spin)
+        self.aim = aim_of(law, self.approach, torch.zeros_like(self.approach))
+
+        # support goes on; what a bounce needs starts from nothing
+        keep = (~self.aim.flying | (start.normal > 0)).to(velocities.dtype)
+        self.normals = self.last_normals = start.normal * keep
+        self.tangentials = across(start.tangential, normal) * keep[:, None]
+        self.last_tangentials = self.tangentials
+        self.rollings = start.rolling * keep[:, None]
+        self.change = _linear(law, self._impulse(), self.bodies)
+        self.turn = _angular(law, self.tangentials, self.bodies)
+        self._twist(self.rollings)
+        self.latent: Tensor | None = None
+        if network is not None:
+            features = describe(
+                law, self.approach, self.aim.flying, self.free_parting, self.free_slip, self.spin
             )
-            latent, tuning = network.round(index, latent, feel, scale, a, b, bodies)
-            lacking, pace, pace_slip = lacking + tuning.normal, tuning.pace, tuning.pace_slip
-            slip_aim = drag + tuning.slip[:, None] * slip / (_length(slip) + 1e-3 * scale)[:, None]
+            self.latent = network.encode(features)
+            self.start_others, self.start_slip = self._others(), self._others_slip()
+
+    def round(self, index: int) -> None:
+        """One round: normal impulses, then rolling friction, then friction."""
+        law, contacts = self.law, self.law.contacts
+        others = self._others()
+        extra = others.detach() / law.h if law.h > 0 else torch.zeros_like(others)
+        self.aim = aim_of(law, self.approach, extra)
+        lacking = self.aim.parting - self._parting()
+        pressing = self.aim.hit & ((self.normals > 0) | (lacking > 1e-9 * self.scale))
+        load = contacts.a.new_zeros(self.bodies).to(lacking.dtype)
+        counted = pressing.to(lacking.dtype)
+        load = load.index_add(0, contacts.a, counted).index_add(0, contacts.b, counted)
+        load[-1] = 1.0
+        load = load.clamp(min=1.0)
+        load_a, load_b = load[contacts.a], load[contacts.b]
+        tuning = self._tune(index, lacking, others, torch.maximum(load_a, load_b))
+        if not self.has_law:
+            size = 2.0 * (self.approach.abs() + self.free_parting.abs() + 0.02 * self.scale)
+            lacking, pressing = size * tuning.raw, torch.ones_like(pressing)
         split = load_a * law.inverse_a + load_b * law.inverse_b
-        new = torch.where(pressing, (normals + pace * lacking / split).clamp(min=0.0), normals)
-        change = change + _linear(law, (new - normals)[:, None] * normal, bodies)
-        normals = new
+        step = tuning.momentum * (self.normals - self.last_normals) + tuning.pace * lacking / split
+        normals = torch.where(pressing, (self.normals + step).clamp(min=0.0), 0.0)
+        self.last_normals, self.normals = self.normals, normals
+        self._push((normals - self.last_normals)[:, None] * contacts.normal)
 
-        end, ending = free + change, spin + turn
-        limit = law.friction * normals
-        slip = _slip(law, end, ending) - slip_aim
-        tangent = (split + load_a * law.spin_a + load_b * law.spin_b) / pace_slip
-        if bool((law.rolling > 0).any()):
-            wanted = tangentials - slip / tangent[:, None]
-            sticks = (wanted.norm(dim=1) <= limit)[:, None]
-            about = ending[a] * inertia_a[:, None]
-            moving = torch.linalg.cross(normal, _across(end[a], normal))
-            stuck = about + (mass_a * law.arm_a)[:, None] * moving
-            carried = torch.where(sticks, _across(stuck, normal), _across(about, normal))
-            resist = rollings - (carried + _dot(about, normal)[:, None] * normal) / load_a[:, None]
-            most = law.rolling * normals
-            about_normal = _dot(resist, normal).clamp(-most, most)[:, None] * normal
-            resist = _clip(_across(resist, normal), most) + about_normal
-            step = (resist - rollings) * world.inverse_inertia[a][:, None]
-            turn = turn.index_add(0, a, step)
-            rollings = resist
-            slip = _slip(law, end, spin + turn) - slip_aim
-        wanted = _clip(tangentials - slip / tangent[:, None], limit)
-        step = wanted - tangentials
-        change = change + _linear(law, step, bodies)
-        turn = turn + _angular(law, step, bodies)
-        tangentials = wanted
+        stiffness = (split + load_a * law.spin_a + load_b * law.spin_b) / tuning.pace_slip
+        drag = self.aim.airborne[:, None] * self.pulled
+        if law.rolls:
+            self._resist_rolling(drag, stiffness, load_a)
+        step = tuning.momentum[:, None] * (self.tangentials - self.last_tangentials)
+        step = step - (self._slip_now() - drag) / stiffness[:, None]
+        tangentials = clip(self.tangentials + step, law.friction * normals)
+        self.last_tangentials, self.tangentials = self.tangentials, tangentials
+        step = tangentials - self.last_tangentials
+        self._push(step)
+        self.turn = self.turn + _angular(law, step, self.bodies)
 
-    # what one contact alone would get acts as if at aim.lever before the end; what others add to it
-    # is spread over the rest of the substep
-    own = torch.minimum(normals, aim.impulse / unit)
-    share = own / normals.clamp(min=1e-30)
-    lever = share * aim.lever + (1.0 - share) * 0.5 * law.rest
-    moved = _linear(law, lever[:, None] * (normals[:, None] * normal + tangentials), bodies)
-    impulses = Impulses(normals, tangentials, rollings)
-    return Solution(impulses, change[:count], turn[:count], moved[:count])
+    def solution(self) -> Solution:
+        """What the impulses so far do to the bodies."""
+        law, aim, count = self.law, self.aim, self.bodies - 1
+        # what a contact alone would get acts as if at aim.lever before the end; what others add to
+        # it is spread over the rest of the substep
+        own = torch.minimum(self.normals, aim.impulse / self.unit)
+        share = own / self.normals.clamp(min=1e-30)
+        lever = share * aim.lever + (1.0 - share) * 0.5 * aim.rest
+        if not self.has_law:
+            lever = law.h - law.contacts.time
+        moved = _linear(law, lever[:, None] * self._impulse(), self.bodies)
+        impulses = Impulses(self.normals, self.tangentials, self.rollings)
+        return Solution(impulses, self.change[:count], self.turn[:count], moved[:count])
 
+    def _tune(self, index: int, lacking: Tensor, others: Tensor, load: Tensor) -> Tuning:
+        contacts = self.law.contacts
+        if self.network is None or self.latent is None:
+            return Tuning.plain(load)
+        drag = self.aim.airborne[:, None] * self.pulled
+        feel = Feel(
+            lacking=lacking if self.has_law else -self._parting(),
+            slip=length(self._slip_now() - drag),
+            carried=self.normals * self.unit,
+            others=others - self.start_others,
+            others_slip=length(self._others_slip() - self.start_slip),
+            load=load,
+        )
+        self.latent, tuning = self.network.round(
+            index, self.latent, feel, self.scale, contacts.a, contacts.b, self.bodies
+        )
+        return tuning
 
-def describe(
-    law: Law, approach: Tensor, bounce: Tensor, parting: Tensor, slip: Tensor, spin: Tensor
-) -> Tensor:
-    """Invariant features of contacts, shape (c, 17)."""
-    world, contacts = law.world, law.contacts
-    a, b, normal = contacts.a, contacts.b, contacts.normal
-    scale = UNIT_GRAVITY * law.pace
-    radius_a, radius_b = world.radius[a], torch.where(law.fixed, world.radius[a], world.radius[b])
-    heavier = torch.where(law.fixed, law.inverse_a, law.inverse_b)
-    up = -world.gravity / world.gravity.norm().clamp(min=1e-12)
-    steep = normal @ up
-    smaller = torch.minimum(radius_a, radius_b)
-    turning = _length(law.arm_a[:, None] * spin[a] - law.arm_b[:, None] * spin[b])
+    def _resist_rolling(self, drag: Tensor, stiffness: Tensor, load: Tensor) -> None:
+        """Torque of rolling friction: at most rho r N, and no more than stops the rolling.
 
-    def speed(value: Tensor) -> Tensor:
-        return torch.asinh(10.0 * value / scale)
+        Where the contact sticks, what rolls is the angular momentum about the contact point, which
+        friction does not change; where it slips, that about the centre.
+        """
+        law, world = self.law, self.law.world
+        a, normal = law.contacts.a, law.contacts.normal
+        wanted = self.tangentials - (self._slip_now() - drag) / stiffness[:, None]
+        sticks = (length(wanted) <= law.friction * self.normals)[:, None]
+        about = (self.spin + self.turn)[a] / world.inverse_inertia[a][:, None]
+        orbit = torch.linalg.cross(normal, across((self.free + self.change)[a], normal))
+        stuck = about + (law.arm_a / law.inverse_a)[:, None] * orbit
+        rolls = torch.where(sticks, across(stuck, normal), across(about, normal))
+        resist = self.rollings - (rolls + about - across(about, normal)) / load[:, None]
+        most = law.rolling * self.normals
+        flat = across(resist, normal)
+        twist = dot(resist, normal).clamp(-most, most)[:, None] * normal
+        resist = clip(flat, most) + twist
+        self._twist(resist - self.rollings)
+        self.rollings = resist
 
-    return torch.stack(
-        [
-            speed(approach),
-            speed(parting),
-            speed(_length(slip)),
-            speed((slip @ up) * steep),
-            speed(turning),
-            torch.asinh(1e3 * contacts.gap / smaller),
-            contacts.time / law.pace,
-            law.restitution,
-            law.friction,
-            10.0 * law.rolling / radius_a,
-            (law.inverse_a / heavier).log().abs(),
-            (radius_a / radius_b).log().abs(),
-            law.fixed.to(approach.dtype),
-            steep.abs(),
-            torch.where(law.fixed, steep, torch.zeros_like(steep)),
-            bounce.to(approach.dtype),
-            (scale * law.pace / smaller).log(),
-        ],
-        1,
-    )
+    def _impulse(self) -> Tensor:
+        return self.normals[:, None] * self.law.contacts.normal + self.tangentials
 
+    def _push(self, impulse: Tensor) -> None:
+        self.change = self.change + _linear(self.law, impulse, self.bodies)
 
-def _dot(one: Tensor, other: Tensor) -> Tensor:
-    return (one * other).sum(1)
+    def _twist(self, torque: Tensor) -> None:
+        a = self.law.contacts.a
+        unit = self.law.world.inverse_inertia[a][:, None]
+        self.turn = self.turn.index_add(0, a, torque * unit)
 
+    def _parting(self) -> Tensor:
+        contacts, end = self.law.contacts, self.free + self.change
+        return dot(contacts.normal, end[contacts.a] - end[contacts.b])
 
-def _length(vector: Tensor) -> Tensor:
-    return vector.square().sum(1).clamp(min=1e-30).sqrt()
+    def _slip_now(self) -> Tensor:
+        return _slip(self.law, self.free + self.change, self.spin + self.turn)
 
+    def _others(self) -> Tensor:
+        """Change of normal velocity that the other contacts make, shape (c,)."""
+        return self._parting() - self.free_parting - self.normals * self.unit
 
-def _across(vector: Tensor, normal: Tensor) -> Tensor:
-    return vector - _dot(vector, normal)[:, None] * normal
-
-
-def _clip(vector: Tensor, most: Tensor) -> Tensor:
-    return vector * (most / _length(vector)).clamp(max=1.0)[:, None]
-
-
-def _sum(a: Tensor, b: Tensor, value: Tensor, bodies: int) -> Tensor:
-    total = value.new_zeros(bodies)
-    return total.index_add(0, a, value).index_add(0, b, value)
+    def _others_slip(self) -> Tensor:
+        """Change of slip that the other contacts make, shape (c, 3)."""
+        law = self.law
+        own = self.tangentials * (self.unit + law.spin_a + law.spin_b)[:, None]
+        arm = law.arm_a * law.world.inverse_inertia[law.contacts.a]
+        own = own + arm[:, None] * torch.linalg.cross(law.contacts.normal, self.rollings)
+        return self._slip_now() - self.free_slip - own
 
 
 def _linear(law: Law, impulse: Tensor, bodies: int) -> Tensor:
@@ -333,19 +265,10 @@ def _angular(law: Law, impulse: Tensor, bodies: int) -> Tensor:
     return turn.index_add(0, b, torque * -(law.arm_b * world.inverse_inertia[b])[:, None])
 
 
-def _apply(
-    law: Law, normals: Tensor, tangentials: Tensor, rollings: Tensor, bodies: int
-) -> tuple[Tensor, Tensor]:
-    """Changes of velocity and angular velocity by all impulses."""
-    normal, a = law.contacts.normal, law.contacts.a
-    change = _linear(law, normals[:, None] * normal + tangentials, bodies)
-    turn = _angular(law, tangentials, bodies)
-    turn = turn.index_add(0, a, rollings * law.world.inverse_inertia[a][:, None])
-    return change, turn
-
-
 def _slip(law: Law, velocities: Tensor, angular_velocities: Tensor) -> Tensor:
     """Velocity of the two surfaces against each other, across the normal, shape (c, 3)."""
     a, b, normal = law.contacts.a, law.contacts.b, law.contacts.normal
-    turning = law.arm_a[:, None] * angular_velocities[a] + law.arm_b[:, None] * angular_velocities[b]
-    return _across(velocities[a] - velocities[b], normal) - torch.linalg.cross(turning, normal)
+    turning = (
+        law.arm_a[:, None] * angular_velocities[a] + law.arm_b[:, None] * angular_velocities[b]
+    )
+    return across(velocities[a] - velocities[b], normal) - torch.linalg.cross(turning, normal)

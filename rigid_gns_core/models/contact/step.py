@@ -4,99 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from . import geometry
 from .candidates import Candidates
-from .geometry import Contacts
+from .geometry import Contacts, find_contacts
+from .law import Law
+from .memory import Memory, contact_key
 from .network import ContactNetwork
-from .solver import Impulses, Law, solve
+from .overlap import push_out
+from .solver import Impulses, solve
 from .world import UNIT_GRAVITY, World
 
-# sweeps that push out what still overlaps at the end of a substep
-_SWEEPS = 4
 # passes that mend collisions in paths that contacts bent within the last substep
 _CATCHES = 3
+# rounds of the law that find the impulses of contacts which last, where none are known yet
+_PRIMING = 60
 
 Neighbours = Callable[[Tensor, Tensor], Candidates]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Moving state as tensors; positions, velocities, angular_velocities (n, 3)."""
+    """Moving state as tensors; positions, velocities, angular_velocities (n, 3).
+
+    awake: 0 for spheres that sleep, which nothing pulls, shape (n, 1); None: all are awake.
+    """
 
     positions: Tensor
     velocities: Tensor
     angular_velocities: Tensor
+    awake: Tensor | None = None
 
 
-@dataclass(frozen=True)
-class Memory:
-    """Impulses per time of contacts that persist, by key, sorted; nothing at the start.
+class Frame(NamedTuple):
+    """Result of a frame.
 
-    key: shape (c,); impulses: see there.
+    motion, memory: at its end; contacts: of each substep that had any; turns: rotation vector of
+    each sphere in each substep, shape (substeps, n, 3).
     """
 
-    key: Tensor
-    impulses: Impulses
-
-    @classmethod
-    def empty(cls, like: Tensor) -> Memory:
-        """No contacts."""
-        return cls(torch.zeros(0, dtype=torch.int64), Impulses.zeros(0, like))
-
-    def recall(self, key: Tensor, like: Tensor) -> Impulses:
-        """Impulses of these contacts, zero where they are new."""
-        if not len(self.key) or not len(key):
-            return Impulses.zeros(len(key), like)
-        place = torch.searchsorted(self.key, key).clamp(max=len(self.key) - 1)
-        known = (self.key[place] == key).to(like.dtype)
-        old = self.impulses
-        return Impulses(
-            old.normal[place] * known,
-            old.tangential[place] * known[:, None],
-            old.rolling[place] * known[:, None],
-        )
-
-
-def contact_key(world: World, contacts: Contacts) -> Tensor:
-    """A number for each pair of bodies, shape (c,)."""
-    bodies = world.count + len(world.point)
-    other = torch.where(contacts.plane >= 0, world.count + contacts.plane, contacts.b)
-    return contacts.a * bodies + other
-
-
-def find_contacts(world: World, motion: Motion, candidates: Candidates, h: float, past: float) -> Contacts:
-    """Contacts of the next substep, of spheres with spheres and with surfaces."""
-    positions, velocities = motion.positions, motion.velocities
-    parts = []
-    if len(candidates.first):
-        parts.append(
-            geometry.sphere_contacts(
-                world,
-                positions,
-                velocities,
-                torch.from_numpy(candidates.first),
-                torch.from_numpy(candidates.second),
-                h,
-                past,
-            )
-        )
-    if len(candidates.sphere):
-        parts.append(
-            geometry.surface_contacts(
-                world,
-                positions,
-                velocities,
-                torch.from_numpy(candidates.sphere),
-                torch.from_numpy(candidates.plane),
-                h,
-                past,
-            )
-        )
-    return geometry.join(parts)
+    motion: Motion
+    memory: Memory
+    contacts: list[Contacts]
+    turns: Tensor
 
 
 def substep(
@@ -114,54 +67,42 @@ def substep(
     `pace` is the length of a substep as such, to which speeds are compared, where `h` is 0.
     """
     p, v, w = motion.positions, motion.velocities, motion.angular_velocities
-    flight = p + h * v + 0.5 * h**2 * world.gravity
-    falling = v + h * world.gravity
-    none = Motion(flight, falling, w), Memory.empty(p), None
+    pull = world.gravity if motion.awake is None else motion.awake * world.gravity
+    flight = p + h * v + 0.5 * h**2 * pull
+    falling = v + h * pull
+    none = Motion(flight, falling, w, motion.awake), Memory.empty(p), None
     if not len(candidates):
         return none
     with torch.no_grad():  # where and when bodies meet is taken as given
-        contacts = find_contacts(world, motion, candidates, h, pace)
+        contacts = find_contacts(world, p, v, candidates, h, pace)
     if not len(contacts):
         return none
     key = contact_key(world, contacts)
-    law = Law(world, contacts, h, pace)
-    solution = solve(law, v, w, memory.recall(key, p), rounds, network)
-    positions = push_out(world, flight + solution.positions, contacts)
-    order = torch.argsort(key)
-    impulses = solution.impulses
-    memory = Memory(
-        key[order],
-        Impulses(impulses.normal[order], impulses.tangential[order], impulses.rolling[order]),
-    )
-    moved = Motion(
-        positions, falling + solution.velocities, w + solution.angular_velocities
-    )
-    return moved, memory, contacts
+    # contacts that share no body with another need neither network nor rounds
+    shared = _shared(world, contacts)
+    positions, velocities, spins = flight, falling, w
+    memory_parts = []
+    for some, depth, tuner in ((~shared, 1, None), (shared, rounds, network)):
+        index = torch.nonzero(some)[:, 0]
+        if not len(index):
+            continue
+        mine = contacts.take(index) if len(index) < len(contacts) else contacts
+        start = memory.recall(key[index], p) if depth > 1 else Impulses.zeros(len(index), p)
+        solution = solve(Law(world, mine, h, pace), v, w, start, depth, tuner)
+        positions = positions + solution.positions
+        velocities = velocities + solution.velocities
+        spins = spins + solution.angular_velocities
+        memory_parts.append((key[index], solution.impulses))
+    memory = Memory.of(memory_parts)
+    positions = push_out(world, positions, contacts)
+    return Motion(positions, velocities, spins, motion.awake), memory, contacts
 
 
-def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
-    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept."""
-    a, b = contacts.a, contacts.b
-    inverse = world.inverse_mass
-    for _ in range(_SWEEPS):
-        with torch.no_grad():
-            gap, normal = geometry.gaps(world, positions, contacts)
-            deep = gap < 0
-        if not bool(deep.any()):
-            break
-        touched = torch.nonzero(deep)[:, 0]
-        one, other = a[touched], b[touched]
-        load = torch.zeros_like(inverse)
-        unit = torch.ones(len(touched), dtype=inverse.dtype)
-        load = load.index_add(0, one, unit).index_add(0, other, unit)
-        load = torch.cat([load[:-1], load.new_ones(1)])
-        share = -gap[touched] / (load[one] * inverse[one] + load[other] * inverse[other])
-        push = share[:, None] * normal[touched]
-        shift = positions.new_zeros(world.count + 1, 3)
-        shift = shift.index_add(0, one, push * inverse[one][:, None])
-        shift = shift.index_add(0, other, push * -inverse[other][:, None])
-        positions = positions + shift[:-1]
-    return positions
+def _shared(world: World, contacts: Contacts) -> Tensor:
+    """Whether another contact has one of the same moving bodies, shape (c,)."""
+    load = torch.bincount(torch.cat([contacts.a, contacts.b]), minlength=world.count + 1)
+    load[-1] = 0
+    return (load[contacts.a] > 1) | (load[contacts.b] > 1)
 
 
 def frame(
@@ -173,7 +114,7 @@ def frame(
     substeps: int,
     rounds: int,
     network: ContactNetwork | None,
-) -> tuple[Motion, Memory, list[Contacts], Tensor]:
+) -> Frame:
     """Advance by `dt` in `substeps` substeps.
 
     Args:
@@ -182,12 +123,9 @@ def frame(
         neighbours: Finds candidates from positions and velocities.
         dt: Length of the frame.
         memory: Of the last frame.
-        substeps, rounds: K and M.
+        substeps: K.
+        rounds: M.
         network: None: the law alone.
-
-    Returns:
-        State, memory, contacts of each substep that had any, and the angle each sphere has turned
-        by as rotation vectors, shape (n, 3, substeps) summed where the axis stays.
     """
     h = dt / substeps
     found: list[Contacts] = []
@@ -196,6 +134,9 @@ def frame(
     candidates = neighbours(motion.positions, motion.velocities)
     fall = float(world.gravity.norm()) * dt**2
     reach = start.velocities.detach().norm(dim=1) * dt + fall
+    if not len(memory.key) and len(candidates):
+        with torch.no_grad():
+            _, memory, _ = substep(world, motion, candidates, h, h, memory, _PRIMING, None)
     for index in range(substeps):
         if index and len(candidates):
             # a sphere that was struck may go farther than its candidates reach
@@ -205,9 +146,7 @@ def frame(
                 candidates = neighbours(motion.positions, motion.velocities)
                 start = motion
                 reach = start.velocities.detach().norm(dim=1) * dt + fall
-        motion, memory, contacts = substep(
-            world, motion, candidates, h, h, memory, rounds, network
-        )
+        motion, memory, contacts = substep(world, motion, candidates, h, h, memory, rounds, network)
         spent += h
         turned.append(motion.angular_velocities * h)
         if contacts is not None:
@@ -221,7 +160,7 @@ def frame(
         )
         if contacts is not None:
             found.append(contacts)
-    return motion, memory, found, torch.stack(turned)
+    return Frame(motion, memory, found, torch.stack(turned))
 
 
 def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> Candidates | None:
@@ -229,7 +168,7 @@ def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> C
     if not len(candidates):
         return None
     with torch.no_grad():
-        contacts = find_contacts(world, motion, candidates, 0.0, h)
+        contacts = find_contacts(world, motion.positions, motion.velocities, candidates, 0.0, h)
         quiet = UNIT_GRAVITY * h
         late = (contacts.time < 0) & (contacts.approach > quiet)
         if not bool(late.any()):
@@ -242,8 +181,8 @@ def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> C
     pairs = hit[candidates.first] | hit[candidates.second]
     others = hit[candidates.sphere]
     return Candidates(
-        candidates.first[pairs], candidates.second[pairs],
-        candidates.sphere[others], candidates.plane[others],
+        candidates.first[pairs],
+        candidates.second[pairs],
+        candidates.sphere[others],
+        candidates.plane[others],
     )
-
-

@@ -1,0 +1,269 @@
+"""Training of the contact model: several frames in closed loop, on steps in which bodies touch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .dataset import Record
+from .learner import Learner, Schedule
+from .models.contact.candidates import Candidates, find_candidates, join
+from .models.contact.geometry import find_contacts
+from .models.contact.memory import Memory
+from .models.contact.network import ContactConfig, ContactNetwork
+from .models.contact.step import Motion, frame
+from .models.contact.world import UNIT_GRAVITY, World
+from .similarity import ModelUnits
+from .state import Array
+
+# windows thrown until one holds a sphere with several contacts
+_THROWS = 20
+
+
+@dataclass(frozen=True)
+class ContactTrainConfig(Schedule):
+    """A training recipe of the contact model; config/train/contact.yaml explains each choice.
+
+    Args:
+        model: The network.
+        frames: Frames of a window, simulated in closed loop with gradients through all of them.
+        noise: Lowest and highest standard deviation of the noise on a window's start [radii for
+            positions, sqrt(g r) for velocities], drawn evenly in the logarithm; [0, 0] for none.
+        resolution: Speed error [sqrt(g r)] below which an error counts linearly, above which in
+            decades: 1 mm/s at rest and 1 m/s in flight both matter.
+        lost: Position error [radii] beyond which a sphere is lost to chaos and no longer counts.
+    """
+
+    model: ContactConfig = field(default_factory=ContactConfig)
+    frames: int = 3
+    noise: tuple[float, float] = (1e-6, 1e-3)
+    resolution: float = 1e-3
+    lost: float = 0.25
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.frames < 1:
+            raise ValueError(f'frames is {self.frames}, expected at least 1')
+        if not self.model.network:
+            raise ValueError('network of the model is off, so there is nothing to train')
+        low, high = self.noise
+        if not (0 <= low <= high and (low > 0 or high == 0)):
+            raise ValueError(f'noise is [{low:g}, {high:g}], expected 0 < low <= high, or [0, 0]')
+        for name in ('resolution', 'lost'):
+            if not getattr(self, name) > 0:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected more than 0')
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A training trajectory, with its scene as tensors."""
+
+    record: Record
+    world: World
+    radius: Array
+
+    @classmethod
+    def of(cls, record: Record) -> Scenario:
+        """Prepare a record.
+
+        Raises:
+            ValueError: Gravity is not that of the model's units.
+        """
+        gravity = np.asarray(record.scene.gravity)
+        if not np.allclose(gravity, [0.0, 0.0, -UNIT_GRAVITY]):
+            raise ValueError(
+                f'record {record.name!r} has gravity {record.scene.gravity}, expected '
+                f'(0, 0, {-UNIT_GRAVITY:g}); generate data in the units of the model'
+            )
+        count = record.trajectory.count
+        world = World.of(record.scene, count)
+        return cls(record, world, record.scene.per_sphere('radius', count))
+
+    def motion(self, step: int) -> Motion:
+        """State at a step."""
+        t = self.record.trajectory
+        return Motion(
+            *(
+                torch.from_numpy(np.array(values[step], dtype=np.float64))
+                for values in (t.positions, t.velocities, t.angular_velocities)
+            )
+        )
+
+    def candidates(self, positions: Array, velocities: Array) -> Candidates:
+        """Contacts that a frame may bring."""
+        scene = self.record.scene
+        gravity = np.asarray(scene.gravity)
+        dt = self.record.trajectory.dt
+        return find_candidates(positions, velocities, self.radius, scene.surfaces, gravity, dt)
+
+    def has_several(self, step: int) -> bool:
+        """Whether some sphere that moves has several contacts in the frame after `step`."""
+        motion = self.motion(step)
+        candidates = self.candidates(motion.positions.numpy(), motion.velocities.numpy())
+        if len(candidates) < 2:
+            return False
+        dt = self.record.trajectory.dt
+        contacts = find_contacts(
+            self.world, motion.positions, motion.velocities, candidates, dt, 0.0
+        )
+        bodies = torch.cat([contacts.a, contacts.b])
+        several = torch.bincount(bodies, minlength=self.world.count + 1)[:-1] > 1
+        moves = motion.velocities.norm(dim=1) > 0.02
+        return bool((several & moves).any())
+
+
+class ContactLearner(Learner[ContactNetwork]):
+    """Trains a contact network.
+
+    Args:
+        config: The recipe.
+        records: Training trajectories of any material, gravity 9.81 along -z.
+    """
+
+    kind = 'contact'
+    config: ContactTrainConfig
+
+    def __init__(self, config: ContactTrainConfig, records: Sequence[Record]) -> None:
+        if not records:
+            raise ValueError('there are no training trajectories; run `rigid-gns generate` first')
+        steps = {record.trajectory.dt for record in records}
+        if len(steps) != 1:
+            raise ValueError(f'the records have time steps {sorted(steps)}, expected one')
+        self.dt = steps.pop()
+        self.sources = [Scenario.of(record) for record in records]
+        torch.manual_seed(config.seed)
+        super().__init__(
+            config,
+            ContactNetwork(config.model),
+            model=config.model,
+            units=ModelUnits(radius=1.0, gravity=UNIT_GRAVITY, dt=self.dt),
+            materials=_ranges(records),
+            trajectories=len(records),
+        )
+
+    def loss_at(self, step: int) -> Tensor:
+        """Loss of the windows of a step."""
+        rng = np.random.default_rng([self.config.seed, step])
+        windows = [self._draw(rng) for _ in range(self.config.batch)]
+        return self.loss(windows, rng)
+
+    def loss(self, windows: Sequence[tuple[Scenario, int]], rng: np.random.Generator) -> Tensor:
+        """Mean over spheres with contacts of log(1 + error / resolution), all frames alike.
+
+        Errors are of velocity, of surface velocity r w, and of position per frame.
+        """
+        config, model = self.config, self.config.model
+        world = World.join([scenario.world for scenario, _ in windows])
+        neighbours = _Neighbours([scenario for scenario, _ in windows])
+        start = _stack([scenario.motion(step) for scenario, step in windows])
+        motion = self._noisy(start, world, rng)
+        memory = Memory.empty(motion.positions)
+        radius = world.radius[:-1]
+        resolution = config.resolution * (UNIT_GRAVITY * radius).sqrt()
+        alive = torch.ones(world.count, dtype=torch.bool)
+        total, weight = motion.positions.new_zeros(()), 0
+        for k in range(1, config.frames + 1):
+            result = frame(
+                world,
+                motion,
+                neighbours,
+                self.dt,
+                memory,
+                model.substeps,
+                model.rounds,
+                self.network,
+            )
+            motion, memory = result.motion, result.memory
+            truth = _stack([scenario.motion(step + k) for scenario, step in windows])
+            engaged = torch.zeros(world.count + 1, dtype=torch.bool)
+            for contacts in result.contacts:
+                engaged[contacts.a] = True
+                engaged[contacts.b] = True
+            counted = torch.nonzero(engaged[:-1] & alive)[:, 0]
+            apart = (motion.positions - truth.positions)[counted]
+            errors = (
+                (motion.velocities - truth.velocities)[counted],
+                (motion.angular_velocities - truth.angular_velocities)[counted]
+                * radius[counted, None],
+                apart / self.dt,
+            )
+            for error in errors:
+                size = error.square().sum(1).clamp(min=1e-24).sqrt()
+                total = total + torch.log1p(size / resolution[counted]).sum()
+            weight += 3 * len(counted)
+            alive = alive.clone()
+            alive[counted] = apart.detach().norm(dim=1) < config.lost * radius[counted]
+        return total / max(weight, 1)
+
+    def _draw(self, rng: np.random.Generator) -> tuple[Scenario, int]:
+        for _ in range(_THROWS):
+            scenario = self.sources[int(rng.integers(len(self.sources)))]
+            last = scenario.record.trajectory.steps - self.config.frames
+            step = int(rng.integers(last + 1))
+            if scenario.has_several(step):
+                break
+        return scenario, step
+
+    def _noisy(self, motion: Motion, world: World, rng: np.random.Generator) -> Motion:
+        low, high = self.config.noise
+        if high == 0:
+            return motion
+        std = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+        radius = world.radius[:-1, None]
+
+        def noise() -> Tensor:
+            return std * torch.from_numpy(rng.normal(size=motion.positions.shape))
+
+        speed = (UNIT_GRAVITY * radius).sqrt()
+        return Motion(
+            motion.positions + noise() * radius,
+            motion.velocities + noise() * speed,
+            motion.angular_velocities + noise() * speed / radius,
+        )
+
+
+def _ranges(records: Sequence[Record]) -> dict[str, list[float]]:
+    """Lowest and highest value of what the scenes of the training data have."""
+    seen: dict[str, list[float]] = {}
+    for record in records:
+        scene, count = record.scene, record.trajectory.count
+        for name in ('restitution', 'friction', 'rolling_friction'):
+            values = scene.per_sphere(name, count)
+            if name != 'rolling_friction':
+                values = np.append(values, scene.surface_values(name))
+            seen.setdefault(name, []).extend((float(values.min()), float(values.max())))
+        for name in ('radius', 'mass'):
+            ratios = scene.per_sphere(name, count)
+            ratio = float(ratios.max() / ratios.min())
+            seen.setdefault(f'{name}_ratio', []).extend((1.0, ratio))
+    return {name: [min(values), max(values)] for name, values in seen.items()}
+
+
+class _Neighbours:
+    """Candidates of scenes side by side."""
+
+    def __init__(self, scenarios: Sequence[Scenario]) -> None:
+        self.scenarios = scenarios
+        self.ends = np.cumsum([0] + [scenario.world.count for scenario in scenarios])
+        self.planes = np.cumsum([0] + [len(scenario.world.point) for scenario in scenarios])
+
+    def __call__(self, positions: Tensor, velocities: Tensor) -> Candidates:
+        p, v = positions.detach().numpy(), velocities.detach().numpy()
+        parts = []
+        for index, scenario in enumerate(self.scenarios):
+            own = slice(self.ends[index], self.ends[index + 1])
+            found = scenario.candidates(p[own], v[own])
+            parts.append(found.shifted(int(self.ends[index]), int(self.planes[index])))
+        return join(parts)
+
+
+def _stack(motions: Sequence[Motion]) -> Motion:
+    return Motion(
+        torch.cat([motion.positions for motion in motions]),
+        torch.cat([motion.velocities for motion in motions]),
+        torch.cat([motion.angular_velocities for motion in motions]),
+    )

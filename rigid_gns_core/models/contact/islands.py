@@ -1,0 +1,66 @@
+"""Islands: spheres that contacts connect in a frame. Surfaces belong to none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from .geometry import Contacts
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Islands:
+    """Contacts of a frame and the islands they make.
+
+    Args:
+        label: Island of each sphere, shape (n,); a sphere without contact is one of its own.
+        count: Number of islands.
+        touched: Spheres with a contact, shape (n,).
+        grounded: Islands that touch a surface, shape (count,).
+    """
+
+    label: Indices
+    count: int
+    touched: NDArray[np.bool_]
+    grounded: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, contacts: Sequence[Contacts], spheres: int) -> Islands:
+        """Islands of all contacts of a frame's substeps."""
+        touched = np.zeros(spheres, dtype=bool)
+        supported = np.zeros(spheres, dtype=bool)
+        first, second = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        for some in contacts:
+            near = (some.open == 0).numpy()
+            a, b = some.a.numpy()[near], some.b.numpy()[near]
+            fixed = some.plane.numpy()[near] >= 0
+            touched[a] = True
+            touched[b[~fixed]] = True
+            supported[a[fixed]] = True
+            first.append(a[~fixed])
+            second.append(b[~fixed])
+        one, other = np.concatenate(first), np.concatenate(second)
+        edges = coo_array((np.ones(len(one)), (one, other)), shape=(spheres, spheres))
+        count, label = connected_components(edges, directed=False)
+        grounded = np.zeros(count, dtype=bool)
+        grounded[label[supported]] = True
+        return cls(label.astype(np.int64), int(count), touched, grounded)
+
+    def sum(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sum over the spheres of each island, shape (count, ...)."""
+        total = np.zeros((self.count, *values.shape[1:]))
+        np.add.at(total, self.label, values)
+        return total
+
+    def all(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether all spheres of an island have a flag, shape (count,)."""
+        every = np.ones(self.count, dtype=bool)
+        every[self.label[~flags]] = False
+        return every

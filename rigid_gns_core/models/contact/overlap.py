@@ -1,0 +1,59 @@
+"""Overlaps: undone by position alone, so that they give no speed."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from . import geometry
+from .candidates import Candidates
+from .geometry import Contacts
+from .world import World
+
+# sweeps that push out what still overlaps at the end of a substep
+_SWEEPS = 4
+# passes over a start, and overlaps [radii] below which it is left as it is
+_PASSES, _CLOSE = 200, 1e-6
+
+
+def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
+    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept."""
+    a, b = contacts.a, contacts.b
+    inverse = world.inverse_mass
+    for _ in range(_SWEEPS):
+        with torch.no_grad():
+            gap, normal = geometry.gaps(world, positions, contacts)
+            deep = gap < 0
+        if not bool(deep.any()):
+            break
+        touched = torch.nonzero(deep)[:, 0]
+        one, other = a[touched], b[touched]
+        load = torch.zeros_like(inverse)
+        unit = torch.ones(len(touched), dtype=inverse.dtype)
+        load = load.index_add(0, one, unit).index_add(0, other, unit)
+        load = torch.cat([load[:-1], load.new_ones(1)])
+        share = -gap[touched] / (load[one] * inverse[one] + load[other] * inverse[other])
+        push = share[:, None] * normal[touched]
+        shift = positions.new_zeros(world.count + 1, 3)
+        shift = shift.index_add(0, one, push * inverse[one][:, None])
+        shift = shift.index_add(0, other, push * -inverse[other][:, None])
+        positions = positions + shift[:-1]
+    return positions
+
+
+def separate(world: World, positions: Tensor, candidates: Candidates) -> Tensor:
+    """A start without overlaps: spheres and surfaces as given may hold any.
+
+    Args:
+        world: What does not move.
+        positions: Shape (n, 3).
+        candidates: All that might overlap; spheres pushed on to others are found by the frames.
+    """
+    still = torch.zeros_like(positions)
+    for _ in range(_PASSES):
+        contacts = geometry.find_contacts(world, positions, still, candidates, 0.0, 0.0)
+        gap, _ = geometry.gaps(world, positions, contacts)
+        if not bool((gap < -_CLOSE * world.radius[contacts.a]).any()):
+            break
+        positions = push_out(world, positions, contacts)
+    return positions
