@@ -84,9 +84,17 @@ def generate(recipe: DataRecipe, folder: str | Path, *, workers: int | None = No
 
 
 def generate_scene(
-    name: str | Path, path: str | Path, steps: int, *, dt: float = 0.1, contents: Contents = 'full'
+    name: str | Path,
+    path: str | Path,
+    steps: int,
+    *,
+    dt: float = 0.1,
+    substeps: int | None = None,
+    contents: Contents = 'full',
 ) -> Path:
     """Simulate `steps` time steps of `dt` [s] of a scene file from its own start, into one file.
+
+    `substeps` is the teacher's, None: its default.
 
     Raises:
         ConfigError: No such scene, or a value of it is wrong.
@@ -95,7 +103,7 @@ def generate_scene(
     from .teacher import TeacherSettings, simulate
 
     scene, recipe = load_scene(name)
-    settings = TeacherSettings()
+    settings = TeacherSettings() if substeps is None else TeacherSettings(substeps=substeps)
     trajectory = simulate(scene, sample_start(scene, recipe), steps, dt, settings)
     record = Record(
         trajectory=trajectory,
@@ -137,6 +145,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--steps', type=int, metavar='N', help="time steps (default: the recipe's; a scene: 600)"
     )
     parser.add_argument(
+        '--substeps',
+        type=int,
+        metavar='N',
+        help="with --scene: the teacher's substeps per time step (default: 240)",
+    )
+    parser.add_argument(
         '--poses-only',
         action='store_true',
         help='with --scene: positions and rotations alone, as float32',
@@ -150,9 +164,13 @@ def run(arguments: argparse.Namespace) -> int:
             raise FileExistsError(f'{arguments.out} exists; remove it first')
         contents: Contents = 'poses' if arguments.poses_only else 'full'
         steps = SCENE_STEPS if arguments.steps is None else arguments.steps
-        path = generate_scene(arguments.scene, arguments.out, steps, contents=contents)
+        path = generate_scene(
+            arguments.scene, arguments.out, steps, substeps=arguments.substeps, contents=contents
+        )
         print(f'{path}: {path.stat().st_size / 1e6:.2f} MB')
         return 0
+    if arguments.substeps is not None:
+        raise ValueError('--substeps goes with --scene: a recipe has its own under teacher')
     if arguments.poses_only:
         raise ValueError('--poses-only goes with --scene: training needs all of a trajectory')
     changes = {name: getattr(arguments, name) for name in ('trajectories', 'steps')}

@@ -57,7 +57,8 @@ class Simulator(ABC):
     """A trained model, ready to predict.
 
     `velocities` says what the velocities of its states are: 'given', those of the instant, or
-    'poses', means over the step before (backward differences, thesis section 3.3).
+    'poses', means over the step before (backward differences, thesis section 3.3). `dtype` is that
+    of its arithmetic.
 
     Args:
         card: What is known of the model: configuration, units, recipe, metrics.
@@ -66,6 +67,7 @@ class Simulator(ABC):
 
     velocities: ClassVar[Literal['given', 'poses']]
     kind: ClassVar[str]
+    dtype: str
 
     def __init__(self, card: dict[str, Any], name: str) -> None:
         self.card = card

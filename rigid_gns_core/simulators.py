@@ -47,6 +47,7 @@ class GNSSimulator(Simulator):
         super().__init__(card, name)
         if dtype != 'float32':
             raise ValueError(f'dtype is {dtype!r}, but model {name!r} (a GNS) knows float32 only')
+        self.dtype = dtype
         self.network = network.eval()
         self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
 
@@ -129,6 +130,7 @@ class ContactSimulator(Simulator):
             allowed = ', '.join(field.name for field in fields(ContactOptions))
             raise ValueError(f'model {name!r} has no option {unknown[0]!r}, allowed: {allowed}')
         self.options = ContactOptions(**options)
+        self.dtype = self.options.dtype
         self.network = network.eval()
         self.ranges: dict[str, tuple[float, float]] = {
             key: (float(low), float(high)) for key, (low, high) in card['materials'].items()

@@ -26,7 +26,7 @@ class Case:
             potential energy of pushing them out in the first step is not held against anyone.
         closed: All surfaces together enclose the spheres; else those with an infinite side do.
         long: Cut to `cases.QUICK_STEPS` by --quick.
-        precision: Also simulated in float64, and compared.
+        precision: Also simulated in the other precision, and compared.
         seed: Of a random start; None: nothing is random.
     """
 

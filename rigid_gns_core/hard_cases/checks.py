@@ -141,10 +141,10 @@ def measure_errors(
     return errors
 
 
-def measure_precision(case: Case, single: Trajectory, double: Trajectory) -> dict[str, float]:
+def measure_precision(case: Case, one: Trajectory, other: Trajectory) -> dict[str, float]:
     """By step: how far float32 is from float64, mean over the spheres [m]."""
     steps = (step for step in HORIZONS if step <= case.steps)
-    return {str(step): _distance(single, double, step) for step in steps}
+    return {str(step): _distance(one, other, step) for step in steps}
 
 
 def _distance(one: Trajectory, other: Trajectory, step: int) -> float:

@@ -15,7 +15,7 @@ from ..teacher import TeacherSettings, load_pybullet
 from .case import Case
 from .cases import DRIFT, ENERGY_RISE, hard_cases
 from .checks import LEAST_FLOOR, TEACHER_ENERGY_RISE
-from .engines import FLOAT64, TEACHER, load_engine, run_cases
+from .engines import TEACHER, load_engine, run_cases
 from .references import References
 from .report import format_summary, format_table
 
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     engines = [load_engine(name, arguments.velocities, settings) for name in names]
     rows = []
     total = len(cases) * len(engines)
-    total += sum(case.precision for case in cases) * sum(e.double is not None for e in engines)
+    total += sum(case.precision for case in cases) * sum(e.twin is not None for e in engines)
     with Progress(total, 'hard cases', unit='row') as progress:
         for row in run_cases(engines, cases, references):
             rows.append(row)
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json is not None:
         write_json(arguments.json, _report(arguments, cases, references, settings, rows))
         print(f'numbers: {arguments.json}')
-    judged = (DEFAULT_MODEL, f'{DEFAULT_MODEL}{FLOAT64}')
+    judged = (DEFAULT_MODEL, f'{DEFAULT_MODEL} float32', f'{DEFAULT_MODEL} float64')
     return int(any(r['model'] in judged and r['verdict'] == 'FAILED' for r in rows))
 
 

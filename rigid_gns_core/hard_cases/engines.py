@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 
 TEACHER = 'teacher'
 """Name by which `--model` takes the teacher itself."""
-FLOAT64 = ' float64'
-"""Ending of the name of a model's twin in float64."""
 
 
 @dataclass(frozen=True)
@@ -37,20 +34,23 @@ class Engine:
         simulate: (scene, start, steps) -> trajectory; ValueError: it refuses the scene;
             FloatingPointError: it broke on the way.
         velocities: 'given': those of its trajectories are instantaneous; see `measure_laws`.
-        double: Makes the same engine in float64, or raises ValueError; None: there is no such.
+        twin: Makes the same engine in the other precision, or raises ValueError; None: there is no
+            such.
+        twin_dtype: That precision.
     """
 
     name: str
     simulate: Callable[[Scene, State, int], Trajectory]
     velocities: Velocities = 'poses'
-    double: Callable[[], Engine] | None = None
+    twin: Callable[[], Engine] | None = None
+    twin_dtype: str = 'float64'
 
 
 def simulator_engine(
     simulator: Simulator,
     name: str,
     velocities: Velocities | None = None,
-    double: Callable[[], Engine] | None = None,
+    twin: Callable[[], Engine] | None = None,
 ) -> Engine:
     """A learned simulator; `velocities` None: as it says itself, or else by poses."""
 
@@ -63,7 +63,8 @@ def simulator_engine(
             raise FloatingPointError(str(error)) from error
 
     says: Velocities = 'given' if getattr(simulator, 'velocities', 'poses') == 'given' else 'poses'
-    return Engine(name, simulate, velocities or says, double)
+    other = 'float32' if simulator.dtype == 'float64' else 'float64'
+    return Engine(name, simulate, velocities or says, twin, other)
 
 
 def teacher_engine(settings: TeacherSettings) -> Engine:
@@ -83,14 +84,13 @@ def load_engine(name: str, velocities: Velocities | None, settings: TeacherSetti
         return teacher_engine(settings)
     from ..rollout import load_simulator
 
-    load: Callable[..., Simulator] = load_simulator
+    simulator = load_simulator(name)
 
-    def double() -> Engine:
-        if 'dtype' not in inspect.signature(load).parameters:
-            raise ValueError('float32 only')
-        return simulator_engine(load(name, dtype='float64'), name, velocities)
+    def twin() -> Engine:
+        other = 'float32' if simulator.dtype == 'float64' else 'float64'
+        return simulator_engine(load_simulator(name, dtype=other), name, velocities)
 
-    return simulator_engine(load(name), name, velocities, double)
+    return simulator_engine(simulator, name, velocities, twin)
 
 
 def run_cases(
@@ -106,18 +106,18 @@ def run_cases(
     """
     for case in cases:
         for engine in engines:
-            row, single = _row(case, engine, references)
+            row, one = _row(case, engine, references)
             yield row
-            if case.precision and engine.double is not None:
-                name = engine.name + FLOAT64
+            if case.precision and engine.twin is not None:
+                name = f'{engine.name} {engine.twin_dtype}'
                 try:
-                    twin = replace(engine.double(), name=name)
+                    twin = replace(engine.twin(), name=name)
                 except ValueError as error:
                     yield _empty(case, name) | {'refused': str(error)}
                     continue
-                row, double = _row(case, twin, references)
-                if single is not None and double is not None:
-                    row['precision'] = measure_precision(case, single, double)
+                row, other = _row(case, twin, references)
+                if one is not None and other is not None:
+                    row['precision'] = measure_precision(case, one, other)
                 yield row
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from rigid_gns_core.config import ConfigError, find_config, from_mapping, load_yaml, to_mapping
+from rigid_gns_core.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.gns import GNSConfig
@@ -17,7 +17,7 @@ from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import Trajectory
-from rigid_gns_core.train import Trainer
+from rigid_gns_core.train import Trainer, load_recipe
 from rigid_gns_core.training_set import common_scene
 from rigid_gns_core.windows import Noise, Source
 
@@ -218,12 +218,13 @@ def test_learning_rate_warms_up_and_falls():
     assert all(np.diff(rates[5:]) < 0)
 
 
-def test_the_shipped_weights_follow_the_shipped_recipe():
-    config = from_mapping(GNSTrainConfig, load_yaml(find_config('train', 'gns')))
-    training = load_simulator('gns').card['training']
+@pytest.mark.parametrize('name', ['gns', 'contact'])
+def test_the_shipped_weights_follow_the_shipped_recipe(name):
+    config = load_recipe(name)
+    training = load_simulator(name).card['training']
     assert {key: training[key] for key in to_mapping(config)} == to_mapping(config)
 
 
 def test_an_unknown_key_lists_the_allowed_ones():
-    with pytest.raises(ConfigError, match="unknown key 'momentum', allowed: model, noise, seed"):
+    with pytest.raises(ConfigError, match="unknown key 'momentum', allowed: seed, steps"):
         from_mapping(GNSTrainConfig, {'momentum': 1})

@@ -200,7 +200,7 @@ def test_float64_is_a_row_of_its_own() -> None:
     assert [row['model'] for row in rows] == names
     assert list(rows[1]['precision'].values()) == pytest.approx([0.1, 0.3, 1.0])
     assert rows[3]['refused'] == 'float32 only'
-    assert 'float32 is off by 0.1/0.3/1 m' in format_table(rows)
+    assert 'float32 and float64 are 0.1/0.3/1 m apart' in format_table(rows)
 
 
 @pytest.mark.parametrize('name', CASES)
