@@ -1,6 +1,7 @@
 """The table of errors in README.md, made from the JSON files under docs/model.
 
-rigid-gns evaluate --data data/gns_test --steps 300 --json docs/model/gns_test.json
+rigid-gns evaluate --data data/gns_test --steps 300 --json docs/model/contact_30s.json
+rigid-gns evaluate --model gns --data data/gns_test --steps 300 --json docs/model/gns_test.json
 python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json docs/model/floor.json
 python benchmarks/measured_table.py
 """
@@ -8,6 +9,7 @@ python benchmarks/measured_table.py
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,40 +40,37 @@ def cell(entry: dict[str, Any]) -> str:
     return f'{number(entry["mean"])} ± {number(entry["std"])}'
 
 
-def rows(model: dict[str, Any], floor: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Name, the model's number, and the teacher's: the larger of half and twice the substeps."""
-    ours = model['summary']
+def rows(models: Sequence[dict[str, Any]], floor: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Name, the models' numbers, and the teacher's: the larger of half and twice the substeps."""
+    ours = [model['summary'] for model in models]
     theirs = [floor[name]['summary'] for name in ('half', 'twice')]
 
-    def worse(*path: str) -> dict[str, Any]:
-        entries = theirs
+    def cells(*path: str) -> tuple[str, ...]:
+        entries, floors = ours, theirs
         for key in path:
             entries = [entry[key] for entry in entries]
-        return max(entries, key=lambda entry: entry['mean'])
+        for key in path:
+            floors = [entry[key] for entry in floors]
+        return (*map(cell, entries), cell(max(floors, key=lambda entry: entry['mean'])))
 
     found = []
     for step in HORIZONS:
-        values = ours['horizons'][str(step)]
-        found.append(
-            (
-                f'position error after {values["time"]:g} s [m]',
-                cell(values['position_error']),
-                cell(worse('horizons', str(step), 'position_error')),
-            )
-        )
+        seconds = ours[0]['horizons'][str(step)]['time']
+        values = cells('horizons', str(step), 'position_error')
+        found.append((f'position error after {seconds:g} s [m]', *values))
     for key, name in (('mse', 'MSE over 30 s [m²]'), ('chamfer', 'Chamfer over 30 s [m²]')):
-        found.append((name, cell(ours['errors'][key]), cell(worse('errors', key))))
+        found.append((name, *cells('errors', key)))
     for key, name in LAWS.items():
-        own = cell(ours['laws']['predicted'][key])
-        found.append((name, own, cell(worse('laws', 'predicted', key))))
+        found.append((name, *cells('laws', 'predicted', key)))
     return found
 
 
 def table() -> str:
     """The Markdown table."""
-    found = rows(read_json(FOLDER / 'gns_test.json'), read_json(FOLDER / 'floor.json'))
-    head = ('', 'graph network', 'Bullet against itself')
-    lines = [f'| {" | ".join(row)} |' for row in [head, ('---',) * 3, *found]]
+    models = [read_json(FOLDER / name) for name in ('contact_30s.json', 'gns_test.json')]
+    found = rows(models, read_json(FOLDER / 'floor.json'))
+    head = ('', 'contact model', "thesis' network", 'Bullet against itself')
+    lines = [f'| {" | ".join(row)} |' for row in [head, ('---',) * len(head), *found]]
     return '\n'.join(lines) + '\n'
 
 

@@ -14,7 +14,7 @@ from safetensors.torch import load_file, save
 
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parent / 'weights'
-DEFAULT_MODEL = 'gns'
+DEFAULT_MODEL = 'contact'
 CARD_KEYS = {
     'format_version',
     'kind',

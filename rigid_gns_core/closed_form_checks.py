@@ -274,7 +274,7 @@ def _pile_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     between, floor = np.max([deepest(frame) for frame in run.positions[steps // 2 :]], axis=0)
     yield _check('pile, penetration of spheres [diameters]', case, between, 0, 1e-3)
     yield _check('pile, penetration of the floor [diameters]', case, floor, 0, 1e-3)
-    beyond = np.abs(run.positions[steps // 2 :, :, :2]).max() + 1.0 - width / 2
+    beyond = max(0.0, np.abs(run.positions[steps // 2 :, :, :2]).max() + 1.0 - width / 2)
     yield _check('pile, penetration of the walls [diameters]', case, beyond / 2, 0, 1e-3)
     total = closed_form.energy(
         run.positions,

@@ -22,6 +22,8 @@ from .state import Array
 
 # windows thrown until one holds a sphere with several contacts
 _THROWS = 20
+# held-out windows of a score
+_WINDOWS = 48
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,7 @@ class ContactLearner(Learner[ContactNetwork]):
     """
 
     kind = 'contact'
+    score_name = 'closed_loop_loss'
     config: ContactTrainConfig
 
     def __init__(self, config: ContactTrainConfig, records: Sequence[Record]) -> None:
@@ -148,10 +151,25 @@ class ContactLearner(Learner[ContactNetwork]):
     def loss_at(self, step: int) -> Tensor:
         """Loss of the windows of a step."""
         rng = np.random.default_rng([self.config.seed, step])
-        windows = [self._draw(rng) for _ in range(self.config.batch)]
-        return self.loss(windows, rng)
+        frames = self.config.frames
+        windows = [_draw(self.sources, rng, frames) for _ in range(self.config.batch)]
+        start = _stack([scenario.motion(at) for scenario, at in windows])
+        return self.loss(windows, self._noisy(start, windows, rng), frames)
 
-    def loss(self, windows: Sequence[tuple[Scenario, int]], rng: np.random.Generator) -> Tensor:
+    @torch.no_grad()
+    def score(self, records: Sequence[Record]) -> float:
+        """Loss on held-out windows of `validation_steps` frames in closed loop, without noise.
+
+        The same windows whatever the seed. Chaos does not drown it: lost spheres do not count.
+        """
+        sources = [Scenario.of(record) for record in records]
+        rng = np.random.default_rng(0)
+        frames = self.config.validation_steps
+        windows = [_draw(sources, rng, frames) for _ in range(_WINDOWS)]
+        start = _stack([scenario.motion(at) for scenario, at in windows])
+        return float(self.loss(windows, start, frames))
+
+    def loss(self, windows: Sequence[tuple[Scenario, int]], motion: Motion, frames: int) -> Tensor:
         """Mean over spheres with contacts of log(1 + error / resolution), all frames alike.
 
         Errors are of velocity, of surface velocity r w, and of position per frame.
@@ -159,14 +177,12 @@ class ContactLearner(Learner[ContactNetwork]):
         config, model = self.config, self.config.model
         world = World.join([scenario.world for scenario, _ in windows])
         neighbours = _Neighbours([scenario for scenario, _ in windows])
-        start = _stack([scenario.motion(step) for scenario, step in windows])
-        motion = self._noisy(start, world, rng)
-        memory = Memory.empty(motion.positions)
+        memory: Memory | None = None
         radius = world.radius[:-1]
         resolution = config.resolution * (UNIT_GRAVITY * radius).sqrt()
         alive = torch.ones(world.count, dtype=torch.bool)
         total, weight = motion.positions.new_zeros(()), 0
-        for k in range(1, config.frames + 1):
+        for k in range(1, frames + 1):
             result = frame(
                 world,
                 motion,
@@ -178,7 +194,7 @@ class ContactLearner(Learner[ContactNetwork]):
                 self.network,
             )
             motion, memory = result.motion, result.memory
-            truth = _stack([scenario.motion(step + k) for scenario, step in windows])
+            truth = _stack([scenario.motion(at + k) for scenario, at in windows])
             engaged = torch.zeros(world.count + 1, dtype=torch.bool)
             for contacts in result.contacts:
                 engaged[contacts.a] = True
@@ -199,21 +215,14 @@ class ContactLearner(Learner[ContactNetwork]):
             alive[counted] = apart.detach().norm(dim=1) < config.lost * radius[counted]
         return total / max(weight, 1)
 
-    def _draw(self, rng: np.random.Generator) -> tuple[Scenario, int]:
-        for _ in range(_THROWS):
-            scenario = self.sources[int(rng.integers(len(self.sources)))]
-            last = scenario.record.trajectory.steps - self.config.frames
-            step = int(rng.integers(last + 1))
-            if scenario.has_several(step):
-                break
-        return scenario, step
-
-    def _noisy(self, motion: Motion, world: World, rng: np.random.Generator) -> Motion:
+    def _noisy(
+        self, motion: Motion, windows: Sequence[tuple[Scenario, int]], rng: np.random.Generator
+    ) -> Motion:
         low, high = self.config.noise
         if high == 0:
             return motion
         std = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        radius = world.radius[:-1, None]
+        radius = torch.cat([scenario.world.radius[:-1] for scenario, _ in windows])[:, None]
 
         def noise() -> Tensor:
             return std * torch.from_numpy(rng.normal(size=motion.positions.shape))
@@ -224,6 +233,18 @@ class ContactLearner(Learner[ContactNetwork]):
             motion.velocities + noise() * speed,
             motion.angular_velocities + noise() * speed / radius,
         )
+
+
+def _draw(
+    sources: Sequence[Scenario], rng: np.random.Generator, frames: int
+) -> tuple[Scenario, int]:
+    """A scenario and a step at which some sphere that moves has several contacts."""
+    for _ in range(_THROWS):
+        scenario = sources[int(rng.integers(len(sources)))]
+        step = int(rng.integers(scenario.record.trajectory.steps - frames + 1))
+        if scenario.has_several(step):
+            break
+    return scenario, step
 
 
 def _ranges(records: Sequence[Record]) -> dict[str, list[float]]:

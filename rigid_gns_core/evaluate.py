@@ -157,9 +157,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--velocities',
         choices=('given', 'poses'),
-        default='poses',
         help='velocities of both by differences of poses, or as given (with --data; default: '
-        'poses, since a learned simulator and a bag have no others)',
+        'poses, unless those of the model are of the instant)',
     )
     parser.add_argument(
         '--json',
@@ -237,7 +236,10 @@ def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
             name = record.name if record.name not in reports else ''
             name = name or f'{number:04d}'
             reports[name] = evaluate(
-                predicted, record.trajectory, record.scene, velocities=arguments.velocities
+                predicted,
+                record.trajectory,
+                record.scene,
+                velocities=arguments.velocities or simulator.velocities,
             )
             if draws and number == 0:
                 from .figure import write_figure

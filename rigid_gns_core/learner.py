@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from .checkpoint import CheckpointError
+from .dataset import Record
 from .similarity import ModelUnits
 
 N = TypeVar('N', bound=nn.Module)
@@ -85,6 +86,7 @@ class Learner(ABC, Generic[N]):
     """
 
     kind: ClassVar[str]
+    score_name: ClassVar[str] = 'root_chamfer_radii'
 
     def __init__(
         self,
@@ -107,6 +109,14 @@ class Learner(ABC, Generic[N]):
     @abstractmethod
     def loss_at(self, step: int) -> Tensor:
         """Loss of the batch of a step: a resumed run draws the same ones."""
+
+    def score(self, records: Sequence[Record]) -> float | None:
+        """How good the current weights are on held-out records, lower is better; None: by rollout.
+
+        For models whose rollouts differ by chaos more than by their weights.
+        """
+        del records
+        return None
 
     def advance(self) -> float:
         """One optimiser step; returns the loss.

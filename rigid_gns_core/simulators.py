@@ -123,7 +123,7 @@ class ContactSimulator(Simulator):
     velocities = 'given'
 
     def __init__(
-        self, network: ContactNetwork, card: dict[str, Any], name: str, **options: Any
+        self, network: ContactNetwork, card: dict[str, Any], name: str, /, **options: Any
     ) -> None:
         super().__init__(card, name)
         if unknown := sorted(set(options) - {field.name for field in fields(ContactOptions)}):

@@ -56,7 +56,7 @@ def test_none_within_reach_is_missed(seed):
     away = np.linalg.norm(positions[:, None] - points, axis=-1)
     near = np.argwhere(away <= (radius + reach)[:, None])
     others = list(zip(found.sphere.tolist(), found.plane.tolist(), strict=True))
-    assert len(near) > 3
+    assert len(near) > 0
     assert {tuple(pair) for pair in near.tolist()} <= set(others)
     assert others == sorted(set(others))
 
@@ -75,7 +75,7 @@ def test_what_sleeps_is_left_out():
     positions, velocities, radius = crowd(11)
     awake = np.zeros(60, dtype=bool)
     assert len(find(positions, velocities, radius, BOX, awake)) == 0
-    awake[[3, 20]] = True
+    awake[::4] = True
     found = find(positions, np.zeros((60, 3)), radius, BOX, awake)
     assert len(found.first) and awake[np.c_[found.first, found.second]].any(axis=1).all()
     assert awake[found.sphere].all()
@@ -97,7 +97,9 @@ def test_side_by_side_and_empty():
 
 def struck(wall, gap, mass, speed, substeps):
     """Highest x of a light sphere `gap` from a wall at x = 0 that a fast one strikes."""
-    scene = Scene(surfaces=wall, gravity=0.0, mass=(1.0, mass), restitution=1.0, friction=0.0)
+    scene = Scene(
+        surfaces=(wall,), gravity=(0.0, 0.0, 0.0), mass=(1.0, mass), restitution=1.0, friction=0.0
+    )
     start = State(
         positions=np.array([[-4.0 - gap, 0, 0], [-1.0 - gap, 0.2, 0]]),
         velocities=np.array([[speed, 0, 0], [0, 0, 0]]),
@@ -121,8 +123,13 @@ def test_a_struck_sphere_that_outruns_its_reach_stays_inside(wall, gap):
 
 
 @pytest.mark.xfail(
-    strict=True, reason='candidates are not renewed in the substep of the blow, nor for the catches'
+    strict=True, reason='candidates found anew within a frame forget the side of the plate'
 )
 @pytest.mark.parametrize('gap', [0.02, 0.5])
-def test_a_plate_holds_what_was_struck_in_the_last_substep(gap):
+def test_a_plate_holds_what_crosses_it_in_a_substep(gap):
     assert struck(PLATE, gap, 0.3, 20.0, 2) < -1.0 + 1e-3
+
+
+@pytest.mark.parametrize('wall', [WALL, PLATE], ids=['wall', 'plate'])
+def test_candidates_follow_a_blow_in_the_last_substep(wall):
+    assert struck(wall, 0.9, 0.3, 20.0, 2) < -1.0 + 1e-3

@@ -86,10 +86,11 @@ def test_python_runs_as_printed() -> None:
 # What makes a command that takes minutes or hours quick; all else is as printed.
 QUICK = {
     'teacher-card': ['--quick'],
-    'generate': ['--trajectories', '1', '--steps', '3'],
+    'generate': ['--trajectories', '2', '--steps', '4'],
     'train': ['--steps', '1'],
     'rollout': ['--steps', '5'],
     'evaluate': [],
+    'hard-cases': ['--quick', '--cases', 'corner', 'half_below'],
 }
 
 
@@ -109,7 +110,7 @@ def test_stages_run_as_printed(tmp_path: Path) -> None:
             env=os.environ | {'PYTHONPATH': str(ROOT)},
         )
         assert done.returncode == 0, (words, done.stderr)
-    for made in ('data/gns/0000.h5', 'runs/gns/best.safetensors', 'rollout.h5'):
+    for made in ('data/boxes/0000.h5', 'runs/contact/best.safetensors', 'rollout.h5'):
         assert (tmp_path / made).is_file(), made
 
 

@@ -1,4 +1,4 @@
-"""The public API of prediction, on the shipped model."""
+"""The public API of prediction, on the shipped models."""
 
 import warnings
 
@@ -14,9 +14,18 @@ MATERIAL = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
 SCENE = Scene(surfaces=Plane.box(30.0, 30.0), radius=1.0, **MATERIAL)
 
 
+@pytest.fixture(scope='module', params=['contact', 'gns'])
+def simulator(request):
+    return load_simulator(request.param)
+
+
 @pytest.fixture(scope='module')
-def simulator():
-    return load_simulator()
+def gns():
+    return load_simulator('gns')
+
+
+def test_the_contact_model_is_the_default():
+    assert load_simulator().name == 'contact'
 
 
 def start(count=12, seed=0):
@@ -38,8 +47,8 @@ def test_shapes_units_and_start(simulator):
     np.testing.assert_allclose(np.linalg.norm(trajectory.quaternions, axis=-1), 1.0, atol=1e-14)
 
 
-def test_velocities_are_the_differences_of_the_poses(simulator):
-    trajectory = simulator.rollout(SCENE, start(), steps=20)
+def test_velocities_are_the_differences_of_the_poses(gns):
+    trajectory = gns.rollout(SCENE, start(), steps=20)
     np.testing.assert_allclose(
         trajectory.velocities[1:], np.diff(trajectory.positions, axis=0) / 0.1, atol=1e-11
     )
@@ -117,24 +126,41 @@ def test_bad_input_is_named(simulator, arguments, message):
         simulator.rollout(SCENE, **arguments)
 
 
-def test_spheres_of_several_sizes_are_refused(simulator):
+def test_spheres_of_several_sizes_are_refused(gns):
     scene = Scene(radius=(1.0, 2.0), **MATERIAL)
     with pytest.raises(ValueError, match='radius differs between spheres .1 to 2.'):
-        simulator.rollout(scene, [[0, 0, 5], [9, 0, 5]])
+        gns.rollout(scene, [[0, 0, 5], [9, 0, 5]])
     with pytest.raises(ValueError, match='mass is given for 2 spheres, but there are 3'):
-        simulator.rollout(Scene(mass=(1.0, 1.0)), start(3))
+        gns.rollout(Scene(mass=(1.0, 1.0)), start(3))
 
 
-def test_a_material_it_was_not_trained_on_is_said(simulator):
+def test_a_material_it_was_not_trained_on_is_said(gns):
     with pytest.warns(UserWarning, match='restitution of the scene is 0.3.*trained at'):
-        simulator.rollout(Scene(**{**MATERIAL, 'restitution': 0.3}), start(1), steps=1)
+        gns.rollout(Scene(**{**MATERIAL, 'restitution': 0.3}), start(1), steps=1)
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        simulator.rollout(SCENE, start(1), steps=1)
+        gns.rollout(SCENE, start(1), steps=1)
+
+
+def test_properties_beyond_the_training_data_are_said():
+    contact = load_simulator('contact')
+    with pytest.warns(UserWarning, match='mass_ratio of the scene is 1 to 1000, beyond the 1 to'):
+        contact.rollout(Scene(mass=(1.0, 1000.0)), start(2), steps=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        contact.rollout(Scene(mass=(1.0, 4.0), restitution=(0.3, 0.9)), start(2), steps=1)
+
+
+def test_no_gravity():
+    still = Scene(surfaces=(), gravity=(0.0, 0.0, 0.0), **MATERIAL)
+    with pytest.raises(ValueError, match='gravity is 0'):
+        load_simulator('gns').rollout(still, start(2))
+    flight = load_simulator('contact').rollout(still, [[0.0, 0, 0]], [[1.0, 2, 3]], steps=10)
+    np.testing.assert_allclose(flight.positions[-1, 0], [1.0, 2, 3], rtol=1e-12)
 
 
 def test_divergence_is_said_and_marked():
-    simulator = load_simulator()
+    simulator = load_simulator('gns')
     with torch.no_grad():
         simulator.network.decoder.last.weight.mul_(1e6)
     with pytest.warns(UserWarning, match='diverged'):

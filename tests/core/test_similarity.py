@@ -67,6 +67,6 @@ def test_surfaces_turn_with_gravity():
     assert (plane.length_x, plane.length_y) == (12.0, 16.0)
 
 
-def test_no_gravity_is_refused():
-    with pytest.raises(ValueError, match='gravity is 0'):
-        Similarity.between(Scene(gravity=(0.0, 0.0, 0.0)), UNITS)
+def test_without_gravity_time_is_that_of_the_units():
+    still = Scene(gravity=(0.0, 0.0, 0.0), radius=4.0)
+    assert Similarity.between(still, UNITS).time == pytest.approx(2.0)

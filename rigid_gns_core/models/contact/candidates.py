@@ -21,12 +21,15 @@ class Candidates:
     Args:
         first, second: Spheres of the pairs, shape (pairs,).
         sphere, plane: Sphere and plane of the rest, shape (others,).
+        side: Side of the plane that the sphere is on, -1 behind a plate (a plane with an end on all
+            sides), else 1, shape (others,).
     """
 
     first: Indices
     second: Indices
     sphere: Indices
     plane: Indices
+    side: Array
 
     def __len__(self) -> int:
         return len(self.first) + len(self.sphere)
@@ -34,13 +37,17 @@ class Candidates:
     def shifted(self, spheres: int, planes: int) -> Candidates:
         """The same with numbers raised, for scenes side by side."""
         return Candidates(
-            self.first + spheres, self.second + spheres, self.sphere + spheres, self.plane + planes
+            self.first + spheres,
+            self.second + spheres,
+            self.sphere + spheres,
+            self.plane + planes,
+            self.side,
         )
 
 
 def join(parts: list[Candidates]) -> Candidates:
     """Candidates of several scenes as one."""
-    names = ('first', 'second', 'sphere', 'plane')
+    names = ('first', 'second', 'sphere', 'plane', 'side')
     return Candidates(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
@@ -73,23 +80,27 @@ def find_candidates(
     fall = float(np.linalg.norm(gravity)) * dt**2
     reach = np.linalg.norm(velocities, axis=1) * dt + np.where(awake, fall, 0.0) + 0.01 * radius
     first, second = _pairs(positions, radius, reach, awake)
-    sphere, plane = [], []
+    sphere, plane, side = [], [], []
     for index, surface in enumerate(surfaces):
         local = (positions - surface.point) @ surface.axes.T
         half = np.array([surface.length_x, surface.length_y]) / 2
         outside = np.maximum(np.abs(local[:, :2]) - half, 0.0)
         height = local[:, 2]
+        front = np.ones(count)
         if np.isfinite(half).all():
+            front = np.where(height < 0, -1.0, 1.0)
             height = np.abs(height)
         near = (height <= radius + reach) & (outside <= (radius + reach)[:, None]).all(axis=1)
         found = np.flatnonzero(near & awake)
         sphere.append(found)
         plane.append(np.full(len(found), index))
+        side.append(front[found])
     empty = np.zeros(0, dtype=np.int64)
     spheres = np.concatenate([empty, *sphere]).astype(np.int64)
     planes = np.concatenate([empty, *plane]).astype(np.int64)
     order = np.lexsort((planes, spheres))
-    return Candidates(first, second, spheres[order], planes[order])
+    sides = np.concatenate([np.zeros(0), *side])
+    return Candidates(first, second, spheres[order], planes[order], sides[order])
 
 
 def _pairs(

@@ -21,6 +21,7 @@ class Contacts:
     Args:
         a, b: Bodies; b is the fixed one (n) for surfaces, shape (c,).
         plane: Number of the plane, -1 for two spheres, shape (c,).
+        side: Side of the plane that the sphere is on, 1 or -1; 0 for two spheres, shape (c,).
         row: Row of the candidates each came from, shape (c,).
         normal: Unit normal at the time of impact, shape (c, 3).
         time: Time of impact from the start of the substep; negative where the bodies overlap and
@@ -35,6 +36,7 @@ class Contacts:
     a: Tensor
     b: Tensor
     plane: Tensor
+    side: Tensor
     row: Tensor
     normal: Tensor
     time: Tensor
@@ -100,6 +102,7 @@ def sphere_contacts(
         a=first[active],
         b=second[active],
         plane=torch.full_like(active, -1),
+        side=torch.zeros_like(approach),
         row=active,
         normal=normal,
         time=time,
@@ -116,6 +119,7 @@ def surface_contacts(
     velocities: Tensor,
     sphere: Tensor,
     plane: Tensor,
+    side: Tensor,
     h: float,
     past: float,
     near: float,
@@ -131,7 +135,6 @@ def surface_contacts(
     moving = torch.einsum('cij,cj->ci', axes, velocities[sphere])
     pulling = torch.einsum('cij,j->ci', axes, world.gravity)
     half = world.half[plane]
-    side = torch.where(world.plate[plane] & (local[:, 2] < 0), -1.0, 1.0).to(local.dtype)
     height, speed, pull = side * local[:, 2], side * moving[:, 2], side * pulling[:, 2]
     gap = height - radius
     discriminant = speed.square() - 2.0 * pull * gap
@@ -174,6 +177,7 @@ def surface_contacts(
         a=sphere[active],
         b=torch.full_like(active, world.count),
         plane=plane[active],
+        side=side[active],
         row=active,
         normal=torch.einsum('cij,ci->cj', axes, normal),
         time=when,
@@ -216,6 +220,7 @@ def find_contacts(
                 velocities,
                 torch.from_numpy(candidates.sphere),
                 torch.from_numpy(candidates.plane),
+                torch.from_numpy(candidates.side).to(positions.dtype),
                 h,
                 past,
                 near,
@@ -247,11 +252,11 @@ def gaps(world: World, positions: Tensor, contacts: Contacts) -> tuple[Tensor, T
         axes = world.axes[which]
         local = torch.einsum('cij,cj->ci', axes, positions[contacts.a[fixed]] - world.point[which])
         rim = _outside(local, world.half[which])
-        # behind a plane without end is inside
-        straight = ((rim[:, :2] == 0).all(1) & ~world.plate[which])[:, None]
+        # on the other side of its plane it is inside
+        straight = (rim[:, :2] == 0).all(1, keepdim=True)
         up = torch.zeros_like(rim)
         up[:, 2] = rim[:, 2]
-        deep = straight & (rim[:, 2:] < 0)
+        deep = straight & (contacts.side[fixed, None] * rim[:, 2:] < 0)
         offset = offset.clone()
         offset[fixed] = torch.einsum('cij,ci->cj', axes, torch.where(straight, up, rim))
         sign = torch.ones(len(offset), 1, dtype=offset.dtype)

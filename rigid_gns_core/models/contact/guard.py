@@ -6,7 +6,7 @@ how often it had to.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,11 @@ class Guard:
     Args:
         scene: Masses, radii, gravity.
         count: Number of spheres n.
+        dt: Length of a frame.
     """
 
-    def __init__(self, scene: Scene, count: int) -> None:
+    def __init__(self, scene: Scene, count: int, dt: float) -> None:
+        self.dt = dt
         self.mass = scene.per_sphere('mass', count)
         self.inertia = 0.4 * self.mass * scene.per_sphere('radius', count) ** 2
         self.gravity = np.asarray(scene.gravity)
@@ -44,9 +46,9 @@ class Guard:
     def hold(self, before: State, after: State, islands: Islands) -> State:
         """State after a frame, with the energy of no island above what it was.
 
-        An island in the air loses what it has too much from its inner motion: its linear and
-        angular momentum, and thus its ballistic flight, stay. One that touches a surface loses
-        speed; where that is not enough, because it was lifted, it stays where it was.
+        An island in the air gets the linear and angular momentum of its ballistic flight, and loses
+        what energy it has too much from its inner motion, so that they stay. One that touches a
+        surface loses speed; where that is not enough, because it was lifted, it stays where it was.
 
         Args:
             before: State at the frame's start.
@@ -54,46 +56,91 @@ class Guard:
             islands: Of the frame's contacts.
         """
         self.frames += 1
+        touched = np.zeros(islands.count, dtype=bool)
+        touched[islands.label[islands.touched]] = True
+        p, v, w = (after.positions.copy(), after.velocities.copy(), after.angular_velocities.copy())
+        for island in np.flatnonzero(touched & ~islands.grounded):
+            members = np.flatnonzero(islands.label == island)
+            v[members], w[members] = self._with_momenta(before, after, members)
+        after = replace(after, velocities=v.copy(), angular_velocities=w.copy())
         kinetic, height = self.energy(after)
         kinetic_before, height_before = self.energy(before)
         gain = islands.sum(kinetic + height - kinetic_before - height_before)
         size = islands.sum(kinetic + kinetic_before + np.abs(height - height_before))
-        touched = np.zeros(islands.count, dtype=bool)
-        touched[islands.label[islands.touched]] = True
         rising = np.flatnonzero(touched & (gain > _ROUNDING * size))
-        if not len(rising):
-            return after
         self.acted += len(rising)
         self.removed += float(gain[rising].sum())
-        p, v, w = (after.positions.copy(), after.velocities.copy(), after.angular_velocities.copy())
         for island in rising:
             members = np.flatnonzero(islands.label == island)
             if not islands.grounded[island]:
-                v[members], w[members] = self._calmed(
-                    p[members], v[members], w[members], members, gain[island]
+                own = _Rigid.of(
+                    self.mass[members], self.inertia[members], p[members], v[members], w[members]
                 )
+                v[members], w[members] = own.calmed(v[members], w[members], gain[island])
                 continue
             moving = kinetic[members].sum()
-            v[members] *= np.sqrt(max(0.0, 1.0 - gain[island] / max(moving, 1e-300)))
-            w[members] *= np.sqrt(max(0.0, 1.0 - gain[island] / max(moving, 1e-300)))
+            slower = np.sqrt(max(0.0, 1.0 - gain[island] / max(moving, 1e-300)))
+            v[members] *= slower
+            w[members] *= slower
             if gain[island] > moving:
                 p[members] = before.positions[members]
         return replace(after, positions=p, velocities=v, angular_velocities=w)
 
-    def _calmed(
-        self, p: Array, v: Array, w: Array, members: NDArray[np.int64], gain: float
+    def _with_momenta(
+        self, before: State, after: State, members: NDArray[np.int64]
     ) -> tuple[Array, Array]:
-        """Velocities with `gain` [J] less in motion beyond that of one rigid body."""
+        """Velocities of a free island with the momenta it must have.
+
+        Impulses at different times within a frame, and push-out, keep the linear momentum but leave
+        the angular one to a few per cent of what they exchange.
+        """
         mass, inertia = self.mass[members], self.inertia[members]
-        total = mass.sum()
-        mean = mass @ v / total
-        arm = p - mass @ p / total
+        rigid = [
+            _Rigid.of(
+                mass,
+                inertia,
+                state.positions[members],
+                state.velocities[members],
+                state.angular_velocities[members],
+            )
+            for state in (before, after)
+        ]
+        turn = np.linalg.solve(rigid[1].tensor, rigid[0].spin - rigid[1].spin)
+        push = rigid[0].mean + self.gravity * self.dt - rigid[1].mean
+        v = after.velocities[members] + push + np.cross(turn, rigid[1].arm)
+        return v, after.angular_velocities[members] + turn
+
+
+@dataclass(frozen=True)
+class _Rigid:
+    """An island as one body.
+
+    mass, inertia: of its spheres; mean: velocity of the centre of mass; arm: places about it; spin:
+    angular momentum about it; tensor: of inertia.
+    """
+
+    mass: Array
+    inertia: Array
+    mean: Array
+    arm: Array
+    spin: Array
+    tensor: Array
+
+    @classmethod
+    def of(cls, mass: Array, inertia: Array, p: Array, v: Array, w: Array) -> _Rigid:
+        """Of the spheres of an island."""
+        mean = mass @ v / mass.sum()
+        arm = p - mass @ p / mass.sum()
         spin = (np.cross(arm, v - mean) * mass[:, None] + inertia[:, None] * w).sum(0)
         tensor = np.einsum('i,ij,ik->jk', mass, arm, arm)
         tensor = (np.trace(tensor) + inertia.sum()) * np.eye(3) - tensor
-        turn = np.linalg.solve(tensor, spin)
-        rigid = mean + np.cross(turn, arm)
+        return cls(mass, inertia, mean, arm, spin, tensor)
+
+    def calmed(self, v: Array, w: Array, gain: float) -> tuple[Array, Array]:
+        """Velocities with `gain` [J] less in motion beyond that of one rigid body."""
+        turn = np.linalg.solve(self.tensor, self.spin)
+        rigid = self.mean + np.cross(turn, self.arm)
         inner_v, inner_w = v - rigid, w - turn
-        inner = 0.5 * (mass @ (inner_v**2).sum(1) + inertia @ (inner_w**2).sum(1))
+        inner = 0.5 * (self.mass @ (inner_v**2).sum(1) + self.inertia @ (inner_w**2).sum(1))
         keep = np.sqrt(max(0.0, 1.0 - gain / max(inner, 1e-300)))
         return rigid + keep * inner_v, turn + keep * inner_w

@@ -38,9 +38,8 @@ class Islands:
         supported = np.zeros(spheres, dtype=bool)
         first, second = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         for some in contacts:
-            near = (some.open == 0).numpy()
-            a, b = some.a.numpy()[near], some.b.numpy()[near]
-            fixed = some.plane.numpy()[near] >= 0
+            a, b = some.a.numpy(), some.b.numpy()
+            fixed = some.plane.numpy() >= 0
             touched[a] = True
             touched[b[~fixed]] = True
             supported[a[fixed]] = True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -13,7 +15,7 @@ from .world import World
 # sweeps that push out what still overlaps at the end of a substep
 _SWEEPS = 4
 # passes over a start, and overlaps [radii] below which it is left as it is
-_PASSES, _CLOSE = 200, 1e-6
+_PASSES, _CLOSE = 500, 1e-6
 
 
 def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
@@ -27,12 +29,13 @@ def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
         if not bool(deep.any()):
             break
         touched = torch.nonzero(deep)[:, 0]
-        one, other = a[touched], b[touched]
+        one, other, depth = a[touched], b[touched], -gap[touched]
+        # a body shares its way out between its contacts, by depth: one of no depth has no say
+        worst = torch.full_like(inverse, 1e-30)
+        worst = worst.scatter_reduce(0, one, depth, 'amax').scatter_reduce(0, other, depth, 'amax')
         load = torch.zeros_like(inverse)
-        unit = torch.ones(len(touched), dtype=inverse.dtype)
-        load = load.index_add(0, one, unit).index_add(0, other, unit)
-        load = torch.cat([load[:-1], load.new_ones(1)])
-        share = -gap[touched] / (load[one] * inverse[one] + load[other] * inverse[other])
+        load = load.index_add(0, one, depth / worst[one]).index_add(0, other, depth / worst[other])
+        share = depth / (load[one] * inverse[one] + load[other] * inverse[other])
         push = share[:, None] * normal[touched]
         shift = positions.new_zeros(world.count + 1, 3)
         shift = shift.index_add(0, one, push * inverse[one][:, None])
@@ -41,16 +44,21 @@ def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
     return positions
 
 
-def separate(world: World, positions: Tensor, candidates: Candidates) -> Tensor:
+def separate(
+    world: World, positions: Tensor, neighbours: Callable[[Tensor, Tensor], Candidates]
+) -> Tensor:
     """A start without overlaps: spheres and surfaces as given may hold any.
 
     Args:
         world: What does not move.
         positions: Shape (n, 3).
-        candidates: All that might overlap; spheres pushed on to others are found by the frames.
+        neighbours: Finds candidates from positions and velocities.
     """
     still = torch.zeros_like(positions)
     for _ in range(_PASSES):
+        candidates = neighbours(positions, still)
+        if not len(candidates):
+            break
         contacts = geometry.find_contacts(world, positions, still, candidates, 0.0, 0.0)
         gap, _ = geometry.gaps(world, positions, contacts)
         if not bool((gap < -_CLOSE * world.radius[contacts.a]).any()):

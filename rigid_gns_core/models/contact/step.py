@@ -62,7 +62,7 @@ def substep(
     rounds: int,
     network: ContactNetwork | None,
 ) -> tuple[Motion, Memory, Contacts | None]:
-    """Advance by `h`; also returns the impulses to start the next one from, and the contacts.
+    """Advance by `h`; also returns the impulses to start the next one from, and what touched.
 
     `pace` is the length of a substep as such, to which speeds are compared, where `h` is 0.
     """
@@ -82,6 +82,7 @@ def substep(
     shared = _shared(world, contacts)
     positions, velocities, spins = flight, falling, w
     memory_parts = []
+    real = contacts.open == 0
     for some, depth, tuner in ((~shared, 1, None), (shared, rounds, network)):
         index = torch.nonzero(some)[:, 0]
         if not len(index):
@@ -93,9 +94,11 @@ def substep(
         velocities = velocities + solution.velocities
         spins = spins + solution.angular_velocities
         memory_parts.append((key[index], solution.impulses))
+        real[index] |= solution.impulses.normal > 0
     memory = Memory.of(memory_parts)
     positions = push_out(world, positions, contacts)
-    return Motion(positions, velocities, spins, motion.awake), memory, contacts
+    touching = contacts.take(torch.nonzero(real)[:, 0])
+    return Motion(positions, velocities, spins, motion.awake), memory, touching
 
 
 def _shared(world: World, contacts: Contacts) -> Tensor:
@@ -110,7 +113,7 @@ def frame(
     motion: Motion,
     neighbours: Neighbours,
     dt: float,
-    memory: Memory,
+    memory: Memory | None,
     substeps: int,
     rounds: int,
     network: ContactNetwork | None,
@@ -122,7 +125,7 @@ def frame(
         motion: State.
         neighbours: Finds candidates from positions and velocities.
         dt: Length of the frame.
-        memory: Of the last frame.
+        memory: Of the last frame; None at a start, where it is found first.
         substeps: K.
         rounds: M.
         network: None: the law alone.
@@ -130,29 +133,22 @@ def frame(
     h = dt / substeps
     found: list[Contacts] = []
     turned = []
-    start, spent = motion, 0.0
-    candidates = neighbours(motion.positions, motion.velocities)
-    fall = float(world.gravity.norm()) * dt**2
-    reach = start.velocities.detach().norm(dim=1) * dt + fall
-    if not len(memory.key) and len(candidates):
+    near = _Near(world, neighbours, motion, dt)
+    if memory is None:
+        memory = Memory.empty(motion.positions)
         with torch.no_grad():
-            _, memory, _ = substep(world, motion, candidates, h, h, memory, _PRIMING, None)
+            _, memory, _ = substep(world, motion, near.candidates, h, h, memory, _PRIMING, None)
     for index in range(substeps):
-        if index and len(candidates):
-            # a sphere that was struck may go farther than its candidates reach
-            ahead = (motion.positions - start.positions).detach().norm(dim=1)
-            ahead = ahead + motion.velocities.detach().norm(dim=1) * (dt - spent)
-            if bool((ahead > reach * 1.001 + 1e-3).any()):
-                candidates = neighbours(motion.positions, motion.velocities)
-                start = motion
-                reach = start.velocities.detach().norm(dim=1) * dt + fall
-        motion, memory, contacts = substep(world, motion, candidates, h, h, memory, rounds, network)
-        spent += h
+        near.follow(motion, dt - index * h)
+        motion, memory, contacts = substep(
+            world, motion, near.candidates, h, h, memory, rounds, network
+        )
         turned.append(motion.angular_velocities * h)
         if contacts is not None:
             found.append(contacts)
     for _ in range(_CATCHES):
-        missed = _missed(world, motion, candidates, h)
+        near.follow(motion, 0.0)
+        missed = _missed(world, motion, near.candidates, h)
         if missed is None:
             break
         motion, _, contacts = substep(
@@ -160,7 +156,37 @@ def frame(
         )
         if contacts is not None:
             found.append(contacts)
+            motion = _apart(world, motion, near.candidates)
     return Frame(motion, memory, found, torch.stack(turned))
+
+
+class _Near:
+    """Candidates of a frame, found anew where a sphere that was struck outran them."""
+
+    def __init__(self, world: World, neighbours: Neighbours, motion: Motion, dt: float) -> None:
+        self.neighbours, self.dt = neighbours, dt
+        self.fall = float(world.gravity.norm()) * dt**2
+        self._find(motion)
+
+    def follow(self, motion: Motion, left: float) -> None:
+        """Before a substep, with `left` of the frame to go."""
+        gone = (motion.positions - self.start).detach().norm(dim=1)
+        ahead = gone + motion.velocities.detach().norm(dim=1) * left
+        if bool((ahead > self.reach * 1.001 + 1e-3).any()):
+            self._find(motion)
+
+    def _find(self, motion: Motion) -> None:
+        self.candidates = self.neighbours(motion.positions, motion.velocities)
+        self.start = motion.positions.detach()
+        self.reach = motion.velocities.detach().norm(dim=1) * self.dt + self.fall
+
+
+def _apart(world: World, motion: Motion, candidates: Candidates) -> Motion:
+    """Without overlaps with bodies that had no contact in the catch: one may be between two."""
+    with torch.no_grad():
+        contacts = find_contacts(world, motion.positions, motion.velocities, candidates, 0.0, 0.0)
+    positions = push_out(world, motion.positions, contacts)
+    return Motion(positions, motion.velocities, motion.angular_velocities, motion.awake)
 
 
 def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> Candidates | None:
@@ -185,4 +211,5 @@ def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> C
         candidates.second[pairs],
         candidates.sphere[others],
         candidates.plane[others],
+        candidates.side[others],
     )

@@ -52,10 +52,10 @@ class ContactStepper:
         self.world = World.of(scene, len(state), dtype)
         self.radius = scene.per_sphere('radius', len(state))
         self.gravity = np.asarray(scene.gravity)
-        self.guard = Guard(scene, len(state)) if guard else None
+        self.guard = Guard(scene, len(state), dt) if guard else None
         weight = float(np.linalg.norm(self.gravity))
         self.sleepers = Sleepers(self.radius, weight, dt) if sleep else None
-        self.memory = Memory.empty(self.world.gravity)
+        self.memory: Memory | None = None
         self._begun = False
 
     @torch.inference_mode()
@@ -90,12 +90,13 @@ class ContactStepper:
     def _separated(self, state: State) -> State:
         """The start without overlaps."""
         everyone = np.ones(len(state), dtype=bool)
-        candidates = self._candidates(state.positions, np.zeros((len(state), 3)), everyone)
-        if not len(candidates):
-            return state
-        positions = torch.from_numpy(state.positions.copy())
+
+        def neighbours(p: torch.Tensor, v: torch.Tensor) -> Candidates:
+            return self._candidates(p.numpy(), v.numpy(), everyone)
+
         world = World.of(self.scene, len(state))
-        return replace(state, positions=separate(world, positions, candidates).numpy())
+        positions = separate(world, torch.from_numpy(state.positions.copy()), neighbours)
+        return replace(state, positions=positions.numpy())
 
     def _advance(self, before: State, awake: NDArray[np.bool_]) -> tuple[State, Islands]:
         count, dt = len(before), self.dt
@@ -161,7 +162,7 @@ class ContactStepper:
     def _remember(self, memory: Memory | None, awake: NDArray[np.bool_]) -> Memory:
         """Impulses of this frame, and those of sleepers from the frame they fell asleep in."""
         new = Memory.empty(self.world.gravity) if memory is None else memory
-        if awake.all() or not len(self.memory.key):
+        if awake.all() or self.memory is None:
             return new
         bodies = self.world.count + len(self.world.point)
         kept = torch.from_numpy(~awake)[self.memory.key // bodies]
