@@ -1,28 +1,31 @@
 """The table of errors in README.md, made from the JSON files under docs/model.
 
-rigid-gns evaluate --data data/gns_test --steps 300 --json docs/model/contact_30s.json
-rigid-gns evaluate --model gns --data data/gns_test --steps 300 --json docs/model/gns_test.json
-python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json docs/model/floor.json
+python benchmarks/contact_test.py --model contact SEED_1 SEED_2 --data data/thesis_test \
+    --floor data/test_half data/test_twice --ood data/ood --json docs/model/contact_test.json
+the same with --model gns --json docs/model/gns_thesis_test.json
 python benchmarks/measured_table.py
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rigid_gns_core.evaluate import read_json
 
 FOLDER = Path(__file__).resolve().parents[1] / 'docs' / 'model'
-HORIZONS = (10, 30, 50, 100)
-LAWS = {
-    'energy_gain': 'normalized cumulative energy gain',
+ROWS = {
+    'position_error_10': 'position error after 1 s [m]',
+    'position_error_30': 'position error after 3 s [m]',
+    'position_error_50': 'position error after 5 s [m]',
+    'position_error_100': 'position error after 10 s [m]',
+    'mse': 'MSE over 200 s [m²]',
+    'chamfer': 'Chamfer over 200 s [m²]',
+    'energy_gain_with_rotation': 'normalized cumulative energy gain',
     'depth_sphere': 'mean depth of sphere penetration [diameters]',
     'depth_ground': 'mean depth of ground penetration [diameters]',
-    'intersections_sphere': 'spheres that intersect a sphere [%]',
-    'final_speed': 'speed at the end, 30 s [m/s]',
+    'rest_share': 'of spheres that Bullet stops, at rest at the end [%]',
 }
 
 
@@ -33,43 +36,27 @@ def number(value: float) -> str:
     return f'{float(f"{value:.2g}"):g}'
 
 
-def cell(entry: dict[str, Any]) -> str:
+def cell(entry: dict[str, Any] | None) -> str:
     """Mean and standard deviation of a summarised number."""
+    if entry is None:
+        return '-'
     if entry['infinite']:
         return f'diverged in {entry["infinite"]} of {entry["count"]}'
-    return f'{number(entry["mean"])} ± {number(entry["std"])}'
-
-
-def rows(models: Sequence[dict[str, Any]], floor: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Name, the models' numbers, and the teacher's: the larger of half and twice the substeps."""
-    ours = [model['summary'] for model in models]
-    theirs = [floor[name]['summary'] for name in ('half', 'twice')]
-
-    def cells(*path: str) -> tuple[str, ...]:
-        entries, floors = ours, theirs
-        for key in path:
-            entries = [entry[key] for entry in entries]
-        for key in path:
-            floors = [entry[key] for entry in floors]
-        return (*map(cell, entries), cell(max(floors, key=lambda entry: entry['mean'])))
-
-    found = []
-    for step in HORIZONS:
-        seconds = ours[0]['horizons'][str(step)]['time']
-        values = cells('horizons', str(step), 'position_error')
-        found.append((f'position error after {seconds:g} s [m]', *values))
-    for key, name in (('mse', 'MSE over 30 s [m²]'), ('chamfer', 'Chamfer over 30 s [m²]')):
-        found.append((name, *cells('errors', key)))
-    for key, name in LAWS.items():
-        found.append((name, *cells('laws', 'predicted', key)))
-    return found
+    spread = f' ± {number(entry["std"])}' if entry['std'] else ''
+    return number(entry['mean']) + spread
 
 
 def table() -> str:
-    """The Markdown table."""
-    models = [read_json(FOLDER / name) for name in ('contact_30s.json', 'gns_test.json')]
-    found = rows(models, read_json(FOLDER / 'floor.json'))
+    """The Markdown table: the shipped model, the thesis' network, and Bullet against itself."""
+    contact = read_json(FOLDER / 'contact_test.json')['summary']
+    gns = read_json(FOLDER / 'gns_thesis_test.json')['summary']
+    sides = (
+        contact['models']['contact']['test'],
+        gns['models']['gns']['test'],
+        contact['floor']['test'],
+    )
     head = ('', 'contact model', "thesis' network", 'Bullet against itself')
+    found = [(name, *(cell(side.get(key)) for side in sides)) for key, name in ROWS.items()]
     lines = [f'| {" | ".join(row)} |' for row in [head, ('---',) * len(head), *found]]
     return '\n'.join(lines) + '\n'
 

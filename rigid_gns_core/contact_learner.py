@@ -192,6 +192,7 @@ class ContactLearner(Learner[ContactNetwork]):
                 model.substeps,
                 model.rounds,
                 self.network,
+                settle=False,
             )
             motion, memory = result.motion, result.memory
             truth = _stack([scenario.motion(at + k) for scenario, at in windows])

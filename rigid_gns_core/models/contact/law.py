@@ -28,12 +28,11 @@ class Law:
         self.world, self.contacts, self.h, self.pace = world, contacts, h, pace
         a, b, plane = contacts.a, contacts.b, contacts.plane
         fixed = plane >= 0
-        pad = lambda values: torch.cat([values, values.new_zeros(1)])  # noqa: E731
         which = plane.clamp(min=0)
         has_planes = len(world.surface_restitution) > 0
 
         def pair(own: Tensor, surface: Tensor) -> Tensor:
-            other = pad(own)[b]
+            other = torch.cat([own, own.new_zeros(1)])[b]
             if has_planes:
                 other = torch.where(fixed, surface[which], other)
             return own[a] * other

@@ -40,6 +40,10 @@ class Impulses:
         """No impulses."""
         return cls(like.new_zeros(count), like.new_zeros(count, 3), like.new_zeros(count, 3))
 
+    def take(self, index: Tensor) -> Impulses:
+        """Those of `index`."""
+        return Impulses(self.normal[index], self.tangential[index], self.rolling[index])
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -49,12 +53,14 @@ class Solution:
         impulses: See there.
         velocities, angular_velocities: Changes, shape (n, 3) each.
         positions: Displacements beyond those of free flight, shape (n, 3).
+        unsettled: Speed by which the last round still changed each contact, shape (c,).
     """
 
     impulses: Impulses
     velocities: Tensor
     angular_velocities: Tensor
     positions: Tensor
+    unsettled: Tensor
 
 
 def solve(
@@ -64,6 +70,7 @@ def solve(
     start: Impulses,
     rounds: int,
     network: ContactNetwork | None,
+    support: Impulses | None = None,
 ) -> Solution:
     """Solve one substep's contacts.
 
@@ -74,8 +81,12 @@ def solve(
         start: Impulses to start from, those of the last substep where contacts persist.
         rounds: M, rounds of message passing.
         network: None: the law alone.
+        support: Impulses that last, where they are not those to start from.
     """
     solver = _Solver(law, velocities, angular_velocities, start, network)
+    if support is not None:
+        held = _Solver(law, velocities, angular_velocities, support, None)
+        solver.start_others = held.start_others
     for index in range(rounds):
         solver.round(index)
     return solver.solution()
@@ -120,19 +131,20 @@ class _Solver:
         self.change = _linear(law, self._impulse(), self.bodies)
         self.turn = _angular(law, self.tangentials, self.bodies)
         self._twist(self.rollings)
+        self.start_others = self._others().detach()
         self.latent: Tensor | None = None
         if network is not None:
             features = describe(
                 law, self.approach, self.aim.flying, self.free_parting, self.free_slip, self.spin
             )
             self.latent = network.encode(features)
-            self.start_others, self.start_slip = self._others(), self._others_slip()
+            self.start_slip = self._others_slip()
 
     def round(self, index: int) -> None:
         """One round: normal impulses, then rolling friction, then friction."""
         law, contacts = self.law, self.law.contacts
         others = self._others()
-        extra = others.detach() / law.h if law.h > 0 else torch.zeros_like(others)
+        extra = _common(self.start_others, others.detach()) / max(law.h, 1e-12) * (law.h > 0)
         self.aim = aim_of(law, self.approach, extra)
         lacking = self.aim.parting - self._parting()
         pressing = self.aim.hit & ((self.normals > 0) | (lacking > 1e-9 * self.scale))
@@ -176,7 +188,8 @@ class _Solver:
             lever = law.h - law.contacts.time
         moved = _linear(law, lever[:, None] * self._impulse(), self.bodies)
         impulses = Impulses(self.normals, self.tangentials, self.rollings)
-        return Solution(impulses, self.change[:count], self.turn[:count], moved[:count])
+        last = (self.normals - self.last_normals).abs() * self.unit
+        return Solution(impulses, self.change[:count], self.turn[:count], moved[:count], last)
 
     def _tune(self, index: int, lacking: Tensor, others: Tensor, load: Tensor) -> Tuning:
         contacts = self.law.contacts
@@ -247,6 +260,13 @@ class _Solver:
         arm = law.arm_a * law.world.inverse_inertia[law.contacts.a]
         own = own + arm[:, None] * torch.linalg.cross(law.contacts.normal, self.rollings)
         return self._slip_now() - self.free_slip - own
+
+
+def _common(one: Tensor, other: Tensor) -> Tensor:
+    """The smaller of two numbers of one sign, else 0, shape (c,)."""
+    return torch.where(
+        one * other > 0, torch.sign(one) * torch.minimum(one.abs(), other.abs()), 0.0
+    )
 
 
 def _linear(law: Law, impulse: Tensor, bodies: int) -> Tensor:

@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 import torch
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from .candidates import Candidates
@@ -15,13 +18,15 @@ from .law import Law
 from .memory import Memory, contact_key
 from .network import ContactNetwork
 from .overlap import push_out
-from .solver import Impulses, solve
+from .solver import Impulses, Solution, solve
 from .world import UNIT_GRAVITY, World
 
 # passes that mend collisions in paths that contacts bent within the last substep
 _CATCHES = 3
 # rounds of the law that find the impulses of contacts which last, where none are known yet
 _PRIMING = 60
+# islands whose last round still changed a contact by this part of g h get so many more of the law
+_UNSETTLED, _MORE = 1.0, 24
 
 Neighbours = Callable[[Tensor, Tensor], Candidates]
 
@@ -61,6 +66,7 @@ def substep(
     memory: Memory,
     rounds: int,
     network: ContactNetwork | None,
+    settle: bool = True,
 ) -> tuple[Motion, Memory, Contacts | None]:
     """Advance by `h`; also returns the impulses to start the next one from, and what touched.
 
@@ -90,6 +96,8 @@ def substep(
         mine = contacts.take(index) if len(index) < len(contacts) else contacts
         start = memory.recall(key[index], p) if depth > 1 else Impulses.zeros(len(index), p)
         solution = solve(Law(world, mine, h, pace), v, w, start, depth, tuner)
+        if depth > 1 and settle:
+            solution = _settle(world, mine, h, pace, motion, start, solution)
         positions = positions + solution.positions
         velocities = velocities + solution.velocities
         spins = spins + solution.angular_velocities
@@ -99,6 +107,47 @@ def substep(
     positions = push_out(world, positions, contacts)
     touching = contacts.take(torch.nonzero(real)[:, 0])
     return Motion(positions, velocities, spins, motion.awake), memory, touching
+
+
+def _settle(
+    world: World,
+    contacts: Contacts,
+    h: float,
+    pace: float,
+    motion: Motion,
+    support: Impulses,
+    solution: Solution,
+) -> Solution:
+    """More rounds of the law for islands that a blow has left far from its end.
+
+    Island by island, so that none feels what happens elsewhere.
+    """
+    loud = solution.unsettled > _UNSETTLED * UNIT_GRAVITY * pace
+    if not bool(loud.any()):
+        return solution
+    a, b = contacts.a.numpy(), contacts.b.numpy()
+    pairs = b < world.count
+    edges = coo_array((np.ones(pairs.sum()), (a[pairs], b[pairs])), shape=(world.count,) * 2)
+    label = connected_components(edges, directed=False)[1]
+    island = torch.from_numpy(label.astype(np.int64))
+    struck = torch.isin(island, island[contacts.a[loud]])  # spheres; islands share none
+    again = torch.nonzero(struck[contacts.a])[:, 0]
+    law = Law(world, contacts.take(again), h, pace)
+    start, held = solution.impulses.take(again), support.take(again)
+    more = solve(law, motion.velocities, motion.angular_velocities, start, _MORE, None, held)
+    impulses = Impulses(
+        solution.impulses.normal.index_copy(0, again, more.impulses.normal),
+        solution.impulses.tangential.index_copy(0, again, more.impulses.tangential),
+        solution.impulses.rolling.index_copy(0, again, more.impulses.rolling),
+    )
+    mine = struck[:, None]
+    return Solution(
+        impulses,
+        torch.where(mine, more.velocities, solution.velocities),
+        torch.where(mine, more.angular_velocities, solution.angular_velocities),
+        torch.where(mine, more.positions, solution.positions),
+        solution.unsettled,
+    )
 
 
 def _shared(world: World, contacts: Contacts) -> Tensor:
@@ -117,6 +166,7 @@ def frame(
     substeps: int,
     rounds: int,
     network: ContactNetwork | None,
+    settle: bool = True,
 ) -> Frame:
     """Advance by `dt` in `substeps` substeps.
 
@@ -129,6 +179,7 @@ def frame(
         substeps: K.
         rounds: M.
         network: None: the law alone.
+        settle: More rounds after a blow; training goes without, so that the M rounds learn.
     """
     h = dt / substeps
     found: list[Contacts] = []
@@ -141,7 +192,7 @@ def frame(
     for index in range(substeps):
         near.follow(motion, dt - index * h)
         motion, memory, contacts = substep(
-            world, motion, near.candidates, h, h, memory, rounds, network
+            world, motion, near.candidates, h, h, memory, rounds, network, settle
         )
         turned.append(motion.angular_velocities * h)
         if contacts is not None:
