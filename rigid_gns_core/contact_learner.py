@@ -154,7 +154,10 @@ class ContactLearner(Learner[ContactNetwork]):
         frames = self.config.frames
         windows = [_draw(self.sources, rng, frames) for _ in range(self.config.batch)]
         start = _stack([scenario.motion(at) for scenario, at in windows])
-        return self.loss(windows, self._noisy(start, windows, rng), frames)
+        loss = self.loss(windows, self._noisy(start, windows, rng), frames)
+        if not loss.requires_grad:  # no contacts that share a body: nothing for the network to do
+            loss = loss + 0.0 * torch.stack([weight.sum() for weight in self.parameters]).sum()
+        return loss
 
     @torch.no_grad()
     def score(self, records: Sequence[Record]) -> float:
