@@ -159,7 +159,7 @@ class ContactSimulator(Simulator):
             values[f'{name}_ratio'] = own.max() / own
         for name, (low, high) in self.ranges.items():
             seen = values.get(name)
-            if seen is not None and (seen.min() < low - 1e-9 or seen.max() > high + 1e-9):
+            if seen is not None and (seen.min() < low - 0.01 or seen.max() > high + 0.01):
                 warnings.warn(
                     f'{name} of the scene is {seen.min():.4g} to {seen.max():.4g}, beyond the '
                     f'{low:g} to {high:g} that model {self.name!r} was trained on',
