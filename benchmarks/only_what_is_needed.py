@@ -99,7 +99,7 @@ class Row:
 
 def _no_search() -> Any:
     none = np.zeros(0, dtype=np.int64)
-    nothing = Candidates(none, none, none, none)
+    nothing = Candidates(none, none, none, none, np.zeros(0))
     return mock.patch.object(ContactStepper, '_candidates', return_value=nothing)
 
 
@@ -115,7 +115,7 @@ def _always_substeps() -> Any:
     def find(*arguments: Any) -> Candidates:
         found = find_candidates(*arguments)
         # a sphere and a plane that are far apart: the frame is cut, and finds no contact
-        return found if len(found) else Candidates(one[:0], one[:0], one, one)
+        return found if len(found) else Candidates(one[:0], one[:0], one, one, np.ones(len(one)))
 
     return mock.patch.object(stepper, 'find_candidates', find)
 
