@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -141,12 +141,11 @@ class ContactSimulator(Simulator):
         """K, M and what else the options leave of the network's configuration."""
         trained = self.network.config
         options = self.options
-        return ContactConfig(
+        return replace(
+            trained,
             substeps=options.substeps or trained.substeps,
             rounds=options.rounds or trained.rounds,
-            width=trained.width,
             network=options.network,
-            law=trained.law,
         )
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:

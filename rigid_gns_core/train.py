@@ -37,7 +37,7 @@ class Trainer:
     Args:
         config: The recipe.
         records: Training trajectories that the kind of model can learn from.
-        validation: Held-out trajectories; rollouts of them choose the best checkpoint.
+        validation: Held-out trajectories; how well they are met chooses the best checkpoint.
         folder: Holds `best` (weights and card), the run's state, its recipe and its log.
         origin: Where the data came from, kept in the card.
 
@@ -89,17 +89,16 @@ class Trainer:
 
         By rollout it is the mean over held-out rollouts of the root Chamfer distance [radii].
         """
-        scores = [math.inf]
-        if self.validation:
-            with self.learner.averaged_weights():
-                own = self.learner.score(self.validation)
+        if not self.validation:
+            return math.inf
+        with self.learner.averaged_weights() as network, warnings.catch_warnings():
+            own = self.learner.score(self.validation)
             if own is not None:
                 return own
-            with self.learner.averaged_weights() as network, warnings.catch_warnings():
-                warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
-                kind = KINDS[self.learner.kind].simulator
-                simulator = kind(network, self.card(None), 'validation')
-                scores = [self._rollout_score(simulator, record) for record in self.validation]
+            warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
+            kind = KINDS[self.learner.kind].simulator
+            simulator = kind(network, self.card(None), 'validation')
+            scores = [self._rollout_score(simulator, record) for record in self.validation]
         return float(np.mean(scores))
 
     def card(self, score: float | None) -> dict[str, Any]:

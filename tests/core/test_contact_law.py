@@ -148,7 +148,6 @@ def aim(e, approach, h, *, time=0.0, extra=0.0, gap=0.0):
         b=one,
         plane=0 * one,
         side=row(1.0),
-        row=0 * one,
         normal=torch.tensor([[0.0, 0, 1]], dtype=torch.float64),
         time=row(time),
         gap=row(0.0),
@@ -222,5 +221,5 @@ def aim_contacts(scene):
     one, zero = torch.tensor([1]), torch.zeros(1, dtype=torch.float64)
     up = torch.tensor([[0.0, 0, 1]], dtype=torch.float64)
     return Contacts(
-        0 * one, one, 0 * one, zero + 1.0, 0 * one, up, zero, zero, zero, zero, zero - G
+        0 * one, one, 0 * one, zero + 1.0, up, zero, zero, zero, zero, zero - G
     )

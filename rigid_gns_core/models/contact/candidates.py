@@ -34,6 +34,17 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.first) + len(self.sphere)
 
+    def around(self, spheres: NDArray[np.bool_]) -> Candidates:
+        """Those of the flagged spheres; flags of shape (n,) or longer."""
+        pairs, others = spheres[self.first] | spheres[self.second], spheres[self.sphere]
+        return Candidates(
+            self.first[pairs],
+            self.second[pairs],
+            self.sphere[others],
+            self.plane[others],
+            self.side[others],
+        )
+
     def shifted(self, spheres: int, planes: int) -> Candidates:
         """The same with numbers raised, for scenes side by side."""
         return Candidates(

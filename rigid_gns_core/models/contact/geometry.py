@@ -22,7 +22,6 @@ class Contacts:
         a, b: Bodies; b is the fixed one (n) for surfaces, shape (c,).
         plane: Number of the plane, -1 for two spheres, shape (c,).
         side: Side of the plane that the sphere is on, 1 or -1; 0 for two spheres, shape (c,).
-        row: Row of the candidates each came from, shape (c,).
         normal: Unit normal at the time of impact, shape (c, 3).
         time: Time of impact from the start of the substep; negative where the bodies overlap and
             should have met before, shape (c,).
@@ -37,7 +36,6 @@ class Contacts:
     b: Tensor
     plane: Tensor
     side: Tensor
-    row: Tensor
     normal: Tensor
     time: Tensor
     gap: Tensor
@@ -103,7 +101,6 @@ def sphere_contacts(
         b=second[active],
         plane=torch.full_like(active, -1),
         side=torch.zeros_like(approach),
-        row=active,
         normal=normal,
         time=time,
         gap=length[:, 0] - touching[active],
@@ -178,7 +175,6 @@ def surface_contacts(
         b=torch.full_like(active, world.count),
         plane=plane[active],
         side=side[active],
-        row=active,
         normal=torch.einsum('cij,ci->cj', axes, normal),
         time=when,
         gap=distance - radius[active],

@@ -83,10 +83,7 @@ def solve(
         network: None: the law alone.
         support: Impulses that last, where they are not those to start from.
     """
-    solver = _Solver(law, velocities, angular_velocities, start, network)
-    if support is not None:
-        held = _Solver(law, velocities, angular_velocities, support, None)
-        solver.start_others = held.start_others
+    solver = _Solver(law, velocities, angular_velocities, start, support or start, network)
     for index in range(rounds):
         solver.round(index)
     return solver.solution()
@@ -101,6 +98,7 @@ class _Solver:
         velocities: Tensor,
         angular_velocities: Tensor,
         start: Impulses,
+        support: Impulses,
         network: ContactNetwork | None,
     ) -> None:
         world, contacts, h = law.world, law.contacts, law.h
@@ -121,32 +119,38 @@ class _Solver:
         self.free_parting = dot(normal, self.free[a] - self.free[b])
         self.free_slip = _slip(law, self.free, self.spin)
         self.aim = aim_of(law, self.approach, torch.zeros_like(self.approach))
-
-        # support goes on; what a bounce needs starts from nothing
-        keep = (~self.aim.flying | (start.normal > 0)).to(velocities.dtype)
-        self.normals = self.last_normals = start.normal * keep
-        self.tangentials = across(start.tangential, normal) * keep[:, None]
-        self.last_tangentials = self.tangentials
-        self.rollings = start.rolling * keep[:, None]
-        self.change = _linear(law, self._impulse(), self.bodies)
-        self.turn = _angular(law, self.tangentials, self.bodies)
-        self._twist(self.rollings)
-        self.start_others = self._others().detach()
+        self._begin(support)
+        self.start_others = self._others(self._parting()).detach()
+        if start is not support:
+            self._begin(start)
         self.latent: Tensor | None = None
         if network is not None:
             features = describe(
                 law, self.approach, self.aim.flying, self.free_parting, self.free_slip, self.spin
             )
             self.latent = network.encode(features)
-            self.start_slip = self._others_slip()
+            self.start_slip = self._others_slip(self._slip_now())
+
+    def _begin(self, impulses: Impulses) -> None:
+        """Take these impulses as those so far."""
+        law = self.law
+        self.normals = self.last_normals = impulses.normal
+        self.tangentials = across(impulses.tangential, law.contacts.normal)
+        self.last_tangentials = self.tangentials
+        self.rollings = impulses.rolling
+        self.change = _linear(law, self._impulse(), self.bodies)
+        self.turn = _angular(law, self.tangentials, self.bodies)
+        self._twist(self.rollings)
 
     def round(self, index: int) -> None:
         """One round: normal impulses, then rolling friction, then friction."""
         law, contacts = self.law, self.law.contacts
-        others = self._others()
+        parting = self._parting()
+        others = self._others(parting)
         extra = _common(self.start_others, others.detach()) / max(law.h, 1e-12) * (law.h > 0)
         self.aim = aim_of(law, self.approach, extra)
-        lacking = self.aim.parting - self._parting()
+        drag = self.aim.airborne[:, None] * self.pulled
+        lacking = self.aim.parting - parting
         pressing = self.aim.hit & ((self.normals > 0) | (lacking > 1e-9 * self.scale))
         load = contacts.a.new_zeros(self.bodies).to(lacking.dtype)
         counted = pressing.to(lacking.dtype)
@@ -154,7 +158,8 @@ class _Solver:
         load[-1] = 1.0
         load = load.clamp(min=1.0)
         load_a, load_b = load[contacts.a], load[contacts.b]
-        tuning = self._tune(index, lacking, others, torch.maximum(load_a, load_b))
+        wanting = lacking if self.has_law else -parting
+        tuning = self._tune(index, wanting, others, drag, torch.maximum(load_a, load_b))
         if not self.has_law:
             size = 2.0 * (self.approach.abs() + self.free_parting.abs() + 0.02 * self.scale)
             lacking, pressing = size * tuning.raw, torch.ones_like(pressing)
@@ -165,7 +170,6 @@ class _Solver:
         self._push((normals - self.last_normals)[:, None] * contacts.normal)
 
         stiffness = (split + load_a * law.spin_a + load_b * law.spin_b) / tuning.pace_slip
-        drag = self.aim.airborne[:, None] * self.pulled
         if law.rolls:
             self._resist_rolling(drag, stiffness, load_a)
         step = tuning.momentum[:, None] * (self.tangentials - self.last_tangentials)
@@ -191,17 +195,19 @@ class _Solver:
         last = (self.normals - self.last_normals).abs() * self.unit
         return Solution(impulses, self.change[:count], self.turn[:count], moved[:count], last)
 
-    def _tune(self, index: int, lacking: Tensor, others: Tensor, load: Tensor) -> Tuning:
+    def _tune(
+        self, index: int, lacking: Tensor, others: Tensor, drag: Tensor, load: Tensor
+    ) -> Tuning:
         contacts = self.law.contacts
         if self.network is None or self.latent is None:
             return Tuning.plain(load)
-        drag = self.aim.airborne[:, None] * self.pulled
+        slip = self._slip_now()
         feel = Feel(
-            lacking=lacking if self.has_law else -self._parting(),
-            slip=length(self._slip_now() - drag),
+            lacking=lacking,
+            slip=length(slip - drag),
             carried=self.normals * self.unit,
             others=others - self.start_others,
-            others_slip=length(self._others_slip() - self.start_slip),
+            others_slip=length(self._others_slip(slip) - self.start_slip),
             load=load,
         )
         self.latent, tuning = self.network.round(
@@ -249,17 +255,17 @@ class _Solver:
     def _slip_now(self) -> Tensor:
         return _slip(self.law, self.free + self.change, self.spin + self.turn)
 
-    def _others(self) -> Tensor:
+    def _others(self, parting: Tensor) -> Tensor:
         """Change of normal velocity that the other contacts make, shape (c,)."""
-        return self._parting() - self.free_parting - self.normals * self.unit
+        return parting - self.free_parting - self.normals * self.unit
 
-    def _others_slip(self) -> Tensor:
+    def _others_slip(self, slip: Tensor) -> Tensor:
         """Change of slip that the other contacts make, shape (c, 3)."""
         law = self.law
         own = self.tangentials * (self.unit + law.spin_a + law.spin_b)[:, None]
         arm = law.arm_a * law.world.inverse_inertia[law.contacts.a]
         own = own + arm[:, None] * torch.linalg.cross(law.contacts.normal, self.rollings)
-        return self._slip_now() - self.free_slip - own
+        return slip - self.free_slip - own
 
 
 def _common(one: Tensor, other: Tensor) -> Tensor:

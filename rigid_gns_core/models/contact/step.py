@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
 import torch
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from .candidates import Candidates
 from .geometry import Contacts, find_contacts
+from .islands import Islands
 from .law import Law
 from .memory import Memory, contact_key
 from .network import ContactNetwork
@@ -125,11 +123,7 @@ def _settle(
     loud = solution.unsettled > _UNSETTLED * UNIT_GRAVITY * pace
     if not bool(loud.any()):
         return solution
-    a, b = contacts.a.numpy(), contacts.b.numpy()
-    pairs = b < world.count
-    edges = coo_array((np.ones(pairs.sum()), (a[pairs], b[pairs])), shape=(world.count,) * 2)
-    label = connected_components(edges, directed=False)[1]
-    island = torch.from_numpy(label.astype(np.int64))
+    island = torch.from_numpy(Islands.of([contacts], world.count).label)
     struck = torch.isin(island, island[contacts.a[loud]])  # spheres; islands share none
     again = torch.nonzero(struck[contacts.a])[:, 0]
     law = Law(world, contacts.take(again), h, pace)
@@ -236,8 +230,7 @@ def _apart(world: World, motion: Motion, candidates: Candidates) -> Motion:
     """Without overlaps with bodies that had no contact in the catch: one may be between two."""
     with torch.no_grad():
         contacts = find_contacts(world, motion.positions, motion.velocities, candidates, 0.0, 0.0)
-    positions = push_out(world, motion.positions, contacts)
-    return Motion(positions, motion.velocities, motion.angular_velocities, motion.awake)
+    return replace(motion, positions=push_out(world, motion.positions, contacts))
 
 
 def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> Candidates | None:
@@ -255,12 +248,4 @@ def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> C
         hit[contacts.b[late]] = True
         hit[-1] = False
         hit = hit.numpy()
-    pairs = hit[candidates.first] | hit[candidates.second]
-    others = hit[candidates.sphere]
-    return Candidates(
-        candidates.first[pairs],
-        candidates.second[pairs],
-        candidates.sphere[others],
-        candidates.plane[others],
-        candidates.side[others],
-    )
+    return candidates.around(hit)
