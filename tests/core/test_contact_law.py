@@ -220,6 +220,4 @@ def test_properties_of_pairs_are_products():
 def aim_contacts(scene):
     one, zero = torch.tensor([1]), torch.zeros(1, dtype=torch.float64)
     up = torch.tensor([[0.0, 0, 1]], dtype=torch.float64)
-    return Contacts(
-        0 * one, one, 0 * one, zero + 1.0, up, zero, zero, zero, zero, zero - G
-    )
+    return Contacts(0 * one, one, 0 * one, zero + 1.0, up, zero, zero, zero, zero, zero - G)
