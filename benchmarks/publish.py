@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+from machine import cpu_name
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
@@ -117,13 +118,8 @@ def wait_for_subscriber(publisher) -> None:
 
 
 def machine() -> dict[str, str]:
-    model = platform.machine()
-    cpuinfo = Path('/proc/cpuinfo')
-    if cpuinfo.is_file():
-        names = [line for line in cpuinfo.read_text().splitlines() if line.startswith('model name')]
-        model = names[0].split(':')[1].strip() if names else model
     return {
-        'cpu': model,
+        'cpu': cpu_name(),
         'cores': str(os.cpu_count()),
         'load': f'{os.getloadavg()[0]:.1f}',
         'python': platform.python_version(),

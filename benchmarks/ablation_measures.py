@@ -1,0 +1,127 @@
+"""What a change of the model or of a scene costs in time, and what it brings in accuracy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from ablation_starts import Start
+from ablations import USUAL, Change
+
+from rigid_gns_core.dataset import Record
+from rigid_gns_core.metrics import horizon_metrics
+from rigid_gns_core.rollout import Rollout, load_simulator
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.simulators import ContactSimulator
+from rigid_gns_core.state import State
+
+HORIZON = 30  # steps at which errors are taken
+
+
+def advance(rollout: Rollout, change: Change, steps: int) -> float:
+    """Make steps under a change; returns how long they took [ms]."""
+    with change.patch():
+        begin = time.perf_counter()
+        for _ in range(steps):
+            rollout.step()
+        return 1e3 * (time.perf_counter() - begin)
+
+
+class Bench:
+    """Measures changes of one model.
+
+    Args:
+        model: Name or path.
+        starts: See `make_starts`.
+        records: Bullet's, for errors; none: no such errors.
+        repeats: Turns of each of the two.
+        block: Steps of a turn.
+    """
+
+    def __init__(
+        self,
+        model: str,
+        starts: Mapping[str, Start],
+        records: Sequence[Record],
+        repeats: int,
+        block: int,
+    ) -> None:
+        self.starts, self.records = starts, records
+        self.repeats, self.block = repeats, block
+        self.load = cache(partial(load_simulator, model))
+        if not isinstance(self.load(), ContactSimulator):
+            raise SystemExit(f'{model} is a {self.load().kind}, expected a contact model')
+        self.before = cache(self._before)
+        self.bullet_error = cache(self._bullet_error)
+
+    def measure(self, name: str, change: Change) -> dict[str, Any]:
+        """Times, difference and errors of a change, from the start of that name."""
+        sides = {'usual': USUAL, 'other': change}
+        times = {key: np.zeros(self.repeats + 1) for key in sides}
+        rollouts: dict[str, Rollout] = {}
+        for turn in range(self.repeats + 1):
+            # each is first in every other turn
+            for key in list(sides)[:: -1 if turn % 2 else 1]:
+                if not (change.goes_on and turn):
+                    rollouts[key] = self._ready(name, sides[key], change.goes_on)
+                times[key][turn] = advance(rollouts[key], sides[key], self.block) / self.block
+        both = np.array(list(times.values()))[:, 1:]  # the first warms up
+        result: dict[str, Any] = {
+            'start': name,
+            'spheres': len(self.starts[name].state),
+            'usual': change.usual,
+            'other': change.other,
+            'ratio': float(np.median(both[1] / both[0])),
+            'difference': self._difference(name, change),
+        }
+        for (key, side), spent in zip(sides.items(), both, strict=True):
+            low, median, high = (float(q) for q in np.quantile(spent, [0.1, 0.5, 0.9]))
+            result |= {f'{key}_ms': median, f'{key}_p10_ms': low, f'{key}_p90_ms': high}
+            sleepers = getattr(rollouts[key].stepper, 'sleepers', None)
+            result[f'{key}_asleep'] = 0.0 if sleepers is None else float(sleepers.asleep.mean())
+            if self.records:
+                result[f'{key}_error'] = self.bullet_error(side)
+        return result
+
+    def _begin(self, change: Change, scene: Scene, state: State) -> Rollout:
+        simulator = self.load(**change.options)
+        return simulator.start(change.scene(scene, len(state)), **vars(state))
+
+    def _before(self, name: str) -> State:
+        """The state of a start after its first steps, as the model makes them."""
+        start = self.starts[name]
+        rollout = self._begin(USUAL, start.scene, start.state)
+        advance(rollout, USUAL, start.skip)
+        return rollout.state
+
+    def _ready(self, name: str, change: Change, goes_on: bool) -> Rollout:
+        """A rollout to be timed; what its first step does once is behind it."""
+        start = self.starts[name]
+        state, steps = (start.state, start.skip) if goes_on else (self.before(name), 1)
+        rollout = self._begin(change, start.scene, state)
+        advance(rollout, change, steps)
+        return rollout
+
+    def _difference(self, name: str, change: Change) -> float:
+        """Mean distance between the two after 30 steps from the start [m]."""
+        ends = []
+        for side in (USUAL, change):
+            rollout = self._begin(side, self.starts[name].scene, self.before(name))
+            advance(rollout, side, HORIZON)
+            ends.append(rollout.state.positions)
+        return float(np.linalg.norm(ends[0] - ends[1], axis=1).mean())
+
+    def _bullet_error(self, change: Change) -> float:
+        """Mean distance to Bullet after 30 steps, over spheres and records [m]."""
+        errors = []
+        for record in self.records:
+            start = record.trajectory[0]
+            scene = change.scene(record.scene, len(start))
+            with change.patch():
+                predicted = self.load(**change.options).rollout(scene, steps=HORIZON, **vars(start))
+            horizons = horizon_metrics(predicted, record.trajectory, record.scene, [HORIZON])
+            errors.append(horizons[HORIZON]['position_error'])
+        return float(np.mean(errors))

@@ -1,0 +1,127 @@
+"""The table and the page that show the comparison: docs/only_what_is_needed.md."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ablation_measures import HORIZON
+
+# what the page says of each row, before its numbers
+TEXTS = {
+    'search, nothing near': (
+        'Spheres in the air are moved along exact parabolas. All that contacts cost there is the '
+        'look around whether any may happen in the frame.'
+    ),
+    'substeps, nothing near': (
+        'A frame is cut into substeps only where the look around found something that may touch. '
+        'Here they are forced on a scene where nothing does.'
+    ),
+    'network, isolated contacts': (
+        'A contact that shares no body with another has an exact solution, so the network is not '
+        'asked where spheres bounce without meeting each other.'
+    ),
+    'network, box': (
+        'Early in the box a few contacts share a sphere. The network is asked for these alone.'
+    ),
+    'network, pile': (
+        'In a pile nearly all contacts share spheres, so this is what the network costs at most.'
+    ),
+    'rounds, isolated contacts': (
+        'An isolated contact takes one round of the law; only contacts that share spheres take '
+        'all M rounds, each with the network. Here every contact is treated as if it did.'
+    ),
+    'rounds, box': 'The same early in the box, where a few contacts do share a sphere.',
+    'sleep, box that came to rest': (
+        'Spheres that have come to rest sleep until something comes near: no contact of theirs is '
+        'solved.'
+    ),
+    'sleep, pile': (
+        'A pile sleeps as a whole once all of it is quiet. What is saved is all its contacts.'
+    ),
+    'guard, box': (
+        'The guard adds up the energy of each island after each frame. It acts where that rose.'
+    ),
+    'guard, pile': 'The same for a pile that falls together, where there is most to guard.',
+    'walls': (
+        'Walls far from all spheres cost the look whether one is near. The error says what '
+        'happens where they are left out although spheres reach them.'
+    ),
+    'rolling friction': (
+        'Where no contact has rolling friction, its part of the law is not computed. The error '
+        'says what it costs to leave it out of a scene that has it.'
+    ),
+    'properties per sphere': (
+        'Radius, mass and materials are arrays inside in any case, so one number for all spheres '
+        'and one for each take the same way.'
+    ),
+}
+
+
+def number(value: float) -> str:
+    """Two significant digits."""
+    return '0' if value == 0 else f'{float(f"{value:.2g}"):g}'.replace('e-0', 'e-')
+
+
+def format_table(report: dict[str, Any]) -> str:
+    """Markdown: one line per row."""
+    has_errors = report['records'] > 0
+    head = ['what', 'spheres', 'as it is', 'ms', 'changed', 'ms', 'times as long', 'differs [m]']
+    head += ['error [m]', 'error, changed [m]'] if has_errors else []
+    lines = [head, ['---'] * len(head)]
+    for name, row in report['rows'].items():
+        line = [name, str(row['spheres']), row['usual'], number(row['usual_ms']), row['other']]
+        line += [number(row['other_ms']), f'{row["ratio"]:.2f}', number(row['difference'])]
+        if has_errors:
+            line += [number(row['usual_error']), number(row['other_error'])]
+        lines.append(line)
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines) + '\n'
+
+
+def paragraph(name: str, row: dict[str, Any], scene: str) -> str:
+    """What a row compares, and what came out."""
+    times = f'{number(row["usual_ms"])} ms a step as it is ({row["usual"]})'
+    times += f', {number(row["other_ms"])} ms changed ({row["other"]}): {row["ratio"]:.2f} times.'
+    apart = f'{number(row["difference"])} m apart' if row['difference'] else 'the same'
+    found = f'{times} After {HORIZON} steps the two are {apart}.'
+    if row['usual_asleep']:
+        found += f' {100 * row["usual_asleep"]:.0f} % of the spheres sleep.'
+    if 'usual_error' in row:
+        found += f' From Bullet: {number(row["usual_error"])} m as it is, '
+        found += f'{number(row["other_error"])} m changed.'
+    return f'**{name[0].upper()}{name[1:]}.** {TEXTS[name]} Scene: {scene}. {found}\n'
+
+
+def page(report: dict[str, Any]) -> str:
+    """docs/only_what_is_needed.md."""
+    about = report['machine']
+    body = '\n'.join(
+        paragraph(name, row, report['starts'][row['start']]) for name, row in report['rows'].items()
+    )
+    bullet = (
+        f'\n"Error" is the mean distance to Bullet at step {HORIZON} over {report["records"]} '
+        f'records of {report["data"]}, to whose scenes the same change was made.'
+        if report['records']
+        else ''
+    )
+    return f"""# Only what is needed
+
+A scene pays for what it has: contacts, walls, rolling friction, piles. What each of them costs a
+step, what the model would cost if it always did everything, and what is lost where it is left out.
+
+{format_table(report)}
+{body}
+## How it was measured
+
+Model `{report['model']}`, {about['cpu']}, {about['cores']} cores, load {about['load']},
+torch {about['torch']} with {about['threads']} thread(s). Each row: {report['repeats']} turns of
+{report['block']} steps of either side, in alternating order from the same state; those of sleep
+go on from where they were. "ms" is the median of a step's time, "times as long" the median of the
+ratios of neighbouring turns, changed over as it is. "Differs" is the mean distance between both
+after {HORIZON} steps.{bullet}
+
+```sh
+{report['command']}
+```
+
+All numbers: [model/only_what_is_needed.json](model/only_what_is_needed.json).
+"""

@@ -1,0 +1,77 @@
+"""The scenes of the comparison, and how far each is simulated before anything is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rigid_gns_core.sampling import StartRecipe, load_scene, sample_start
+from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.state import Array, State
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a row begins.
+
+    Args:
+        text: What it is, on the page.
+        scene: Surfaces and sphere properties.
+        state: Start of the simulation.
+        skip: Steps that are made before anything is measured.
+    """
+
+    text: str
+    scene: Scene
+    state: State
+    skip: int = 0
+
+
+def _lattice(spheres: int, pitch: float, height: tuple[float, float]) -> Array:
+    """Centres on a square lattice around the origin [m], shape (spheres, 3)."""
+    side = int(np.ceil(np.sqrt(spheres)))
+    across = np.stack(np.divmod(np.arange(spheres), side), axis=1) - (side - 1) / 2
+    return np.c_[pitch * across, np.random.default_rng(0).uniform(*height, spheres)]
+
+
+def make_starts(quick: bool) -> dict[str, Start]:
+    """Starts by name; quick ones are smaller."""
+    spheres, piled = (40, 12) if quick else (154, 64)
+    moving, settled, settled_pile = (30, 30, 100) if quick else (60, 300, 400)
+    scene, recipe = load_scene('box_154')
+    wide = replace(scene, surfaces=Plane.box(400.0, 400.0))
+    shaft = replace(scene, surfaces=Plane.box(8.0, 8.0))
+    air = State(positions=_lattice(spheres, 20.0, (150.0, 250.0)))
+    bounce = State(positions=_lattice(spheres, 5.0, (2.0, 4.0)))
+    speed = np.c_[np.random.default_rng(1).uniform(-1.0, 1.0, (spheres, 2)), np.zeros(spheres)]
+    roll = State(
+        positions=_lattice(spheres, 12.0, (1.0, 1.0)),
+        velocities=speed,
+        angular_velocities=np.cross([0.0, 0.0, 1.0], speed),
+    )
+    box = sample_start(scene, replace(recipe, spheres=spheres))
+    pile = sample_start(shaft, StartRecipe(spheres=piled, height=(0.0, 60.0)))
+    in_box = f'the box of 60 m with {spheres} spheres'
+    return {
+        'air': Start(
+            f'{spheres} spheres fall, 20 m from each other and over 100 m above the ground',
+            wide,
+            air,
+        ),
+        'bounce': Start(
+            f'{spheres} spheres, 5 m from each other, bounce in the middle of a box of 400 m',
+            wide,
+            bounce,
+            3,
+        ),
+        'roll': Start(f'{spheres} spheres roll on the ground without meeting', wide, roll),
+        'box': Start(f'{in_box}, from step 15', scene, box, 15),
+        'pile': Start(
+            f'{piled} spheres fall into a shaft of 8 m, from step {moving}', shaft, pile, moving
+        ),
+        'settled': Start(f'{in_box}, from step {settled}', scene, box, settled),
+        'settled pile': Start(
+            f'the shaft of 8 m, from step {settled_pile}', shaft, pile, settled_pile
+        ),
+    }

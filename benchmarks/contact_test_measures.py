@@ -1,0 +1,155 @@
+"""What is measured of a rollout beside its reference, and the floor of it: Bullet beside itself."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rigid_gns_core.dataset import Record
+from rigid_gns_core.evaluate import evaluate
+from rigid_gns_core.hard_cases.case import Case
+from rigid_gns_core.hard_cases.checks import measure_laws
+from rigid_gns_core.metrics import sphere_penetration, surface_penetration
+from rigid_gns_core.models.contact.stepper import ContactStepper
+from rigid_gns_core.rollout import Rollout, Simulator
+from rigid_gns_core.similarity import Similarity
+from rigid_gns_core.state import State, Trajectory
+
+REST = 0.01  # m/s: below it a sphere has come to rest
+LEAST_FLOOR = 0.25  # r^2: squared errors below half a radius are not told apart
+SQUARED = ('mse', 'chamfer')
+# key: name in the table; those of `errors` also have a floor and a ratio to it
+ERRORS = {
+    'mse': 'MSE [m²]',
+    'chamfer': 'Chamfer [m²]',
+    'predictability_time': 'predictability time [s]',
+    'resting_drift': 'drift of spheres at rest [m]',
+    'rest_speed_max': 'of spheres that Bullet stops, the fastest at the end [m/s]',
+    'rest_share': 'of those, slower than 1 cm/s at the end [%]',
+}
+LAWS = {
+    'energy_gain_with_rotation': 'energy gain',
+    'depth_sphere': 'mean depth in spheres [diameters]',
+    'depth_ground': 'mean depth in the ground [diameters]',
+    'depth_static': 'mean depth in other surfaces [diameters]',
+    'deepest_sphere': 'deepest in a sphere [diameters]',
+    'deepest_surface': 'deepest in a surface [diameters]',
+    'passed_through': 'went through a surface [%]',
+    'escaped': 'spheres out of the box',
+    'final_speed': 'speed at the end [m/s]',
+    'diverged': 'diverged [share of rollouts]',
+    'guard_acted': 'islands that the guard slowed, per step',
+    'guard_removed': 'energy that the guard took, of that at the start',
+}
+
+
+def roll(simulator: Simulator, record: Record, steps: int) -> tuple[Trajectory, Rollout]:
+    """A rollout from the record's start; NaN from where it diverges."""
+    rollout = simulator.start(record.scene, **vars(record.trajectory[0]))
+    states: list[State] = [rollout.state]
+    try:
+        while len(states) <= steps:
+            states.append(rollout.step())
+    except FloatingPointError as error:
+        print(f'{record.name} {record.index}: {error}', file=sys.stderr)
+    made = Trajectory.from_states(states, rollout.dt)
+    lost = ((0, steps + 1 - len(made)), (0, 0), (0, 0))
+    arrays = {
+        name: np.pad(getattr(made, name), lost, constant_values=np.nan) for name in vars(states[0])
+    }
+    return replace(made, **arrays), rollout
+
+
+def errors_of(predicted: Trajectory, reference: Trajectory, report: Mapping[str, Any]) -> dict:
+    """The errors that have a floor: those of a report, and of spheres that the reference stops."""
+    values = {key: report['errors'].get(key) for key in ERRORS}
+    stopped = np.linalg.norm(reference.velocities[-1], axis=1) < REST
+    if stopped.any():
+        speed = np.linalg.norm(predicted.velocities[-1, stopped], axis=1)
+        speed = np.where(np.isfinite(speed), speed, np.inf)
+        values['rest_speed_max'] = float(speed.max())
+        values['rest_share'] = 100.0 * float(np.mean(speed < REST))
+    for step, horizon in report['horizons'].items():
+        for key in ('position_error', 'mse'):
+            values[f'{key}_{step}'] = horizon[key]
+    return values
+
+
+def floor_of(reference: Record, others: Sequence[Record]) -> dict[str, float | None]:
+    """What Bullet at other substeps has of each error, the worse of them; and its own laws."""
+    reports: list[dict] = []
+    worst: dict[str, float | None] = {}
+    start = reference.trajectory.positions[0]
+    for other in others:
+        again = other.trajectory.window(0, len(reference.trajectory))
+        there = again.positions[0]
+        if there.shape != start.shape or np.abs(there - start).max() > 1e-6:
+            raise SystemExit(f'{reference.name} {reference.index}: its floor has another start')
+        report = evaluate(again, reference.trajectory, reference.scene)
+        reports.append(errors_of(again, reference.trajectory, report))
+        laws = report['laws']['reference']
+        worst |= {key: laws[key] for key in LAWS if key in laws}
+    for key in reports[0] if reports else ():
+        known = [report[key] for report in reports if report[key] is not None]
+        pick = min if key in ('predictability_time', 'rest_share') else max
+        worst[key] = pick(known) if known else None
+    return worst
+
+
+def least(key: str, radius: np.ndarray) -> float | None:
+    """The smallest floor of a squared error, or of a distance; None: it has no ratio."""
+    if key.startswith(SQUARED):
+        return LEAST_FLOOR * float(np.mean(radius**2))
+    return float(np.sqrt(LEAST_FLOOR) * radius.mean()) if key.startswith('position') else None
+
+
+def measure(
+    simulator: Simulator, record: Record, floor: Mapping[str, float | None]
+) -> dict[str, float | None]:
+    """All measures of a model on a record, by name."""
+    reference, scene = record.trajectory, record.scene
+    predicted, rollout = roll(simulator, record, reference.steps)
+    report = evaluate(predicted, reference, scene, velocities=simulator.velocities)
+    values: dict[str, float | None] = errors_of(predicted, reference, report)
+    radius = scene.per_sphere('radius', reference.count)
+    for key, error in list(values.items()):
+        bound, known = least(key, radius), floor.get(key)
+        if bound is not None and error is not None and known is not None:
+            values[f'{key}_ratio'] = error / max(known, bound)
+    values |= {key: value for key, value in report['laws']['predicted'].items() if key in LAWS}
+    lost = report['diverged_at']['predicted']
+    whole = predicted.positions[:lost]
+    values['deepest_sphere'] = sphere_penetration(whole, radius).deepest
+    deepest = [
+        # a ground has no other side
+        surface_penetration(whole, radius, (plane,), limit=np.inf if i == scene.ground else 1.0)
+        for i, plane in enumerate(scene.surfaces)
+    ]
+    values['deepest_surface'] = max((one.deepest for one in deepest), default=0.0)
+    start = reference[0]
+    case = Case(record.name, '', scene, start, reference.steps)
+    values['escaped'] = measure_laws(case, predicted, velocities=simulator.velocities)['escaped']
+    values['diverged'] = float(lost is not None)
+    if isinstance(rollout.stepper, ContactStepper):
+        # the guard counts in the model's units
+        start = Similarity.between(scene, simulator.units).to_model(start)
+        values |= guard_shares(rollout.stepper, start)
+    return values
+
+
+def guard_shares(stepper: ContactStepper, start: State) -> dict[str, float | None]:
+    """How often the guard acted per step, and what it took of the energy above the ground."""
+    guard, scene = stepper.guard, stepper.scene
+    if guard is None:
+        return {}
+    ground = scene.surfaces[scene.ground].point if scene.ground is not None else (0.0, 0.0, 0.0)
+    energy = sum(guard.energy(start)) + guard.mass * (np.asarray(ground) @ guard.gravity)
+    total = float(np.sum(energy))
+    return {
+        'guard_acted': guard.acted / max(1, guard.frames),
+        'guard_removed': guard.removed / total if total > 0 else None,
+    }

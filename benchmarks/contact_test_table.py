@@ -1,0 +1,89 @@
+"""Means of the measures over records and models, and the tables of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from contact_test_measures import ERRORS, LAWS, SQUARED
+
+
+def mean_of(rows: Iterable[Mapping[str, float | None]], spread: int = 0) -> dict[str, Any]:
+    """Mean, standard deviation, count and number of infinite values of each measure.
+
+    The mean is of the finite ones. `spread` 1: the deviation of a sample, as of seeds.
+    """
+    rows = list(rows)
+    summary = {}
+    for key in {key: None for row in rows for key in row}:
+        values = np.array([row[key] for row in rows if row.get(key) is not None], dtype=float)
+        finite = values[np.isfinite(values)]
+        if not len(values):
+            continue
+        summary[key] = {
+            'mean': float(finite.mean()) if len(finite) else float('inf'),
+            'std': float(finite.std(ddof=spread)) if len(finite) > spread else 0.0,
+            'count': len(values),
+            'infinite': len(values) - len(finite),
+        }
+    return summary
+
+
+def summarise(report: dict[str, Any]) -> dict[str, Any]:
+    """Means over the records of each group: of each model, of the floor, and over the models."""
+    groups: dict[str, list[str]] = {}
+    for name in report['floors']:
+        groups.setdefault(name.split('/')[0], []).append(name)
+
+    def by_group(rows: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            group: mean_of(rows[name] for name in names if name in rows)
+            for group, names in groups.items()
+        }
+
+    models = {name: by_group(entry['records']) for name, entry in report['models'].items()}
+    over_models: dict[str, Any] = {}
+    for group in groups:
+        means = [
+            {key: one['mean'] for key, one in model[group].items()} for model in models.values()
+        ]
+        over_models[group] = mean_of(means, spread=1)
+    return {'floor': by_group(report['floors']), 'models': models, 'over_models': over_models}
+
+
+def number(value: float) -> str:
+    """Three significant digits."""
+    return '0' if value == 0 else f'{value:.3g}'.replace('e-0', 'e-').replace('e+0', 'e')
+
+
+def cell(entry: Mapping[str, Any] | None) -> str:
+    """Mean ± standard deviation."""
+    if entry is None:
+        return '-'
+    text = number(entry['mean'])
+    text += f' ± {number(entry["std"])}' if entry['std'] else ''
+    return text + (f' ({entry["infinite"]} of {entry["count"]} inf)' if entry['infinite'] else '')
+
+
+def format_table(summary: Mapping[str, Any], floor: Mapping[str, Any]) -> str:
+    """Markdown: one line per measure, two columns per group: the model, and Bullet."""
+    steps = [key.removeprefix('mse_') for key in next(iter(summary.values())) if key[4:].isdigit()]
+    names = dict(ERRORS)
+    for step in steps:
+        names[f'position_error_{step}'] = f'position error at step {step} [m]'
+        names[f'mse_{step}'] = f'MSE at step {step} [m²]'
+    for key in [key for key in names if key.startswith((*SQUARED, 'position'))]:
+        names[f'{key}_ratio'] = f'{names[key].rpartition(" [")[0]} / floor'
+    names |= LAWS
+    head = ['']
+    for group in summary:
+        head += [group, 'Bullet']
+    lines = [head, ['---'] * len(head)]
+    for key, name in names.items():
+        cells = [name]
+        for group, values in summary.items():
+            cells += [cell(values.get(key)), cell(floor[group].get(key))]
+        if any(text != '-' for text in cells[1:]):
+            lines.append(cells)
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines) + '\n'
