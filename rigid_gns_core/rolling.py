@@ -12,6 +12,9 @@ from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from .scene import Scene
 from .state import Array
@@ -86,7 +89,7 @@ class RollingFriction:
     """Rolling friction in a Bullet world whose first bodies are the surfaces of `scene`.
 
     Spheres that stand are held by Bullet's own rolling friction, which no update now and then can
-    do. It lets go of them once they roll.
+    do. It lets go of them once they roll, and before a blow: Bullet's own acts between spheres too.
 
     Args:
         bullet: The pybullet module.
@@ -116,7 +119,9 @@ class RollingFriction:
         self._radius, self._mass, self._substep = radius, mass, substep
         self._friction = scene.per_sphere('friction', count)
         self._surface_friction = scene.surface_values('friction')
-        self._slip_tolerance = 1e-3 * float(np.linalg.norm(gravity)) * substep
+        fall = float(np.linalg.norm(gravity)) * substep
+        self._slip_tolerance = 1e-3 * fall
+        self._blow = 10.0 * fall
         self._held = np.zeros(count, dtype=bool)
         self._forces: dict[tuple[int, int], float] = {}
         self._normals: dict[tuple[int, int], tuple[float, float, float]] = {}
@@ -124,6 +129,37 @@ class RollingFriction:
         # Bullet's torque is (rolling_sphere * friction_surface) N; a sphere has one value for all
         surface = float(self._surface_friction.mean()) if self._surfaces else 0.0
         self.bullets_own = self.rho * radius / (surface or np.inf)
+
+    def let_go(self, time: float) -> None:
+        """Let go of spheres that stand where one may be struck within `time`, or a neighbour."""
+        held = np.flatnonzero(self._held)
+        if not len(held):
+            return
+        bullet, client, bodies = self._bullet, self._client, self._bodies
+        velocities = [bullet.getBaseVelocity(body, physicsClientId=client)[0] for body in bodies]
+        way = np.linalg.norm(velocities, axis=-1)
+        way = np.where(self._held | (way < self._blow), 0.0, way) * time
+        if not way.any():
+            return
+        centres = np.array(
+            [
+                bullet.getBasePositionAndOrientation(body, physicsClientId=client)[0]
+                for body in bodies
+            ]
+        )
+        # a blow goes on to neighbours that stand nearer than its way
+        tree = cKDTree(centres)
+        reach = np.minimum(way.max(), self._radius.max())
+        pairs = tree.query_pairs(2.0 * self._radius.max() + way.max(), output_type='ndarray')
+        one, other = pairs[:, 0], pairs[:, 1]
+        gap = np.linalg.norm(centres[one] - centres[other], axis=-1)
+        gap -= self._radius[one] + self._radius[other]
+        both = self._held[one] & self._held[other]
+        near = gap <= np.where(both, reach, way[one] + way[other])
+        graph = coo_array((np.ones(near.sum()), (one[near], other[near])), shape=2 * (len(bodies),))
+        _, island = connected_components(graph, directed=False)
+        struck = held[np.isin(island[held], island[way > 0])]
+        self._hold(struck, np.zeros(len(struck), dtype=bool))
 
     def collect(self) -> None:
         """Add the normal forces that surfaces had on spheres in the substep just done."""

@@ -159,6 +159,8 @@ class Teacher:
         for substep in range(1, substeps + 1):
             if substep == substeps:
                 before = self._velocities()
+            if rolling and substep % every == 1 % every:
+                rolling.let_go(every * self._substep)
             advance(physicsClientId=client)
             if substep == substeps:
                 change = self._velocities() - before
