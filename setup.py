@@ -17,6 +17,8 @@ CORE = [
     'safetensors>=0.4',
     'tqdm>=4.66',
     'mcap>=1.2',
+    'numba>=0.61',
+    'threadpoolctl>=3.1',
 ]
 # What a user may want to choose (a CUDA or a CPU torch), cannot have everywhere (pybullet has no
 # wheel for Python 3.12, ROS wheels are x86-64 Linux only), or has from apt (ROS).

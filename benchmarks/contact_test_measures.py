@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from rigid_gns_core.dataset import Record
+from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.hard_cases.case import Case
 from rigid_gns_core.hard_cases.checks import measure_laws
 from rigid_gns_core.metrics import sphere_penetration, surface_penetration
-from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.rollout import Rollout, Simulator
+from rigid_gns_core.scene import Scene
 from rigid_gns_core.similarity import Similarity
 from rigid_gns_core.state import State, Trajectory
 
@@ -134,22 +135,22 @@ def measure(
     case = Case(record.name, '', scene, start, reference.steps)
     values['escaped'] = measure_laws(case, predicted, velocities=simulator.velocities)['escaped']
     values['diverged'] = float(lost is not None)
-    if isinstance(rollout.stepper, ContactStepper):
+    if isinstance(rollout.stepper, EngineStepper) and rollout.stepper.guards:
         # the guard counts in the model's units
-        start = Similarity.between(scene, simulator.units).to_model(start)
-        values |= guard_shares(rollout.stepper, start)
+        similarity = Similarity.between(scene, simulator.units)
+        values |= guard_shares(rollout.stepper, similarity.scene(scene), similarity.to_model(start))
     return values
 
 
-def guard_shares(stepper: ContactStepper, start: State) -> dict[str, float | None]:
+def guard_shares(stepper: EngineStepper, scene: Scene, start: State) -> dict[str, float | None]:
     """How often the guard acted per step, and what it took of the energy above the ground."""
-    guard, scene = stepper.guard, stepper.scene
-    if guard is None:
-        return {}
     ground = scene.surfaces[scene.ground].point if scene.ground is not None else (0.0, 0.0, 0.0)
-    energy = sum(guard.energy(start)) + guard.mass * (np.asarray(ground) @ guard.gravity)
-    total = float(np.sum(energy))
+    mass, radius = (scene.per_sphere(name, len(start)) for name in ('mass', 'radius'))
+    spin = 0.4 * radius**2 * np.sum(start.angular_velocities**2, axis=1)
+    kinetic = 0.5 * mass * (np.sum(start.velocities**2, axis=1) + spin)
+    height = -mass * ((start.positions - np.asarray(ground)) @ np.asarray(scene.gravity))
+    total = float(np.sum(kinetic + height))
     return {
-        'guard_acted': guard.acted / max(1, guard.frames),
-        'guard_removed': guard.removed / total if total > 0 else None,
+        'guard_acted': stepper.acted / max(1, stepper.frames),
+        'guard_removed': stepper.removed / total if total > 0 else None,
     }

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-import torch
+import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.numpy import load_file, save
 
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parent / 'weights'
@@ -27,19 +29,37 @@ CARD_KEYS = {
 }
 
 
+Tensors = dict[str, NDArray[Any]]
+Shapes = dict[str, tuple[int, ...]]
+
+
+class Network(Protocol):
+    """What has weights: a torch.nn.Module."""
+
+    def state_dict(self) -> Any:
+        """Its tensors by name."""
+        ...
+
+
 class CheckpointError(ValueError):
     """A checkpoint cannot be used."""
 
 
-def save_tensors(path: Path, tensors: dict[str, torch.Tensor]) -> None:
+def tensors_of(network: Network) -> Tensors:
+    """Weights of a network by name."""
+    return {name: value.detach().cpu().numpy() for name, value in network.state_dict().items()}
+
+
+def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]]) -> None:
     """Write safetensors under a temporary name first: a killed run leaves the old file whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(path.name + '.part')
-    temporary.write_bytes(save({name: value.contiguous() for name, value in tensors.items()}))
+    whole = {name: np.asarray(value, order='C') for name, value in tensors.items()}
+    temporary.write_bytes(save(whole))
     os.replace(temporary, path)
 
 
-def load_tensors(path: Path) -> dict[str, torch.Tensor]:
+def load_tensors(path: Path) -> Tensors:
     """Read safetensors.
 
     Raises:
@@ -53,10 +73,10 @@ def load_tensors(path: Path) -> dict[str, torch.Tensor]:
         raise CheckpointError(f'{path}: damaged safetensors file: {error}') from error
 
 
-def save_model(path: str | Path, network: torch.nn.Module, card: dict[str, Any]) -> None:
+def save_model(path: str | Path, network: Network, card: dict[str, Any]) -> None:
     """Write `path`.safetensors and `path`.json, which get each other's mark: see `load_weights`."""
     weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
-    save_tensors(weights, dict(network.state_dict()))
+    save_tensors(weights, tensors_of(network))
     marks = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
     text = json.dumps({**card, **marks}, indent=2, allow_nan=False) + '\n'
     temporary = Path(f'{card_path}.part')
@@ -116,12 +136,17 @@ def load_card(path: Path) -> dict[str, Any]:
     return card
 
 
-def load_weights(network: torch.nn.Module, path: Path, sha256: str) -> None:
-    """Fill `network` from a .safetensors file.
+def load_weights(path: Path, sha256: str, shapes: Shapes) -> Tensors:
+    """Weights of a .safetensors file.
+
+    Args:
+        path: The file.
+        sha256: Of the file that its card was written with.
+        shapes: Of all weights, by name; they are float32.
 
     Raises:
-        CheckpointError: The file is not the one its card was written with (`sha256`), or names,
-            shapes or types differ from the network's, or a weight is not finite.
+        CheckpointError: The file is another one, or names, shapes or types differ from those
+            expected, or a weight is not finite.
     """
     tensors = load_tensors(path)
     if _sha256(path) != sha256:
@@ -129,19 +154,17 @@ def load_weights(network: torch.nn.Module, path: Path, sha256: str) -> None:
             f'{path}: is not the file that its card was written with (SHA-256 differs); '
             'copy both files again'
         )
-    expected = network.state_dict()
-    for name in sorted(set(expected) ^ set(tensors)):
+    for name in sorted(set(shapes) ^ set(tensors)):
         raise CheckpointError(
-            f'{path}: weight {name!r} is {"missing" if name in expected else "unknown"}; '
+            f'{path}: weight {name!r} is {"missing" if name in shapes else "unknown"}; '
             'weights and card do not belong together'
         )
     for name, value in tensors.items():
-        wanted = expected[name]
-        if (value.shape, value.dtype) != (wanted.shape, wanted.dtype):
+        if (value.shape, value.dtype) != (shapes[name], np.dtype(np.float32)):
             raise CheckpointError(
-                f'{path}: weight {name!r} has shape {tuple(value.shape)} of {value.dtype}, '
-                f'expected {tuple(wanted.shape)} of {wanted.dtype}'
+                f'{path}: weight {name!r} has shape {value.shape} of {value.dtype}, '
+                f'expected {shapes[name]} of float32'
             )
-        if not torch.isfinite(value).all():
+        if not np.isfinite(value).all():
             raise CheckpointError(f'{path}: weight {name!r} holds values that are not finite')
-    network.load_state_dict(tensors)
+    return tensors

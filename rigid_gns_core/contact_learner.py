@@ -11,10 +11,11 @@ from torch import Tensor
 
 from .dataset import Record
 from .learner import Learner, Schedule
+from .models.configs import ContactConfig
 from .models.contact.candidates import Candidates, find_candidates, join
 from .models.contact.geometry import find_contacts
 from .models.contact.memory import Memory
-from .models.contact.network import ContactConfig, ContactNetwork
+from .models.contact.network import ContactNetwork
 from .models.contact.step import Motion, frame
 from .models.contact.world import UNIT_GRAVITY, World
 from .similarity import ModelUnits

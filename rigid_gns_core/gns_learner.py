@@ -11,7 +11,8 @@ from torch import Tensor
 
 from .dataset import Record
 from .learner import Learner, Schedule
-from .models.gns import GNS, GNSConfig
+from .models.configs import GNSConfig
+from .models.gns import GNS
 from .similarity import ModelUnits
 from .training_set import common_scene
 from .windows import Batch, Noise, Source, draw_batch

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checkpoint import CheckpointError, find_model, load_card, load_weights
+from .checkpoint import CheckpointError, Tensors, find_model, load_card, load_weights
 from .config import from_mapping
 from .scene import Scene
 from .similarity import ModelUnits, Similarity
@@ -61,6 +61,7 @@ class Simulator(ABC):
     of its arithmetic.
 
     Args:
+        tensors: The trained weights, by name.
         card: What is known of the model: configuration, units, recipe, metrics.
         name: Name for messages and reports.
     """
@@ -69,7 +70,8 @@ class Simulator(ABC):
     kind: ClassVar[str]
     dtype: str
 
-    def __init__(self, card: dict[str, Any], name: str) -> None:
+    def __init__(self, tensors: Tensors, card: dict[str, Any], name: str) -> None:
+        self.tensors = tensors
         self.card = card
         self.name = name
         self.units = from_mapping(ModelUnits, card['units'], f'{name}: units')
@@ -194,8 +196,8 @@ def load_simulator(
     if missing := sorted(known - set(card['config'])):
         # a default that changes later must not change what old weights mean
         raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
-    network = kind.network(from_mapping(kind.config, card['config'], f'{path}: config'))
-    load_weights(network, path, card['weights_sha256'])
+    config = from_mapping(kind.config, card['config'], f'{path}: config')
+    tensors = load_weights(path, card['weights_sha256'], config.shapes)
     if dtype is not None:
         options['dtype'] = dtype
-    return kind.simulator(network, card, path.stem, **options)
+    return kind.simulator(tensors, card, path.stem, **options)

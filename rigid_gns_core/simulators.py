@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
-import torch
 
+from .checkpoint import Tensors
 from .config import from_mapping
-from .models.contact.network import ContactConfig, ContactNetwork
-from .models.contact.stepper import ContactStepper
-from .models.gns import GNS, GNSConfig
+from .models.configs import ContactConfig, GNSConfig
+from .models.features import Features
 from .models.stepping import GNSStepper
 from .rollout import Simulator, Stepper
 from .scene import Scene
 from .state import Array, State
+
+if TYPE_CHECKING:
+    from torch.nn import Module
+
+    from .engine.substep import Settings
+    from .models.contact.network import ContactNetwork
+    from .models.gns import GNS
+
+N = TypeVar('N', bound='Module')
 
 
 @dataclass(frozen=True)
@@ -32,9 +42,10 @@ class GNSSimulator(Simulator):
     """The thesis' GNS: one radius, one mass, one material.
 
     Args:
-        network: The trained network.
+        tensors: The trained weights, by name.
         card: See `Simulator`.
         name: See `Simulator`.
+        backend: 'engine' (NumPy), or 'torch', the reference.
         dtype: 'float32', the only one.
     """
 
@@ -42,13 +53,20 @@ class GNSSimulator(Simulator):
     velocities = 'poses'
 
     def __init__(
-        self, network: GNS, card: dict[str, Any], name: str, *, dtype: str = 'float32'
+        self,
+        tensors: Tensors,
+        card: dict[str, Any],
+        name: str,
+        *,
+        backend: str = 'engine',
+        dtype: str = 'float32',
     ) -> None:
-        super().__init__(card, name)
+        super().__init__(tensors, card, name)
         if dtype != 'float32':
             raise ValueError(f'dtype is {dtype!r}, but model {name!r} (a GNS) knows float32 only')
         self.dtype = dtype
-        self.network = network.eval()
+        self.backend = _known_backend(backend)
+        self.config = from_mapping(GNSConfig, card['config'], f'{name}: config')
         self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
@@ -75,7 +93,22 @@ class GNSSimulator(Simulator):
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """A rollout in the model's units."""
-        return GNSStepper(self.network, scene, state, self.units.dt)
+        return GNSStepper(self._predict, self.config, scene, state, self.units.dt)
+
+    @cached_property
+    def network(self) -> GNS:
+        """The network as a torch module, for the backend 'torch'."""
+        from .models.gns import GNS
+
+        return _filled(GNS(self.config), self.tensors)
+
+    @cached_property
+    def _predict(self) -> Callable[[Features], Array]:
+        if self.backend == 'torch':
+            return self.network.predict
+        from .engine.gns import GNSEngine
+
+        return GNSEngine(self.tensors, self.config)
 
 
 @dataclass(frozen=True)
@@ -83,6 +116,8 @@ class ContactOptions:
     """What a user may change of a contact model; for measurements rather than for use.
 
     Args:
+        backend: 'engine' (compiled), or 'torch', the reference; None: the engine where it can. It
+            has neither float32 nor networks without the law.
         dtype: 'float64' or 'float32', of the arithmetic of contacts; states are kept in float64.
         guard: Hold the energy of every island down.
         sleep: Let islands at rest sleep.
@@ -91,6 +126,7 @@ class ContactOptions:
         rounds: M instead of the trained one, for the law alone.
     """
 
+    backend: str | None = None
     dtype: str = 'float64'
     guard: bool = True
     sleep: bool = True
@@ -101,6 +137,8 @@ class ContactOptions:
     def __post_init__(self) -> None:
         if self.dtype not in ('float32', 'float64'):
             raise ValueError(f"dtype is {self.dtype!r}, allowed: 'float32', 'float64'")
+        if self.backend is not None:
+            _known_backend(self.backend)
         for name in ('substeps', 'rounds'):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -113,7 +151,7 @@ class ContactSimulator(Simulator):
     """The contact-frame graph network: any radii, masses and materials.
 
     Args:
-        network: The trained network.
+        tensors: The trained weights, by name.
         card: See `Simulator`.
         name: See `Simulator`.
         options: See `ContactOptions`.
@@ -123,15 +161,16 @@ class ContactSimulator(Simulator):
     velocities = 'given'
 
     def __init__(
-        self, network: ContactNetwork, card: dict[str, Any], name: str, /, **options: Any
+        self, tensors: Tensors, card: dict[str, Any], name: str, /, **options: Any
     ) -> None:
-        super().__init__(card, name)
+        super().__init__(tensors, card, name)
         if unknown := sorted(set(options) - {field.name for field in fields(ContactOptions)}):
             allowed = ', '.join(field.name for field in fields(ContactOptions))
             raise ValueError(f'model {name!r} has no option {unknown[0]!r}, allowed: {allowed}')
         self.options = ContactOptions(**options)
         self.dtype = self.options.dtype
-        self.network = network.eval()
+        self.trained = from_mapping(ContactConfig, card['config'], f'{name}: config')
+        self.backend = self._backend()
         self.ranges: dict[str, tuple[float, float]] = {
             key: (float(low), float(high)) for key, (low, high) in card['materials'].items()
         }
@@ -139,12 +178,11 @@ class ContactSimulator(Simulator):
     @property
     def config(self) -> ContactConfig:
         """K, M and what else the options leave of the network's configuration."""
-        trained = self.network.config
         options = self.options
         return replace(
-            trained,
-            substeps=options.substeps or trained.substeps,
-            rounds=options.rounds or trained.rounds,
+            self.trained,
+            substeps=options.substeps or self.trained.substeps,
+            rounds=options.rounds or self.trained.rounds,
             network=options.network,
         )
 
@@ -167,31 +205,72 @@ class ContactSimulator(Simulator):
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """A rollout in the model's units."""
-        options = self.options
-        return ContactStepper(
-            self.network if options.network else None,
-            self.config,
-            scene,
-            state,
-            self.units.dt,
-            guard=options.guard,
-            sleep=options.sleep,
-            dtype=getattr(torch, options.dtype),
-        )
+        options, config = self.options, self.config
+        switches = {'guard': options.guard, 'sleep': options.sleep}
+        if self.backend == 'torch':
+            import torch
+
+            from .models.contact.stepper import ContactStepper
+
+            network = self.network if options.network else None
+            dtype = getattr(torch, options.dtype)
+            return ContactStepper(
+                network, config, scene, state, self.units.dt, dtype=dtype, **switches
+            )
+        from .engine.stepper import EngineStepper
+
+        return EngineStepper(self._settings, scene, state, self.units.dt, **switches)
+
+    @cached_property
+    def network(self) -> ContactNetwork:
+        """The network as a torch module, for the backend 'torch'."""
+        from .models.contact.network import ContactNetwork
+
+        return _filled(ContactNetwork(self.trained), self.tensors)
+
+    @cached_property
+    def _settings(self) -> Settings:
+        from .engine.stepper import settings_of
+
+        config = self.config
+        tensors = self.tensors if config.network else None
+        return settings_of(tensors, config.substeps, config.rounds)
+
+    def _backend(self) -> str:
+        lacks = None
+        if self.dtype != 'float64':
+            lacks = f'no {self.dtype}'
+        elif not self.trained.law and self.options.network:
+            lacks = 'no networks without the law'
+        if lacks and self.options.backend == 'engine':
+            raise ValueError(f"backend is 'engine', which has {lacks}; take 'torch'")
+        return self.options.backend or ('torch' if lacks else 'engine')
 
 
 class Kind(NamedTuple):
     """Classes of a kind of model."""
 
-    config: type
-    network: Any
-    simulator: Any
+    config: type[GNSConfig] | type[ContactConfig]
+    simulator: type[Simulator]
 
 
-KINDS = {
-    'gns': Kind(GNSConfig, GNS, GNSSimulator),
-    'contact': Kind(ContactConfig, ContactNetwork, ContactSimulator),
-}
+KINDS = {'gns': Kind(GNSConfig, GNSSimulator), 'contact': Kind(ContactConfig, ContactSimulator)}
+
+BACKENDS = ('engine', 'torch')
+
+
+def _known_backend(name: str) -> str:
+    if name not in BACKENDS:
+        raise ValueError(f'backend is {name!r}, allowed: {", ".join(BACKENDS)}')
+    return name
+
+
+def _filled(network: N, tensors: Tensors) -> N:
+    """The network with these weights."""
+    import torch
+
+    network.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
+    return network.eval()
 
 
 def _values(scene: Scene, name: str, count: int) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 import yaml
 
-from .checkpoint import load_tensors, save_model, save_tensors
+from .checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from .config import ConfigError, find_config, from_mapping, load_yaml, positive, to_mapping
 from .contact_learner import ContactLearner, ContactTrainConfig
 from .dataset import Dataset, Record
@@ -97,7 +97,7 @@ class Trainer:
                 return own
             warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
             kind = KINDS[self.learner.kind].simulator
-            simulator = kind(network, self.card(None), 'validation')
+            simulator = kind(tensors_of(network), self.card(None), 'validation')
             scores = [self._rollout_score(simulator, record) for record in self.validation]
         return float(np.mean(scores))
 
@@ -158,8 +158,8 @@ class Trainer:
             log.write(json.dumps(entry) + '\n')
 
     def _save_state(self) -> None:
-        best = {'best': torch.tensor(self.best, dtype=torch.float64)}
-        save_tensors(self.folder / STATE, {**self.learner.state(), **best})
+        state = {name: value.numpy() for name, value in self.learner.state().items()}
+        save_tensors(self.folder / STATE, {**state, 'best': np.array(self.best)})
 
     def _resume(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -177,7 +177,7 @@ class Trainer:
         if (self.folder / STATE).is_file():
             tensors = load_tensors(self.folder / STATE)
             self.best = float(tensors.pop('best'))
-            self.learner.load_state(tensors)
+            self.learner.load_state({k: torch.from_numpy(v) for k, v in tensors.items()})
 
 
 RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig, 'contact': ContactTrainConfig}

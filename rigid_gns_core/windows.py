@@ -10,8 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .models.features import Motion, graph_input, side_by_side
-from .models.gns import GNSConfig, GraphInput
+from .models.configs import GNSConfig
+from .models.features import Motion
+from .models.gns import GraphInput, graph_input, side_by_side
 from .models.stepping import backward_velocities, difference
 from .scene import Scene
 from .state import Array, Trajectory, rotate_quaternions

@@ -1,17 +1,17 @@
-"""From arrays of one step to the network's input (thesis section 3.2.2)."""
+"""From arrays of one step to what a network reads (thesis section 3.2.2). No torch in here."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import torch
+from numpy.typing import NDArray
 
-from ..graph import Graph, build_graph
+from ..graph import Graph, Indices, build_graph
 from ..scene import Scene
 from ..state import Array
-from .gns import GNSConfig, GraphInput
+from .configs import GNSConfig
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,26 @@ class Motion:
     angular_velocities: Array
 
 
-def graph_input(
+class Features(NamedTuple):
+    """Features and indices of one graph.
+
+    nodes: shape (n, node_size); edges: r^pp, shape (edges, 4); surface_edges: r^ps,
+    shape (surface_edges, 10); motion: current [v, omega], shape (n, 6), the base of accelerations.
+    """
+
+    nodes: NDArray[np.float32]
+    edges: NDArray[np.float32]
+    surface_edges: NDArray[np.float32]
+    senders: Indices
+    receivers: Indices
+    reverse: Indices
+    surface_receivers: Indices
+    motion: NDArray[np.float32]
+
+
+def features_of(
     config: GNSConfig, motion: Motion, scene: Scene, dt: float, graph: Graph | None = None
-) -> GraphInput:
+) -> Features:
     """Build the graph (unless given) and its features; lengths in the model's units."""
     positions, velocity = motion.positions, motion.velocities[0]
     if graph is None:
@@ -54,40 +71,18 @@ def graph_input(
     receivers = graph.surface_receivers
     height = np.einsum('ij,ij->i', positions[receivers] - graph.surface_points, normal)[:, None]
     surface = np.concatenate([velocity[receivers], normal, height * normal, np.abs(height)], axis=1)
-    return GraphInput(
-        nodes=_tensor(np.concatenate(columns, axis=1)),
-        edges=_tensor(np.concatenate([displacement, distance], axis=1)),
-        surface_edges=_tensor(surface),
-        senders=torch.from_numpy(graph.senders),
-        receivers=torch.from_numpy(graph.receivers),
-        reverse=torch.from_numpy(graph.reverse),
-        surface_receivers=torch.from_numpy(receivers),
-        motion=_tensor(np.concatenate([velocity, motion.angular_velocities[0]], axis=1)),
+    return Features(
+        nodes=_floats(np.concatenate(columns, axis=1)),
+        edges=_floats(np.concatenate([displacement, distance], axis=1)),
+        surface_edges=_floats(surface),
+        senders=graph.senders,
+        receivers=graph.receivers,
+        reverse=graph.reverse,
+        surface_receivers=receivers,
+        motion=_floats(np.concatenate([velocity, motion.angular_velocities[0]], axis=1)),
     )
 
 
-def side_by_side(inputs: Sequence[GraphInput]) -> GraphInput:
-    """Several graphs as one graph without edges between them."""
-    nodes = np.cumsum([0] + [len(graph.nodes) for graph in inputs])
-    edges = np.cumsum([0] + [len(graph.edges) for graph in inputs])
-
-    def shifted(name: str, offsets: np.ndarray) -> torch.Tensor:
-        return torch.cat(
-            [getattr(g, name) + int(o) for g, o in zip(inputs, offsets[:-1], strict=True)]
-        )
-
-    return GraphInput(
-        nodes=torch.cat([graph.nodes for graph in inputs]),
-        edges=torch.cat([graph.edges for graph in inputs]),
-        surface_edges=torch.cat([graph.surface_edges for graph in inputs]),
-        senders=shifted('senders', nodes),
-        receivers=shifted('receivers', nodes),
-        reverse=shifted('reverse', edges),
-        surface_receivers=shifted('surface_receivers', nodes),
-        motion=torch.cat([graph.motion for graph in inputs]),
-    )
-
-
-def _tensor(array: Array) -> torch.Tensor:
+def _floats(array: Array) -> NDArray[np.float32]:
     # differences were taken in float64; only features are rounded
-    return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))
+    return np.ascontiguousarray(array, dtype=np.float32)

@@ -13,70 +13,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ..graph import Connectivity, Reach
+from ..graph import Graph
+from ..scene import Scene
+from ..state import Array
+from .configs import GNSConfig
+from .features import Features, Motion, features_of
 from .layers import MLP, Normaliser
 
 
-@dataclass(frozen=True)
-class GNSConfig:
-    """The thesis' network; each switch turns one piece off for an ablation.
-
-    Args:
-        message_passing_steps: M, each with weights of its own.
-        history: H previous velocities beside the current one.
-        width: Latent and hidden size h.
-        connectivity: Graph construction, see `rigid_gns_core.graph.Reach`.
-        epsilon: Reach of `epsilon` connectivity [radii].
-        margin: Added to the reach of the others [radii].
-        ground_edge: Permanent edge to the ground.
-        third_law: Antisymmetric particle messages (Newton's third law).
-        mask_pose: Hide absolute position and quaternion from the network.
-        target: What the decoder emits: next `velocity` (thesis) or `acceleration` (original GNS).
-        sphere_properties: Feed radius and mass of each sphere (the thesis' optional f_i).
-    """
-
-    message_passing_steps: int = 5
-    history: int = 2
-    width: int = 128
-    connectivity: Connectivity = 'vi'
-    epsilon: float = 0.1
-    margin: float = 0.05
-    ground_edge: bool = True
-    third_law: bool = True
-    mask_pose: bool = True
-    target: Literal['velocity', 'acceleration'] = 'velocity'
-    sphere_properties: bool = False
-
-    def __post_init__(self) -> None:
-        for name, low in (('message_passing_steps', 1), ('history', 0), ('width', 1)):
-            if getattr(self, name) < low:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least {low}')
-
-    @property
-    def node_size(self) -> int:
-        """Features of a node: velocities, angular velocities, and what switches add."""
-        pose = 0 if self.mask_pose else 7
-        return 6 * (self.history + 1) + pose + (2 if self.sphere_properties else 0)
-
-    def reach(self, radius: float = 1.0) -> Reach:
-        """Graph construction for spheres of `radius` [m]."""
-        return Reach(
-            self.connectivity, self.epsilon * radius, self.margin * radius, self.ground_edge
-        )
-
-
 class GraphInput(NamedTuple):
-    """Features and indices of one graph, or of several side by side.
-
-    nodes: shape (n, node_size); edges: r^pp, shape (edges, 4); surface_edges: r^ps,
-    shape (surface_edges, 10); motion: current [v, omega], shape (n, 6), the base of accelerations.
-    """
+    """`Features` as tensors, of one graph or of several side by side."""
 
     nodes: Tensor
     edges: Tensor
@@ -86,6 +39,40 @@ class GraphInput(NamedTuple):
     reverse: Tensor
     surface_receivers: Tensor
     motion: Tensor
+
+
+def graph_input(
+    config: GNSConfig, motion: Motion, scene: Scene, dt: float, graph: Graph | None = None
+) -> GraphInput:
+    """Features of one step as tensors; see `features_of`."""
+    return as_tensors(features_of(config, motion, scene, dt, graph))
+
+
+def as_tensors(features: Features) -> GraphInput:
+    """The same as tensors, without a copy."""
+    return GraphInput(*(torch.from_numpy(array) for array in features))
+
+
+def side_by_side(inputs: Sequence[GraphInput]) -> GraphInput:
+    """Several graphs as one graph without edges between them."""
+    nodes = np.cumsum([0] + [len(graph.nodes) for graph in inputs])
+    edges = np.cumsum([0] + [len(graph.edges) for graph in inputs])
+
+    def shifted(name: str, offsets: np.ndarray) -> torch.Tensor:
+        return torch.cat(
+            [getattr(g, name) + int(o) for g, o in zip(inputs, offsets[:-1], strict=True)]
+        )
+
+    return GraphInput(
+        nodes=torch.cat([graph.nodes for graph in inputs]),
+        edges=torch.cat([graph.edges for graph in inputs]),
+        surface_edges=torch.cat([graph.surface_edges for graph in inputs]),
+        senders=shifted('senders', nodes),
+        receivers=shifted('receivers', nodes),
+        reverse=shifted('reverse', edges),
+        surface_receivers=shifted('surface_receivers', nodes),
+        motion=torch.cat([graph.motion for graph in inputs]),
+    )
 
 
 class GNBlock(nn.Module):
@@ -155,6 +142,12 @@ class GNS(nn.Module):
         """Next [v, omega] [m/s, rad/s] from the network's output; inverse of `encode_target`."""
         value = self.target_normaliser.inverse(output)
         return motion + value if self.config.target == 'acceleration' else value
+
+    @torch.inference_mode()
+    def predict(self, features: Features) -> Array:
+        """Next [v, omega] from arrays, shape (n, 6)."""
+        graph = as_tensors(features)
+        return self.decode(self(graph), graph.motion).numpy()
 
     def encode_target(self, next_motion: Tensor, motion: Tensor) -> Tensor:
         """Normalised target from the next [v, omega], shape (n, 6)."""

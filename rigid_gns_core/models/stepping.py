@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-import torch
 
 from ..graph import Reach, build_graph
 from ..scene import Scene
 from ..state import Array, State, rotate_quaternions, rotation_between
-from .features import Motion, graph_input
-from .gns import GNS
+from .configs import GNSConfig
+from .features import Features, Motion, features_of
 
 
 def integrate(
@@ -47,11 +48,26 @@ def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
 
 
 class GNSStepper:
-    """Rolls a GNS out in the model's units. The history starts with copies of the first motion."""
+    """Rolls a GNS out in the model's units. The history starts with copies of the first motion.
 
-    def __init__(self, network: GNS, scene: Scene, state: State, dt: float) -> None:
-        self.network, self.scene, self.dt = network, scene, dt
-        states = network.config.history + 1
+    Args:
+        predict: The network: next [v, omega] from features, shape (n, 6).
+        config: Its configuration.
+        scene: Surfaces and sphere properties.
+        state: Start.
+        dt: Length of a step.
+    """
+
+    def __init__(
+        self,
+        predict: Callable[[Features], Array],
+        config: GNSConfig,
+        scene: Scene,
+        state: State,
+        dt: float,
+    ) -> None:
+        self.predict, self.config, self.scene, self.dt = predict, config, scene, dt
+        states = config.history + 1
         velocity = backward_velocities(state, scene, dt)
         self.motion = Motion(
             state.positions,
@@ -60,16 +76,15 @@ class GNSStepper:
             np.repeat(state.angular_velocities[None], states, axis=0),
         )
 
-    @torch.inference_mode()
     def step(self) -> State:
         """Advance by dt. Velocities of the result are means over the step (backward differences).
 
         Raises:
             FloatingPointError: The rollout diverged (a value is not finite or beyond 1e9).
         """
-        motion, network = self.motion, self.network
-        graph = graph_input(network.config, motion, self.scene, self.dt)
-        predicted = network.decode(network(graph), graph.motion).numpy().astype(np.float64)
+        motion = self.motion
+        features = features_of(self.config, motion, self.scene, self.dt)
+        predicted = self.predict(features).astype(np.float64)
         if predicted.size and not np.abs(predicted).max() < 1e9:  # also false for NaN
             raise FloatingPointError('the rollout diverged: a predicted velocity is not finite')
         velocity, angular = predicted[:, :3], predicted[:, 3:]

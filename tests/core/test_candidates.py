@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
+from rigid_gns_core import load_simulator
 from rigid_gns_core.models.contact.candidates import find_candidates, join
-from rigid_gns_core.models.contact.network import ContactConfig
-from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.scene import Plane, Scene, closest_points
 from rigid_gns_core.state import State
 
@@ -95,7 +93,7 @@ def test_side_by_side_and_empty():
     assert len(find(positions[:1], velocities[:1], radius[:1])) == 0
 
 
-def struck(wall, gap, mass, speed, substeps):
+def struck(wall, gap, mass, speed, substeps, backend):
     """Highest x of a light sphere `gap` from a wall at x = 0 that a fast one strikes."""
     scene = Scene(
         surfaces=(wall,), gravity=(0.0, 0.0, 0.0), mass=(1.0, mass), restitution=1.0, friction=0.0
@@ -104,8 +102,8 @@ def struck(wall, gap, mass, speed, substeps):
         positions=np.array([[-4.0 - gap, 0, 0], [-1.0 - gap, 0.2, 0]]),
         velocities=np.array([[speed, 0, 0], [0, 0, 0]]),
     )
-    config = ContactConfig(substeps=substeps, rounds=6)
-    stepper = ContactStepper(None, config, scene, start, DT, dtype=torch.float64)
+    law = load_simulator('contact', network=False, substeps=substeps, rounds=6, backend=backend)
+    stepper = law.stepper(scene, start)
     states = [stepper.step() for _ in range(6)]
     assert np.linalg.norm(states[-1].velocities[1]) > 5.0  # it was struck
     return max(state.positions[1, 0] for state in states)
@@ -117,19 +115,19 @@ PLATE = replace(WALL, length_x=40.0, length_y=40.0)
 
 @pytest.mark.parametrize('wall', [WALL, PLATE], ids=['wall', 'plate'])
 @pytest.mark.parametrize('gap', [0.02, 0.1, 0.5, 0.9])
-def test_a_struck_sphere_that_outruns_its_reach_stays_inside(wall, gap):
+@pytest.mark.parametrize('backend', ['engine', 'torch'])
+def test_a_struck_sphere_that_outruns_its_reach_stays_inside(wall, gap, backend):
     # 30 r/s after the blow: 0.8 r in a substep
-    assert struck(wall, gap, 0.3, 20.0, 4) < -1.0 + 1e-3
+    assert struck(wall, gap, 0.3, 20.0, 4, backend) < -1.0 + 1e-3
 
 
-@pytest.mark.xfail(
-    strict=True, reason='candidates found anew within a frame forget the side of the plate'
-)
+@pytest.mark.parametrize('backend', ['engine', 'torch'])
 @pytest.mark.parametrize('gap', [0.02, 0.5])
-def test_a_plate_holds_what_crosses_it_in_a_substep(gap):
-    assert struck(PLATE, gap, 0.3, 20.0, 2) < -1.0 + 1e-3
+def test_a_plate_holds_what_crosses_it_in_a_substep(gap, backend):
+    assert struck(PLATE, gap, 0.3, 20.0, 2, backend) < -1.0 + 1e-3
 
 
 @pytest.mark.parametrize('wall', [WALL, PLATE], ids=['wall', 'plate'])
-def test_candidates_follow_a_blow_in_the_last_substep(wall):
-    assert struck(wall, 0.9, 0.3, 20.0, 2) < -1.0 + 1e-3
+@pytest.mark.parametrize('backend', ['engine', 'torch'])
+def test_candidates_follow_a_blow_in_the_last_substep(wall, backend):
+    assert struck(wall, 0.9, 0.3, 20.0, 2, backend) < -1.0 + 1e-3

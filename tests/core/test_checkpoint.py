@@ -7,7 +7,8 @@ import torch
 
 from rigid_gns_core.checkpoint import CheckpointError, find_model, load_card, save_model
 from rigid_gns_core.config import to_mapping
-from rigid_gns_core.models.gns import GNS, GNSConfig
+from rigid_gns_core.models.configs import GNSConfig
+from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.rollout import load_simulator
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)

@@ -5,11 +5,12 @@ import pytest
 import torch
 
 from rigid_gns_core import Plane, Scene, State, closed_form
+from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.candidates import find_candidates
 from rigid_gns_core.models.contact.geometry import find_contacts
 from rigid_gns_core.models.contact.guard import Guard
 from rigid_gns_core.models.contact.islands import Islands
-from rigid_gns_core.models.contact.network import ContactConfig, ContactNetwork
+from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.overlap import push_out
 from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.models.contact.world import World

@@ -9,9 +9,10 @@ import torch
 from rigid_gns_core import Plane, Scene, closed_form, load_simulator
 from rigid_gns_core.checkpoint import save_model
 from rigid_gns_core.closed_form_checks import GROUPS, run_checks
+from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.geometry import Contacts
 from rigid_gns_core.models.contact.law import Law, aim_of
-from rigid_gns_core.models.contact.network import ContactConfig, ContactNetwork
+from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.world import World
 
 G, QUIET = 9.81, 3.0 * 9.81 * 0.1 / 240.0

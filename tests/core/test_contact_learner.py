@@ -8,12 +8,14 @@ import pytest
 import torch
 
 from rigid_gns_core import Plane, Scene, load_simulator
-from rigid_gns_core.checkpoint import save_model
+from rigid_gns_core.checkpoint import save_model, tensors_of
 from rigid_gns_core.config import ConfigError, to_mapping
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
 from rigid_gns_core.dataset import Record
+from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.gns_learner import GNSTrainConfig
-from rigid_gns_core.models.contact.network import ContactConfig, ContactNetwork
+from rigid_gns_core.models.configs import ContactConfig
+from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.simulators import ContactSimulator
 from rigid_gns_core.train import Trainer, load_recipe
@@ -55,7 +57,7 @@ def piled(seed, scene=SCENE, steps=9):
     rng = np.random.default_rng(seed)
     grid = 2.1 * np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [0, 1]), -1).reshape(-1, 3)
     start = grid + rng.uniform(-0.03, 0.03, grid.shape) + [0, 0, 1.2]
-    teacher = ContactSimulator(ContactNetwork(MODEL), CARD, 'teacher', substeps=4)
+    teacher = ContactSimulator(tensors_of(ContactNetwork(MODEL)), CARD, 'teacher', substeps=4)
     return Record(trajectory=teacher.rollout(scene, start, steps=steps), scene=scene, seed=seed)
 
 
@@ -106,7 +108,7 @@ def test_resumed_run_gives_the_same_bytes(records, tmp_path):
 def test_the_loss_of_the_truth_is_zero():
     # free flight before any contact counts nothing, and the loss is defined all the same
     high = Scene(surfaces=())
-    teacher = ContactSimulator(ContactNetwork(MODEL), CARD, 'teacher')
+    teacher = ContactSimulator(tensors_of(ContactNetwork(MODEL)), CARD, 'teacher')
     flight = teacher.rollout(high, [[0.0, 0, 50], [9.0, 0, 50]], steps=6)
     learner = ContactLearner(
         replace(CONFIG, noise=(0, 0)), [Record(trajectory=flight, scene=high, seed=0)]
@@ -164,7 +166,10 @@ def saved(tmp_path_factory):
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        ({'gaurd': True}, "no option 'gaurd', allowed: dtype, guard, sleep, network, substeps"),
+        (
+            {'gaurd': True},
+            "no option 'gaurd', allowed: backend, dtype, guard, sleep, network, substeps",
+        ),
         ({'dtype': 'float16'}, "dtype is 'float16', allowed: 'float32', 'float64'"),
         ({'rounds': 3}, 'rounds can be changed only with network=False'),
         ({'substeps': 0}, 'substeps is 0, expected at least 1'),
@@ -185,10 +190,23 @@ def test_options_reach_the_rollout(saved):
 
 
 def test_the_law_alone_can_be_loaded(saved):
-    simulator = load_simulator(saved, network=False, rounds=9)
-    stepper = simulator.start(SCENE, [[0.0, 0, 3]]).stepper
+    given = (SCENE, [[0.0, 0, 3]])
+    law = {'network': False, 'rounds': 9}
+    stepper = load_simulator(saved, backend='torch', **law).start(*given).stepper
     assert isinstance(stepper, ContactStepper)
     assert stepper.network is None and stepper.config.rounds == 9
+    stepper = load_simulator(saved, **law).start(*given).stepper
+    assert isinstance(stepper, EngineStepper)
+    assert len(stepper.settings.weights.rounds) == 0 and stepper.settings.rounds == 9
+
+
+def test_backends(saved):
+    assert load_simulator(saved).backend == 'engine'
+    assert load_simulator(saved, dtype='float32').backend == 'torch'
+    with pytest.raises(ValueError, match="'engine', which has no float32; take 'torch'"):
+        load_simulator(saved, dtype='float32', backend='engine')
+    with pytest.raises(ValueError, match="backend is 'cuda', allowed: engine, torch"):
+        load_simulator(saved, backend='cuda')
 
 
 def test_materials_beyond_the_training_are_said(saved):

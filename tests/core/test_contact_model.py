@@ -8,9 +8,10 @@ import torch
 
 from rigid_gns_core import Plane, Scene, closed_form, load_simulator
 from rigid_gns_core.checkpoint import save_model
+from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.candidates import Candidates, find_candidates, join
 from rigid_gns_core.models.contact.memory import Memory
-from rigid_gns_core.models.contact.network import ContactConfig, ContactNetwork
+from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.step import Motion, frame
 from rigid_gns_core.models.contact.world import World
 

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from rigid_gns_core.graph import build_graph
-from rigid_gns_core.models.features import Motion, graph_input, side_by_side
-from rigid_gns_core.models.gns import GNS, GNBlock, GNSConfig
+from rigid_gns_core.models.configs import GNSConfig
+from rigid_gns_core.models.features import Motion
+from rigid_gns_core.models.gns import GNS, GNBlock, graph_input, side_by_side
 from rigid_gns_core.scene import Plane, Scene
 
 SCENE = Scene(surfaces=Plane.box(12.0, 12.0))

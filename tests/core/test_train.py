@@ -12,7 +12,7 @@ import torch
 from rigid_gns_core.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
-from rigid_gns_core.models.gns import GNSConfig
+from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits

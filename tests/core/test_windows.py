@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from rigid_gns_core.models.gns import GNS, GNSConfig
+from rigid_gns_core.models.configs import GNSConfig
+from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.stepping import backward_velocities, difference, integrate
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State, Trajectory

@@ -70,6 +70,7 @@ def find_candidates(
     gravity: Array,
     dt: float,
     awake: NDArray[np.bool_] | None = None,
+    before: Array | None = None,
 ) -> Candidates:
     """All contacts that this frame may bring.
 
@@ -85,6 +86,8 @@ def find_candidates(
         gravity: Shape (3,).
         dt: Length of the frame.
         awake: Spheres that take part; a pair needs one. None: all.
+        before: Centres when the frame began, shape (n, 3); None: it begins now. A sphere that a
+            substep took through a plate is still on the side it was.
     """
     count = len(positions)
     awake = np.ones(count, dtype=bool) if awake is None else awake
@@ -99,7 +102,8 @@ def find_candidates(
         height = local[:, 2]
         front = np.ones(count)
         if np.isfinite(half).all():
-            front = np.where(height < 0, -1.0, 1.0)
+            was = local if before is None else (before - surface.point) @ surface.axes.T
+            front = np.where(was[:, 2] < 0, -1.0, 1.0)
             height = np.abs(height)
         near = (height <= radius + reach) & (outside <= (radius + reach)[:, None]).all(axis=1)
         found = np.flatnonzero(near & awake)

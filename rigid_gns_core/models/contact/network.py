@@ -7,44 +7,16 @@ part, so that Newton's third law stays exact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from ..configs import CONTACT_FEATURES, ROUND_FEATURES, ContactConfig
 from ..layers import MLP
 
-FEATURES = 17
-ROUND_FEATURES = 7
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles
 MOMENTUM = 0.5
-
-
-@dataclass(frozen=True)
-class ContactConfig:
-    """The contact model.
-
-    Args:
-        substeps: K, substeps of a frame in which something may touch.
-        rounds: M, rounds of message passing in a substep.
-        width: Width of the latents.
-        network: False: the law alone.
-        law: False: no law of isolated contacts; the network finds impulses from nothing (ablation).
-    """
-
-    substeps: int = 4
-    rounds: int = 6
-    width: int = 24
-    network: bool = True
-    law: bool = True
-
-    def __post_init__(self) -> None:
-        for name in ('substeps', 'rounds', 'width'):
-            if getattr(self, name) < 1:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 1')
-        if not (self.network or self.law):
-            raise ValueError('network and law are both off, so nothing is left; switch one on')
 
 
 class Feel(NamedTuple):
@@ -93,7 +65,7 @@ class ContactNetwork(nn.Module):
         super().__init__()
         self.config = config
         width = config.width
-        self.encoder = MLP((FEATURES,), width, width)
+        self.encoder = MLP((CONTACT_FEATURES,), width, width)
         self.rounds = nn.ModuleList(
             MLP((width, width, ROUND_FEATURES), width, width) for _ in range(config.rounds)
         )

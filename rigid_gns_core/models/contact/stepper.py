@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ...scene import Scene
 from ...state import Array, State, rotate_quaternions
+from ..configs import ContactConfig
 from .candidates import Candidates, find_candidates
 from .guard import Guard
 from .islands import Islands
 from .memory import Memory
-from .network import ContactConfig, ContactNetwork
+from .network import ContactNetwork
 from .overlap import separate
 from .sleep import Sleepers
 from .step import Motion, frame
@@ -81,10 +82,15 @@ class ContactStepper:
         return after
 
     def _candidates(
-        self, positions: Array, velocities: Array, awake: NDArray[np.bool_]
+        self,
+        positions: Array,
+        velocities: Array,
+        awake: NDArray[np.bool_],
+        before: Array | None = None,
     ) -> Candidates:
+        scene, radius = self.scene, self.radius
         return find_candidates(
-            positions, velocities, self.radius, self.scene.surfaces, self.gravity, self.dt, awake
+            positions, velocities, radius, scene.surfaces, self.gravity, self.dt, awake, before
         )
 
     def _separated(self, state: State) -> State:
@@ -114,9 +120,8 @@ class ContactStepper:
             def neighbours(p: torch.Tensor, v: torch.Tensor) -> Candidates:
                 if known:
                     return known.pop()
-                return self._candidates(
-                    p.numpy().astype(np.float64), v.numpy().astype(np.float64), awake
-                )
+                place, speed = (values.numpy().astype(np.float64) for values in (p, v))
+                return self._candidates(place, speed, awake, before.positions)
 
             p, v, w, a = (
                 torch.from_numpy(np.asarray(values, dtype=np.float64)).to(self.dtype)

@@ -1,0 +1,11 @@
+"""Compile the engine, so that no later process has to: `python -m rigid_gns_core.engine`."""
+
+from __future__ import annotations
+
+import sys
+
+from .stepper import warm_up
+
+if __name__ == '__main__':
+    warm_up()
+    print('rigid_gns: the engine is compiled', file=sys.stderr)

@@ -1,0 +1,282 @@
+"""When, where and along which normal bodies meet within a substep, on their free paths."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..state import Array
+from .candidates import Candidates
+from .jit import compiled
+from .neighbours import Flags, Indices
+from .vector import Vector, dot, length, minus, plus, put, row, times
+from .world import World
+
+# bodies nearer than this times the smaller radius count as touching
+TOUCH = 2e-4
+
+
+class Contacts(NamedTuple):
+    """Contacts of one substep; c of them. The normal points from body b to body a.
+
+    candidate: which of the candidates, shape (c,); a, b, plane, side: as there; normal: unit normal
+    at the time of impact, shape (c, 3); time: of impact from the start of the substep, negative
+    where the bodies overlap and should have met before; gap: between the surfaces at that time;
+    open: the same for bodies that their free paths do not bring together, but that are so near that
+    other contacts may (their time is 0), else 0; approach: speed at which they approach then; pull:
+    relative acceleration of the free paths along the normal; shape (c,) each.
+    """
+
+    candidate: Indices
+    a: Indices
+    b: Indices
+    plane: Indices
+    side: Array
+    normal: Array
+    time: Array
+    gap: Array
+    open: Array
+    approach: Array
+    pull: Array
+
+
+class Meeting(NamedTuple):
+    """A contact as found: its fields in `Contacts`, and whether it is one."""
+
+    found: bool
+    normal: Vector
+    time: float
+    gap: float
+    open: float
+    approach: float
+    pull: float
+
+
+@compiled
+def _none() -> Meeting:
+    return Meeting(False, (0.0, 0.0, 1.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def meeting_of_spheres(
+    offset: Vector, moving: Vector, one: float, other: float, h: float, past: float, near: float
+) -> Meeting:
+    """Two spheres that touch or meet within h; relative motion of free paths is straight.
+
+    The time of impact is the first root of |x + u t| = R, exact for spheres.
+
+    Args:
+        offset: Relative position.
+        moving: Relative velocity.
+        one: Radius.
+        other: Radius of the other.
+        h: Length of the substep.
+        past: Spheres that overlap should have met before, up to so long ago.
+        near: Gap below which spheres are kept in view.
+    """
+    touching, distance = one + other, length(offset)
+    gap = distance - touching
+    along = dot(offset, moving)
+    hits, ahead = False, 0.0
+    if gap > 0 and along < 0:
+        inside = along * along - dot(moving, moving) * gap * (distance + touching)
+        if inside >= 0:
+            ahead = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
+            hits = ahead <= h
+    touches = gap <= TOUCH * min(one, other)
+    if not (hits or touches or gap <= near):
+        return _none()
+    time = ahead
+    if not hits:
+        speed = -along / max(distance, 1e-30)
+        time = min(0.0, max(-past, gap / speed)) if speed > 0 else 0.0
+    at = plus(offset, times(max(time, 0.0), moving))
+    far = length(at)
+    normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
+    apart = 0.0 if hits or touches else gap
+    return Meeting(True, normal, time, far - touching, apart, -dot(normal, moving), 0.0)
+
+
+@compiled
+def from_rectangle(local: Vector, half: Array) -> Vector:
+    """Vector from the closest point of a rectangle about the origin, normal along z."""
+    x = max(min(local[0], half[0]), -half[0])
+    y = max(min(local[1], half[1]), -half[1])
+    return local[0] - x, local[1] - y, local[2]
+
+
+@compiled
+def to_plane(axes: Array, vector: Vector) -> Vector:
+    """A vector in the axes of a plane."""
+    return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
+
+
+@compiled
+def from_plane(axes: Array, local: Vector) -> Vector:
+    """A vector of a plane's axes in the world."""
+    flat = plus(times(local[0], row(axes, 0)), times(local[1], row(axes, 1)))
+    return plus(flat, times(local[2], row(axes, 2)))
+
+
+@compiled
+def meeting_with_plane(
+    world: World,
+    plane: int,
+    side: float,
+    radius: float,
+    position: Vector,
+    velocity: Vector,
+    h: float,
+    past: float,
+    near: float,
+) -> Meeting:
+    """A sphere that touches or meets a bounded plane within h, on its parabola.
+
+    A plane with an infinite side is the boundary of a body: spheres are in front of it, however
+    deep. One with an end on all sides is a plate that has two faces. Its edge is met at the end of
+    the path, to first order.
+    """
+    axes, half = world.axes[plane], world.half[plane]
+    local = to_plane(axes, minus(position, row(world.point, plane)))
+    moving = to_plane(axes, velocity)
+    pulling = to_plane(axes, (world.gravity[0], world.gravity[1], world.gravity[2]))
+    speed, pull = side * moving[2], side * pulling[2]
+    gap = side * local[2] - radius
+    hits, ahead = False, 0.0
+    inside = speed * speed - 2.0 * pull * gap
+    if gap > 0 and inside >= 0:
+        denominator = math.sqrt(inside) - speed
+        if denominator > 0:
+            ahead = 2.0 * gap / max(denominator, 1e-30)
+            hits = ahead <= h
+    touches = gap <= TOUCH * radius
+    time = ahead
+    if not hits:
+        time = min(0.0, max(-past, gap / -speed)) if speed < 0 else 0.0
+    there = _on_path(local, moving, pulling, max(time, 0.0))
+    on_face = math.fabs(there[0]) <= half[0] and math.fabs(there[1]) <= half[1]
+    face = on_face and (hits or touches or gap <= near)
+    apart = 0.0 if hits or touches else gap
+    if not face:
+        # an edge: closest points at the start and at the end of the free path
+        rim = from_rectangle(local, half)
+        rim_end = from_rectangle(_on_path(local, moving, pulling, h), half)
+        if rim[0] == 0 and rim[1] == 0 and rim_end[0] == 0 and rim_end[1] == 0:
+            return _none()
+        gap, gap_end = length(rim) - radius, length(rim_end) - radius
+        if not (gap <= max(near, TOUCH) or gap_end < 0):
+            return _none()
+        apart = gap if gap_end >= 0 else 0.0
+        time = 0.0
+        if gap > 0 and gap_end < 0:
+            time = h * min(1.0, max(0.0, gap / max(gap - gap_end, 1e-30)))
+    if apart <= TOUCH * radius:
+        apart = 0.0
+    before = max(time, 0.0)
+    at = _on_path(local, moving, pulling, before)
+    normal, distance = (0.0, 0.0, side), side * at[2]
+    if not face:
+        rim = from_rectangle(at, half)
+        distance = max(length(rim), 1e-30)
+        normal = times(1.0 / distance, rim)
+    velocity_then = plus(moving, times(before, pulling))
+    return Meeting(
+        True,
+        from_plane(axes, normal),
+        time,
+        distance - radius,
+        apart,
+        -dot(velocity_then, normal),
+        dot(pulling, normal),
+    )
+
+
+@compiled
+def _on_path(start: Vector, moving: Vector, pulling: Vector, time: float) -> Vector:
+    return plus(start, times(time, plus(moving, times(0.5 * time, pulling))))
+
+
+@compiled
+def find_contacts(
+    world: World,
+    positions: Array,
+    velocities: Array,
+    candidates: Candidates,
+    chosen: Flags,
+    h: float,
+    past: float,
+) -> Contacts:
+    """Contacts of the next substep among the `chosen` candidates."""
+    size, fixed = len(candidates.a), len(positions)
+    near = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
+    which, normal, values = np.empty(size, np.int64), np.empty((size, 3)), np.empty((5, size))
+    count = 0
+    for k in range(size):
+        if not chosen[k]:
+            continue
+        a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
+        if b == fixed:
+            met = meeting_with_plane(
+                world,
+                plane,
+                candidates.side[k],
+                world.radius[a],
+                row(positions, a),
+                row(velocities, a),
+                h,
+                past,
+                near,
+            )
+        else:
+            met = meeting_of_spheres(
+                minus(row(positions, a), row(positions, b)),
+                minus(row(velocities, a), row(velocities, b)),
+                world.radius[a],
+                world.radius[b],
+                h,
+                past,
+                near,
+            )
+        if met.found:
+            which[count] = k
+            put(normal, count, met.normal)
+            values[0, count], values[1, count], values[2, count] = met.time, met.gap, met.open
+            values[3, count], values[4, count] = met.approach, met.pull
+            count += 1
+    which = which[:count]
+    side = np.where(candidates.plane[which] < 0, 0.0, candidates.side[which])
+    return Contacts(
+        which,
+        candidates.a[which],
+        candidates.b[which],
+        candidates.plane[which],
+        side,
+        normal[:count],
+        values[0, :count],
+        values[1, :count],
+        values[2, :count],
+        values[3, :count],
+        values[4, :count],
+    )
+
+
+@compiled
+def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[float, Vector]:
+    """Gap and unit normal of contact k where the spheres are now."""
+    a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
+    sign, place = 1.0, row(positions, a)
+    if plane < 0:
+        offset = minus(place, row(positions, b))
+    else:
+        axes = world.axes[plane]
+        rim = from_rectangle(
+            to_plane(axes, minus(place, row(world.point, plane))), world.half[plane]
+        )
+        if rim[0] == 0 and rim[1] == 0 and contacts.side[k] * rim[2] < 0:
+            sign = -1.0  # on the other side of its plane it is inside
+        offset = from_plane(axes, rim)
+    far = length(offset)
+    normal = times(sign / far, offset) if far > 1e-9 else row(contacts.normal, k)
+    return sign * far - (world.radius[a] + world.radius[b]), normal

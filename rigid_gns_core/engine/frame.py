@@ -1,0 +1,206 @@
+"""One frame: K substeps of the spheres that may touch something; all others fall."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..state import Array
+from .candidates import Candidates, find_candidates, reach_of
+from .contacts import find_contacts
+from .impulses import no_impulses
+from .islands import Islands, connect, no_islands
+from .jit import compiled, entry
+from .memory import Memory, pressing, recall, remember
+from .neighbours import Flags, Indices
+from .overlap import push_out
+from .quaternions import turn
+from .sleep import Sleepers, wake
+from .spheres import Spheres, copy_spheres
+from .substep import Motion, Settings, copy_motion, substep
+from .vector import dot, length, minus, put, row
+from .world import UNIT_GRAVITY, World, world_among
+
+# passes that mend collisions in paths that contacts bent within the last substep
+_CATCHES = 3
+# rounds of the law that find the impulses of contacts which last, where none are known yet
+_PRIMING = 60
+
+
+@entry
+def advance(
+    world: World,
+    spheres: Spheres,
+    dt: float,
+    memory: Memory,
+    settings: Settings,
+    sleepers: Sleepers,
+) -> tuple[Spheres, Memory, Islands]:
+    """The spheres a frame later, the impulses at its end, and the islands that made contact.
+
+    Args:
+        world: What does not move.
+        spheres: Before the frame.
+        dt: Length of the frame.
+        memory: Of the last frame.
+        settings: The model.
+        sleepers: Who sleeps; some may wake.
+    """
+    candidates, awake = wake(world, spheres.positions, spheres.velocities, dt, sleepers)
+    islands, h, started = no_islands(len(awake)), dt / settings.substeps, 0
+    now, after, old = spheres, copy_spheres(spheres), memory
+    if len(candidates.a) == 0:
+        _fly(world, spheres, after, islands.touched, awake, dt)
+        none = Memory(np.zeros(0, np.int64), no_impulses(0), True)
+        return after, remember(none, old, awake, len(world.point)), islands
+    while True:
+        # only spheres that may touch something take part, numbered through
+        members, local = _members(candidates, len(awake))
+        part, own = world_among(world, members), no_islands(len(members))
+        motion = Motion(
+            now.positions[members],
+            now.velocities[members],
+            now.angular_velocities[members],
+            awake[members],
+        )
+        impulses, turning = recall(memory, candidates.key), now.quaternions[members]
+        every = np.ones(len(local.a), np.bool_)
+        if not memory.known:  # impulses that contacts have which last
+            aside = no_islands(len(members))
+            law = Settings(settings.substeps, _PRIMING, settings.none, settings.none)
+            substep(part, copy_motion(motion), local, every, h, h, impulses, law, aside)
+        start, reach, done = motion.positions.copy(), _reaches(world, motion, dt), started
+        while done < settings.substeps and not _outrun(motion, start, reach, dt - done * h):
+            substep(part, motion, local, every, h, h, impulses, settings, own)
+            for i in range(len(turning)):
+                turn(turning, i, row(motion.angular_velocities, i), h)
+            done += 1
+        outran = _outrun(motion, start, reach, dt - done * h)
+        for _ in range(0 if outran else _CATCHES):
+            missed = _missed(part, motion, local, h)
+            if not missed.any():
+                break
+            aside_impulses = no_impulses(len(missed))
+            substep(part, motion, local, missed, 0.0, h, aside_impulses, settings, own)
+            _set_apart(part, motion, local, every)
+        _put_back(motion, turning, own, members, after, islands)
+        if not outran and started == 0:
+            break
+        _fly(world, now, after, _flags(members, len(awake)), awake, (done - started) * h)
+        if not outran:
+            break
+        now, after, started = after, copy_spheres(after), done
+        memory = Memory(candidates.key, impulses, True)
+        candidates = find_candidates(
+            world, now.positions, now.velocities, dt, awake, spheres.positions
+        )
+    # spheres without contact keep the exact parabolas of their start
+    _fly(world, spheres, after, islands.touched, awake, dt)
+    new = pressing(candidates.key, impulses)
+    return after, remember(new, old, awake, len(world.point)), islands
+
+
+@compiled
+def _members(candidates: Candidates, count: int) -> tuple[Indices, Candidates]:
+    """Spheres of candidates, and the candidates by their place among them."""
+    taken = np.zeros(count + 1, np.bool_)
+    for k in range(len(candidates.a)):
+        taken[candidates.a[k]] = taken[candidates.b[k]] = True
+    taken[count] = False
+    members = np.flatnonzero(taken)
+    place = np.full(count + 1, len(members))
+    for m in range(len(members)):
+        place[members[m]] = m
+    local = Candidates(
+        place[candidates.a], place[candidates.b], candidates.plane, candidates.side, candidates.key
+    )
+    return members, local
+
+
+@compiled
+def _flags(members: Indices, count: int) -> Flags:
+    flags = np.zeros(count, np.bool_)
+    flags[members] = True
+    return flags
+
+
+@compiled
+def _reaches(world: World, motion: Motion, dt: float) -> Array:
+    """How far each sphere's candidates were looked for."""
+    weight = length((world.gravity[0], world.gravity[1], world.gravity[2]))
+    reach = np.empty(len(motion.awake))
+    for i in range(len(reach)):
+        reach[i] = reach_of(length(row(motion.velocities, i)), weight, dt)
+    return reach
+
+
+@compiled
+def _outrun(motion: Motion, start: Array, reach: Array, left: float) -> bool:
+    """Whether a sphere that was struck may leave its reach, with `left` of the frame to go."""
+    for i in range(len(reach)):
+        gone = length(minus(row(motion.positions, i), row(start, i)))
+        if gone + length(row(motion.velocities, i)) * left > reach[i] * 1.001 + 1e-3:
+            return True
+    return False
+
+
+@compiled
+def _missed(world: World, motion: Motion, candidates: Candidates, h: float) -> Flags:
+    """Candidates around bodies that overlap and approach, met by paths that contacts bent."""
+    count, size = len(motion.awake), len(candidates.a)
+    every, missed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
+    contacts = find_contacts(world, motion.positions, motion.velocities, candidates, every, 0.0, h)
+    hit = np.zeros(count + 1, np.bool_)
+    for k in range(len(contacts.a)):
+        if contacts.time[k] < 0 and contacts.approach[k] > UNIT_GRAVITY * h:
+            hit[contacts.a[k]] = hit[contacts.b[k]] = True
+    hit[count] = False
+    for k in range(size):
+        missed[k] = hit[candidates.a[k]] or hit[candidates.b[k]]
+    return missed
+
+
+@compiled
+def _set_apart(world: World, motion: Motion, candidates: Candidates, every: Flags) -> None:
+    """No overlaps with bodies that had no contact in the catch: one may be between two."""
+    contacts = find_contacts(
+        world, motion.positions, motion.velocities, candidates, every, 0.0, 0.0
+    )
+    push_out(world, motion.positions, contacts)
+
+
+@compiled
+def _put_back(
+    motion: Motion, turning: Array, own: Islands, members: Indices, after: Spheres, islands: Islands
+) -> None:
+    """The motion of the members among all spheres."""
+    for m in range(len(members)):
+        i = members[m]
+        put(after.positions, i, row(motion.positions, m))
+        put(after.velocities, i, row(motion.velocities, m))
+        put(after.angular_velocities, i, row(motion.angular_velocities, m))
+        after.quaternions[i] = turning[m]
+        if own.touched[m]:
+            connect(islands, i, members[own.parent[m]])
+            islands.grounded[i] |= own.grounded[m]
+
+
+@compiled
+def _fly(
+    world: World, before: Spheres, after: Spheres, others: Flags, awake: Flags, time: float
+) -> None:
+    """Spheres not among `others` fly freely."""
+    for i in range(len(others)):
+        if others[i]:
+            continue
+        for axis in range(3):
+            pull, speed = time * world.gravity[axis], before.velocities[i, axis]
+            way = time * (speed + 0.5 * pull)
+            if not awake[i]:
+                way = pull = 0.0
+            after.positions[i, axis] = before.positions[i, axis] + way
+            after.velocities[i, axis] = speed + pull
+        spin = row(before.angular_velocities, i)
+        put(after.angular_velocities, i, spin)
+        after.quaternions[i] = before.quaternions[i]
+        if dot(spin, spin) > 0:
+            turn(after.quaternions, i, spin, time)

@@ -1,0 +1,157 @@
+"""Energy guard: in no frame does the energy of an island rise, whatever the weights.
+
+Energy is that of translation, rotation and height. The guard acts after the network, and reports
+how often it had to.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..state import Array
+from .islands import Islands, groups_of
+from .jit import compiled
+from .neighbours import Indices
+from .spheres import Spheres
+from .vector import Vector, add_to, cross, dot, minus, plus, put, row, solve_symmetric, times
+from .world import World
+
+# rises below this share of the island's energy are rounding
+_ROUNDING = 1e-13
+
+
+class _Rigid(NamedTuple):
+    """An island as one body: centre of mass, its velocity, angular momentum about it, inertia."""
+
+    centre: Vector
+    mean: Vector
+    momentum: Vector
+    tensor: Array
+
+
+@compiled
+def _rigid(world: World, spheres: Spheres, members: Indices) -> _Rigid:
+    mass, centre, mean = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in members:
+        own = 1.0 / world.inverse_mass[i]
+        mass += own
+        centre = plus(centre, times(own, row(spheres.positions, i)))
+        mean = plus(mean, times(own, row(spheres.velocities, i)))
+    centre, mean = times(1.0 / mass, centre), times(1.0 / mass, mean)
+    momentum, tensor = (0.0, 0.0, 0.0), np.zeros((3, 3))
+    for i in members:
+        own, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
+        arm = minus(row(spheres.positions, i), centre)
+        swing = times(own, cross(arm, minus(row(spheres.velocities, i), mean)))
+        momentum = plus(momentum, plus(swing, times(inertia, row(spheres.angular_velocities, i))))
+        square = dot(arm, arm)
+        for one in range(3):
+            tensor[one, one] += own * square + inertia
+            for other in range(3):
+                tensor[one, other] -= own * arm[one] * arm[other]
+    return _Rigid(centre, mean, momentum, tensor)
+
+
+@compiled
+def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
+    """Kinetic and potential energy of a sphere."""
+    v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
+    mass, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
+    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    height = -mass * dot(row(spheres.positions, i), gravity)
+    return 0.5 * mass * dot(v, v) + 0.5 * inertia * dot(w, w), height
+
+
+@compiled
+def hold(
+    world: World, before: Spheres, after: Spheres, islands: Islands, dt: float
+) -> tuple[int, float]:
+    """Keep the energy of each island at most what it was, in place.
+
+    An island in the air gets the linear and angular momentum of its ballistic flight, and loses
+    what energy it has too much from its inner motion, so that they stay. One that touches a surface
+    loses speed; where that is not enough, because it was lifted, it stays where it was.
+
+    Args:
+        world: What does not move.
+        before: State at the frame's start.
+        after: State at its end.
+        islands: Of the frame's contacts.
+        dt: Length of the frame.
+
+    Returns:
+        How many islands were held, and the energy taken from them.
+    """
+    groups = groups_of(islands)
+    acted, removed = 0, 0.0
+    for island in range(len(groups.grounded)):
+        members = groups.members[groups.start[island] : groups.start[island + 1]]
+        if not groups.grounded[island]:
+            _restore_momenta(world, before, after, members, dt)
+        moving, gain, size = 0.0, 0.0, 0.0
+        for i in members:
+            kinetic, height = _energy(world, after, i)
+            kinetic_before, height_before = _energy(world, before, i)
+            moving += kinetic
+            gain += kinetic + height - kinetic_before - height_before
+            size += kinetic + kinetic_before + math.fabs(height - height_before)
+        if gain <= _ROUNDING * size:
+            continue
+        acted += 1
+        removed += gain
+        if not groups.grounded[island]:
+            _calm(world, after, members, gain)
+            continue
+        slower = math.sqrt(max(0.0, 1.0 - gain / max(moving, 1e-300)))
+        for i in members:
+            put(after.velocities, i, times(slower, row(after.velocities, i)))
+            put(after.angular_velocities, i, times(slower, row(after.angular_velocities, i)))
+            if gain > moving:
+                put(after.positions, i, row(before.positions, i))
+    return acted, removed
+
+
+@compiled
+def _restore_momenta(
+    world: World, before: Spheres, after: Spheres, members: Indices, dt: float
+) -> None:
+    """Give a free island the momenta that it must have.
+
+    Impulses at different times within a frame, and push-out, keep the linear momentum but leave
+    the angular one to a few per cent of what they exchange.
+    """
+    was, is_now = _rigid(world, before, members), _rigid(world, after, members)
+    turn = solve_symmetric(is_now.tensor, minus(was.momentum, is_now.momentum))
+    fall = (dt * world.gravity[0], dt * world.gravity[1], dt * world.gravity[2])
+    push = minus(plus(was.mean, fall), is_now.mean)
+    for i in members:
+        arm = minus(row(after.positions, i), is_now.centre)
+        add_to(after.velocities, i, plus(push, cross(turn, arm)))
+        add_to(after.angular_velocities, i, turn)
+
+
+@compiled
+def _calm(world: World, after: Spheres, members: Indices, gain: float) -> None:
+    """Take `gain` of energy from motion beyond that of one rigid body."""
+    body = _rigid(world, after, members)
+    turn, inner = solve_symmetric(body.tensor, body.momentum), 0.0
+    for i in members:
+        v, w = _inner(after, body, turn, i)
+        inner += 0.5 * dot(v, v) / world.inverse_mass[i]
+        inner += 0.5 * dot(w, w) / world.inverse_inertia[i]
+    keep = math.sqrt(max(0.0, 1.0 - gain / max(inner, 1e-300)))
+    for i in members:
+        v, w = _inner(after, body, turn, i)
+        put(after.velocities, i, plus(row(after.velocities, i), times(keep - 1.0, v)))
+        put(after.angular_velocities, i, plus(turn, times(keep, w)))
+
+
+@compiled
+def _inner(after: Spheres, body: _Rigid, turn: Vector, i: int) -> tuple[Vector, Vector]:
+    """Velocity and spin of a sphere beyond those of the rigid body."""
+    arm = minus(row(after.positions, i), body.centre)
+    rigid = plus(body.mean, cross(turn, arm))
+    return minus(row(after.velocities, i), rigid), minus(row(after.angular_velocities, i), turn)

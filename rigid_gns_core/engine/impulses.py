@@ -1,0 +1,133 @@
+"""Impulses at contacts, and what they make of the bodies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..state import Array
+from .contacts import Contacts
+from .jit import compiled
+from .law import Law
+from .neighbours import Indices
+from .network import Floats
+from .vector import Vector, across, add_to, cross, dot, minus, plus, put, row, times
+from .world import World
+
+
+class Impulses(NamedTuple):
+    """Impulses on body a of each contact; body b gets the opposite.
+
+    normal: along the normal, at least 0, shape (c,); tangential: across it, friction, shape (c, 3);
+    rolling: angular impulse of rolling friction, zero between spheres, shape (c, 3).
+    """
+
+    normal: Array
+    tangential: Array
+    rolling: Array
+
+
+class Bodies(NamedTuple):
+    """Moving bodies in a substep, and the fixed one last.
+
+    velocity: free of contacts, at the end of the substep; before: at its start; spin: angular
+    velocity; change, turn: what impulses add to velocity and spin; moved: displacement beyond that
+    of free flight; shape (n + 1, 3) each. load: contacts that press, shape (n + 1,); total: sums of
+    latents, shape (n + 1, w).
+    """
+
+    velocity: Array
+    before: Array
+    spin: Array
+    change: Array
+    turn: Array
+    moved: Array
+    load: Array
+    total: Floats
+
+
+@compiled
+def no_impulses(count: int) -> Impulses:
+    """Zeros."""
+    return Impulses(np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)))
+
+
+@compiled
+def push(world: World, c: Contacts, bodies: Bodies, k: int, impulse: Vector) -> None:
+    """An impulse at contact k, as it acts on velocities."""
+    a, b = c.a[k], c.b[k]
+    add_to(bodies.change, a, times(world.inverse_mass[a], impulse))
+    add_to(bodies.change, b, times(-world.inverse_mass[b], impulse))
+
+
+@compiled
+def spin(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, impulse: Vector) -> None:
+    """The same impulse, as it acts on angular velocities."""
+    a, b = c.a[k], c.b[k]
+    torque = cross(row(c.normal, k), impulse)
+    add_to(bodies.turn, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
+    add_to(bodies.turn, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
+
+
+@compiled
+def slip_of(
+    c: Contacts, law: Law, k: int, one: Vector, other: Vector, w: Vector, u: Vector
+) -> Vector:
+    """Velocity of two surfaces against each other, of velocities and spins of a and b."""
+    normal = row(c.normal, k)
+    turning = plus(times(law.arm_a[k], w), times(law.arm_b[k], u))
+    return minus(across(minus(one, other), normal), cross(turning, normal))
+
+
+@compiled
+def slip_now(c: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
+    """The same with the impulses so far."""
+    a, b = c.a[k], c.b[k]
+    return slip_of(
+        c,
+        law,
+        k,
+        plus(row(bodies.velocity, a), row(bodies.change, a)),
+        plus(row(bodies.velocity, b), row(bodies.change, b)),
+        plus(row(bodies.spin, a), row(bodies.turn, a)),
+        plus(row(bodies.spin, b), row(bodies.turn, b)),
+    )
+
+
+@compiled
+def parting_of(c: Contacts, bodies: Bodies, k: int) -> float:
+    """Normal velocity with the impulses so far."""
+    a, b = c.a[k], c.b[k]
+    free = minus(row(bodies.velocity, a), row(bodies.velocity, b))
+    return dot(row(c.normal, k), plus(free, minus(row(bodies.change, a), row(bodies.change, b))))
+
+
+@compiled
+def own_slip(world: World, c: Contacts, law: Law, made: Impulses, k: int) -> Vector:
+    """Slip that the contact makes itself."""
+    arm = law.arm_a[k] * world.inverse_inertia[c.a[k]]
+    sliding = times(law.unit[k] + law.spin_a[k] + law.spin_b[k], row(made.tangential, k))
+    return plus(sliding, times(arm, cross(row(c.normal, k), row(made.rolling, k))))
+
+
+@compiled
+def begin(
+    world: World, c: Contacts, law: Law, group: Indices, given: Impulses, bodies: Bodies,
+    made: Impulses,
+) -> None:  # fmt: skip
+    """Take `given` as the impulses so far."""
+    for k in group:
+        for body in (c.a[k], c.b[k]):
+            put(bodies.change, body, (0.0, 0.0, 0.0))
+            put(bodies.turn, body, (0.0, 0.0, 0.0))
+    for k in group:
+        normal = row(c.normal, k)
+        tangential = across(row(given.tangential, k), normal)
+        made.normal[k] = given.normal[k]
+        put(made.tangential, k, tangential)
+        put(made.rolling, k, row(given.rolling, k))
+        push(world, c, bodies, k, plus(times(given.normal[k], normal), tangential))
+        spin(world, c, law, bodies, k, tangential)
+        a = c.a[k]
+        add_to(bodies.turn, a, times(world.inverse_inertia[a], row(given.rolling, k)))

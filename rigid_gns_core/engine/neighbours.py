@@ -1,0 +1,174 @@
+"""Pairs of spheres within reach of each other: grids whose cells double from level to level.
+
+A sphere lives in the grid whose cells are as wide as its reach, and looks for others in its own
+grid and in coarser ones. So one fast sphere has a wide look around, all others keep theirs, and the
+cost grows with the number of spheres and of pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..state import Array
+from .jit import compiled, entry
+
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+# levels with fewer spheres are read through instead of looked up cell by cell
+_FEW = 16
+
+
+class Grid(NamedTuple):
+    """Spheres by level and cell.
+
+    level, cell: of each sphere, shapes (n,) and (n, 3); size: cell width of each level; members:
+    spheres sorted by bucket, shape (n,); start: where each bucket begins, shape (buckets + 1,);
+    by_level: spheres sorted by level, shape (n,); level_start: where each level begins there.
+    """
+
+    level: Indices
+    cell: Indices
+    size: Array
+    members: Indices
+    start: Indices
+    by_level: Indices
+    level_start: Indices
+
+
+@compiled
+def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
+    return (x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 40503) & mask
+
+
+@compiled
+def _counting_sort(values: Indices, kinds: int) -> tuple[Indices, Indices]:
+    """Positions sorted by value, and where each value begins."""
+    start = np.zeros(kinds + 1, np.int64)
+    for value in values:
+        start[value + 1] += 1
+    for kind in range(kinds):
+        start[kind + 1] += start[kind]
+    order = np.empty(len(values), np.int64)
+    place = start[:-1].copy()
+    for i in range(len(values)):
+        order[place[values[i]]] = i
+        place[values[i]] += 1
+    return order, start
+
+
+@compiled
+def make_grid(positions: Array, extent: Array) -> Grid:
+    """Sort spheres into grids.
+
+    Args:
+        positions: Centres, shape (n, 3).
+        extent: How far from its centre each sphere may touch another, shape (n,).
+    """
+    count = len(positions)
+    least = max(extent.min(), 1e-9)
+    level = np.empty(count, np.int64)
+    for i in range(count):
+        level[i] = max(0, math.ceil(math.log2(max(extent[i], least) / least) - 1e-9))
+    levels = level.max() + 1
+    size = np.empty(levels)
+    for k in range(levels):
+        size[k] = 2.0 * least * 2.0**k * (1.0 + 1e-9)
+    mask = 1
+    while mask < 2 * count:
+        mask *= 2
+    mask -= 1
+    cell = np.empty((count, 3), np.int64)
+    bucket = np.empty(count, np.int64)
+    for i in range(count):
+        for axis in range(3):
+            cell[i, axis] = math.floor(positions[i, axis] / size[level[i]])
+        bucket[i] = _bucket(level[i], cell[i, 0], cell[i, 1], cell[i, 2], mask)
+    members, start = _counting_sort(bucket, mask + 1)
+    by_level, level_start = _counting_sort(level, levels)
+    return Grid(level, cell, size, members, start, by_level, level_start)
+
+
+@entry
+def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, Indices]:
+    """Pairs i < j no farther apart than their extents together, one of them awake; sorted.
+
+    Args:
+        positions: Centres, shape (n, 3).
+        extent: How far from its centre each sphere may touch another, shape (n,).
+        awake: Shape (n,).
+    """
+    count = len(positions)
+    found = np.empty((max(64, 8 * count), 2), np.int64)
+    pairs = 0
+    if count < 2:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    grid = make_grid(positions, extent)
+    mask = len(grid.start) - 2
+    near = np.empty(count, np.int64)
+    for i in range(count):
+        some = 0
+        for level in range(grid.level[i], len(grid.size)):
+            first, last = grid.level_start[level], grid.level_start[level + 1]
+            own = level == grid.level[i]
+            if last - first <= _FEW:
+                for k in range(first, last):
+                    j = grid.by_level[k]
+                    if (j > i or not own) and _within(positions, extent, i, j):
+                        near[some] = j
+                        some += 1
+                continue
+            cx = math.floor(positions[i, 0] / grid.size[level])
+            cy = math.floor(positions[i, 1] / grid.size[level])
+            cz = math.floor(positions[i, 2] / grid.size[level])
+            for x in range(cx - 1, cx + 2):
+                for y in range(cy - 1, cy + 2):
+                    for z in range(cz - 1, cz + 2):
+                        bucket = _bucket(level, x, y, z, mask)
+                        for k in range(grid.start[bucket], grid.start[bucket + 1]):
+                            j = grid.members[k]
+                            if own and j <= i:
+                                continue
+                            if (
+                                grid.cell[j, 0] == x
+                                and grid.cell[j, 1] == y
+                                and grid.cell[j, 2] == z
+                                and grid.level[j] == level
+                                and _within(positions, extent, i, j)
+                            ):
+                                near[some] = j
+                                some += 1
+        for k in range(some):
+            j = near[k]
+            if not (awake[i] or awake[j]):
+                continue
+            if pairs == len(found):
+                more = np.empty((2 * pairs, 2), np.int64)
+                more[:pairs] = found
+                found = more
+            found[pairs, 0], found[pairs, 1] = min(i, j), max(i, j)
+            pairs += 1
+    return _sorted(found[:pairs], count)
+
+
+@compiled
+def _within(positions: Array, extent: Array, i: int, j: int) -> bool:
+    reach = extent[i] + extent[j]
+    square = 0.0
+    for axis in range(3):
+        square += (positions[i, axis] - positions[j, axis]) ** 2
+    return square <= reach * reach
+
+
+@compiled
+def _sorted(found: Indices, count: int) -> tuple[Indices, Indices]:
+    """By the first sphere, then by the second."""
+    order, start = _counting_sort(found[:, 0], count)
+    first, second = found[:, 0][order], found[:, 1][order]
+    for i in range(count):
+        second[start[i] : start[i + 1]].sort()
+    return first, second

@@ -1,0 +1,79 @@
+"""Overlaps: undone by position alone, so that they give no speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..state import Array
+from .candidates import find_candidates
+from .contacts import Contacts, find_contacts, gap_of
+from .jit import compiled, entry
+from .vector import add_to, put, row, times
+from .world import World
+
+# sweeps that push out what still overlaps at the end of a substep
+_SWEEPS = 4
+# passes over a start, and overlaps [radii] below which it is left as it is
+_PASSES, _CLOSE = 500, 1e-6
+
+
+@compiled
+def push_out(world: World, positions: Array, contacts: Contacts) -> None:
+    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept."""
+    count, bodies = len(contacts.a), len(positions) + 1
+    inverse = world.inverse_mass
+    depth, normal = np.empty(count), np.empty((count, 3))
+    worst, load = np.empty(bodies), np.empty(bodies)
+    for _ in range(_SWEEPS):
+        any_deep = False
+        for k in range(count):
+            gap, direction = gap_of(world, positions, contacts, k)
+            depth[k] = -gap
+            if gap < 0:
+                any_deep = True
+                put(normal, k, direction)
+        if not any_deep:
+            return
+        worst[:], load[:] = 1e-30, 0.0
+        for k in range(count):
+            a, b = contacts.a[k], contacts.b[k]
+            worst[a], worst[b] = max(worst[a], depth[k]), max(worst[b], depth[k])
+        # a body shares its way out between its contacts, by depth: one of no depth has no say
+        for k in range(count):
+            if depth[k] > 0:
+                a, b = contacts.a[k], contacts.b[k]
+                load[a] += depth[k] / worst[a]
+                load[b] += depth[k] / worst[b]
+        for k in range(count):
+            if depth[k] > 0:
+                a, b = contacts.a[k], contacts.b[k]
+                push = depth[k] / (load[a] * inverse[a] + load[b] * inverse[b])
+                way = row(normal, k)
+                add_to(positions, a, times(push * inverse[a], way))
+                if b < bodies - 1:
+                    add_to(positions, b, times(-push * inverse[b], way))
+
+
+@entry
+def separate(world: World, positions: Array, dt: float) -> None:
+    """Make it a start without overlaps: spheres and surfaces as given may hold any.
+
+    Args:
+        world: What does not move.
+        positions: Shape (n, 3); moved.
+        dt: Length of a frame.
+    """
+    still, everyone = np.zeros_like(positions), np.ones(len(positions), np.bool_)
+    for _ in range(_PASSES):
+        candidates = find_candidates(world, positions, still, dt, everyone, positions)
+        if len(candidates.a) == 0:
+            return
+        chosen = np.ones(len(candidates.a), np.bool_)
+        contacts = find_contacts(world, positions, still, candidates, chosen, 0.0, 0.0)
+        deep = False
+        for k in range(len(contacts.a)):
+            gap, _ = gap_of(world, positions, contacts, k)
+            deep = deep or gap < -_CLOSE * world.radius[contacts.a[k]]
+        if not deep:
+            return
+        push_out(world, positions, contacts)

@@ -1,0 +1,28 @@
+"""Rotations as quaternions (x, y, z, w)."""
+
+from __future__ import annotations
+
+import math
+
+from ..state import Array
+from .jit import compiled
+from .vector import Vector, cross, dot, length, plus, times
+
+
+@compiled
+def turn(quaternions: Array, i: int, spin: Vector, time: float) -> None:
+    """Turn quaternion i at an angular velocity for some time, exactly; world frame."""
+    speed = length(spin)
+    if speed == 0:
+        return
+    half = 0.5 * speed * time
+    cosine, sine = math.cos(half), math.sin(half)
+    axis = times(sine / speed, spin)
+    old = (quaternions[i, 0], quaternions[i, 1], quaternions[i, 2])
+    scalar = quaternions[i, 3]
+    new = plus(plus(times(cosine, old), times(scalar, axis)), cross(axis, old))
+    real = cosine * scalar - dot(axis, old)
+    norm = math.sqrt(dot(new, new) + real * real)
+    for k in range(3):
+        quaternions[i, k] = new[k] / norm
+    quaternions[i, 3] = real / norm

@@ -1,0 +1,94 @@
+"""What does not move, as arrays: spheres, materials, planes and gravity.
+
+Body n, one past the last sphere, stands for everything that is fixed: its inverse mass is zero, so
+that a contact with a surface is a contact of two bodies like any other.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import Scene
+from ..state import Array
+from .jit import compiled
+
+# gravity of the model's units, in which a frame takes 0.1 and the largest radius is 1
+UNIT_GRAVITY = 9.81
+
+
+class World(NamedTuple):
+    """Static properties in the model's units; n spheres, s planes.
+
+    radius, inverse_mass, inverse_inertia (1 / (2/5 m r^2)): of spheres, and of the fixed body (0),
+    shape (n + 1,); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
+    (3,); point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
+    each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite, shape
+    (s, 2); plate: planes with an end on all sides, which have two faces, shape (s,);
+    surface_restitution, surface_friction: of the planes, shape (s,).
+    """
+
+    radius: Array
+    inverse_mass: Array
+    inverse_inertia: Array
+    restitution: Array
+    friction: Array
+    rolling_friction: Array
+    gravity: Array
+    point: Array
+    axes: Array
+    half: Array
+    plate: NDArray[np.bool_]
+    surface_restitution: Array
+    surface_friction: Array
+
+
+def world_of(scene: Scene, count: int) -> World:
+    """The world of `count` spheres in `scene`."""
+    radius = scene.per_sphere('radius', count)
+    mass = scene.per_sphere('mass', count)
+    planes = scene.surfaces
+    half = [[plane.length_x / 2, plane.length_y / 2] for plane in planes]
+    half_lengths = np.array(half, dtype=np.float64).reshape(-1, 2)
+
+    def array(values: object, *shape: int) -> Array:
+        return np.array(values, dtype=np.float64).reshape(shape or (-1,))
+
+    return World(
+        radius=np.append(radius, 0.0),
+        inverse_mass=np.append(1.0 / mass, 0.0),
+        inverse_inertia=np.append(2.5 / (mass * radius**2), 0.0),
+        restitution=array(scene.per_sphere('restitution', count)),
+        friction=array(scene.per_sphere('friction', count)),
+        rolling_friction=array(scene.per_sphere('rolling_friction', count)),
+        gravity=array(scene.gravity),
+        point=array([plane.point for plane in planes], -1, 3),
+        axes=array([plane.axes for plane in planes], -1, 3, 3),
+        half=half_lengths,
+        plate=np.asarray(np.isfinite(half_lengths).all(axis=1)),
+        surface_restitution=array(scene.surface_values('restitution')),
+        surface_friction=array(scene.surface_values('friction')),
+    )
+
+
+@compiled
+def world_among(world: World, members: NDArray[np.int64]) -> World:
+    """The world of some of the spheres."""
+    bodies = np.append(members, len(world.restitution))
+    return World(
+        world.radius[bodies],
+        world.inverse_mass[bodies],
+        world.inverse_inertia[bodies],
+        world.restitution[members],
+        world.friction[members],
+        world.rolling_friction[members],
+        world.gravity,
+        world.point,
+        world.axes,
+        world.half,
+        world.plate,
+        world.surface_restitution,
+        world.surface_friction,
+    )

@@ -1,0 +1,122 @@
+"""What is chosen of each kind of model before it is trained. No torch in here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ..checkpoint import Shapes
+from ..graph import Connectivity, Reach
+
+# what a contact and a round tell the contact model's network
+CONTACT_FEATURES = 17
+ROUND_FEATURES = 7
+
+
+def mlp_shapes(name: str, inputs: tuple[int, ...], hidden: int, outputs: int) -> Shapes:
+    """Weights of an `MLP` called `name`."""
+    shapes: Shapes = {f'{name}.weights.{k}': (hidden, size) for k, size in enumerate(inputs)}
+    last: Shapes = {f'{name}.last.weight': (outputs, hidden), f'{name}.last.bias': (outputs,)}
+    return {**shapes, f'{name}.bias': (hidden,), **last}
+
+
+@dataclass(frozen=True)
+class ContactConfig:
+    """The contact model.
+
+    Args:
+        substeps: K, substeps of a frame in which something may touch.
+        rounds: M, rounds of message passing in a substep.
+        width: Width of the latents.
+        network: False: the law alone.
+        law: False: no law of isolated contacts; the network finds impulses from nothing (ablation).
+    """
+
+    substeps: int = 4
+    rounds: int = 6
+    width: int = 24
+    network: bool = True
+    law: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ('substeps', 'rounds', 'width'):
+            if getattr(self, name) < 1:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 1')
+        if not (self.network or self.law):
+            raise ValueError('network and law are both off, so nothing is left; switch one on')
+
+    @property
+    def shapes(self) -> Shapes:
+        """Shapes of the weights, by name."""
+        width = self.width
+        shapes = mlp_shapes('encoder', (CONTACT_FEATURES,), width, width)
+        for k in range(self.rounds):
+            shapes |= mlp_shapes(f'rounds.{k}', (width, width, ROUND_FEATURES), width, width)
+            shapes |= {f'heads.{k}.weight': (4, width), f'heads.{k}.bias': (4,)}
+        return shapes
+
+
+@dataclass(frozen=True)
+class GNSConfig:
+    """The thesis' network; each switch turns one piece off for an ablation.
+
+    Args:
+        message_passing_steps: M, each with weights of its own.
+        history: H previous velocities beside the current one.
+        width: Latent and hidden size h.
+        connectivity: Graph construction, see `rigid_gns_core.graph.Reach`.
+        epsilon: Reach of `epsilon` connectivity [radii].
+        margin: Added to the reach of the others [radii].
+        ground_edge: Permanent edge to the ground.
+        third_law: Antisymmetric particle messages (Newton's third law).
+        mask_pose: Hide absolute position and quaternion from the network.
+        target: What the decoder emits: next `velocity` (thesis) or `acceleration` (original GNS).
+        sphere_properties: Feed radius and mass of each sphere (the thesis' optional f_i).
+    """
+
+    message_passing_steps: int = 5
+    history: int = 2
+    width: int = 128
+    connectivity: Connectivity = 'vi'
+    epsilon: float = 0.1
+    margin: float = 0.05
+    ground_edge: bool = True
+    third_law: bool = True
+    mask_pose: bool = True
+    target: Literal['velocity', 'acceleration'] = 'velocity'
+    sphere_properties: bool = False
+
+    def __post_init__(self) -> None:
+        for name, low in (('message_passing_steps', 1), ('history', 0), ('width', 1)):
+            if getattr(self, name) < low:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected at least {low}')
+
+    @property
+    def node_size(self) -> int:
+        """Features of a node: velocities, angular velocities, and what switches add."""
+        pose = 0 if self.mask_pose else 7
+        return 6 * (self.history + 1) + pose + (2 if self.sphere_properties else 0)
+
+    def reach(self, radius: float = 1.0) -> Reach:
+        """Graph construction for spheres of `radius` [m]."""
+        return Reach(
+            self.connectivity, self.epsilon * radius, self.margin * radius, self.ground_edge
+        )
+
+    @property
+    def shapes(self) -> Shapes:
+        """Shapes of the weights, by name."""
+        width, sizes = self.width, {'node': self.node_size, 'edge': 4, 'surface': 10, 'target': 6}
+        shapes: Shapes = {}
+        for name, size in sizes.items():
+            shapes |= {f'{name}_normaliser.{part}': (size,) for part in ('mean', 'scale')}
+            if name != 'target':
+                shapes |= mlp_shapes(f'{name}_encoder', (size,), width, width)
+        for k in range(self.message_passing_steps):
+            for name, parts in (
+                ('particle_message', 3),
+                ('surface_message', 2),
+                ('node_update', 2),
+            ):
+                shapes |= mlp_shapes(f'blocks.{k}.{name}', parts * (width,), width, width)
+        return shapes | mlp_shapes('decoder', (width,), width, 6)
