@@ -18,18 +18,21 @@ CLEAN := env -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV -u LD_LIBRARY_PATH -u _R
 TESTS ?= tests
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format lock clean
+.PHONY: help venv engine demo test lint format lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
 venv: $(READY)  ## make .venv from requirements.lock, anew when that changes
 
-demo: $(READY)  ## tracker, simulator, bag and report of 20 s with 154 spheres
+demo: engine  ## tracker, simulator, bag and report of 20 s with 154 spheres
 	@$(CLEAN) $(BIN)/python -m rigid_gns_ros.demo
 
-test: $(READY)  ## run all tests (TESTS=tests/core for a part)
+test: engine  ## run all tests (TESTS=tests/core for a part)
 	@$(CLEAN) $(BIN)/python -m pytest -n 2 $(TESTS)
+
+engine: $(READY)  ## compile the engine once (a minute), so that nothing waits for it later
+	@$(CLEAN) $(BIN)/python -m rigid_gns_core.engine
 
 lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files
 	@$(CLEAN) $(BIN)/ruff check .

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from ablation_starts import Start
 from ablations import USUAL, Change
 
 from rigid_gns_core.dataset import Record
+from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.metrics import horizon_metrics
 from rigid_gns_core.rollout import Rollout, load_simulator
 from rigid_gns_core.scene import Scene
@@ -21,13 +22,12 @@ from rigid_gns_core.state import State
 HORIZON = 30  # steps at which errors are taken
 
 
-def advance(rollout: Rollout, change: Change, steps: int) -> float:
-    """Make steps under a change; returns how long they took [ms]."""
-    with change.patch():
-        begin = time.perf_counter()
-        for _ in range(steps):
-            rollout.step()
-        return 1e3 * (time.perf_counter() - begin)
+def advance(rollout: Rollout, steps: int) -> float:
+    """Make steps; returns how long they took [ms]."""
+    begin = time.perf_counter()
+    for _ in range(steps):
+        rollout.step()
+    return 1e3 * (time.perf_counter() - begin)
 
 
 class Bench:
@@ -67,7 +67,7 @@ class Bench:
             for key in list(sides)[:: -1 if turn % 2 else 1]:
                 if not (change.goes_on and turn):
                     rollouts[key] = self._ready(name, sides[key], change.goes_on)
-                times[key][turn] = advance(rollouts[key], sides[key], self.block) / self.block
+                times[key][turn] = advance(rollouts[key], self.block) / self.block
         both = np.array(list(times.values()))[:, 1:]  # the first warms up
         result: dict[str, Any] = {
             'start': name,
@@ -80,8 +80,8 @@ class Bench:
         for (key, side), spent in zip(sides.items(), both, strict=True):
             low, median, high = (float(q) for q in np.quantile(spent, [0.1, 0.5, 0.9]))
             result |= {f'{key}_ms': median, f'{key}_p10_ms': low, f'{key}_p90_ms': high}
-            sleepers = getattr(rollouts[key].stepper, 'sleepers', None)
-            result[f'{key}_asleep'] = 0.0 if sleepers is None else float(sleepers.asleep.mean())
+            stepper = cast(EngineStepper, rollouts[key].stepper)
+            result[f'{key}_asleep'] = float(stepper.sleepers.asleep.mean())
             if self.records:
                 result[f'{key}_error'] = self.bullet_error(side)
         return result
@@ -94,7 +94,7 @@ class Bench:
         """The state of a start after its first steps, as the model makes them."""
         start = self.starts[name]
         rollout = self._begin(USUAL, start.scene, start.state)
-        advance(rollout, USUAL, start.skip)
+        advance(rollout, start.skip)
         return rollout.state
 
     def _ready(self, name: str, change: Change, goes_on: bool) -> Rollout:
@@ -102,7 +102,7 @@ class Bench:
         start = self.starts[name]
         state, steps = (start.state, start.skip) if goes_on else (self.before(name), 1)
         rollout = self._begin(change, start.scene, state)
-        advance(rollout, change, steps)
+        advance(rollout, steps)
         return rollout
 
     def _difference(self, name: str, change: Change) -> float:
@@ -110,7 +110,7 @@ class Bench:
         ends = []
         for side in (USUAL, change):
             rollout = self._begin(side, self.starts[name].scene, self.before(name))
-            advance(rollout, side, HORIZON)
+            advance(rollout, HORIZON)
             ends.append(rollout.state.positions)
         return float(np.linalg.norm(ends[0] - ends[1], axis=1).mean())
 
@@ -120,8 +120,7 @@ class Bench:
         for record in self.records:
             start = record.trajectory[0]
             scene = change.scene(record.scene, len(start))
-            with change.patch():
-                predicted = self.load(**change.options).rollout(scene, steps=HORIZON, **vars(start))
+            predicted = self.load(**change.options).rollout(scene, steps=HORIZON, **vars(start))
             horizons = horizon_metrics(predicted, record.trajectory, record.scene, [HORIZON])
             errors.append(horizons[HORIZON]['position_error'])
         return float(np.mean(errors))

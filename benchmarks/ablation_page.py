@@ -8,13 +8,9 @@ from ablation_measures import HORIZON
 
 # what the page says of each row, before its numbers
 TEXTS = {
-    'search, nothing near': (
-        'Spheres in the air are moved along exact parabolas. All that contacts cost there is the '
-        'look around whether any may happen in the frame.'
-    ),
     'substeps, nothing near': (
-        'A frame is cut into substeps only where the look around found something that may touch. '
-        'Here they are forced on a scene where nothing does.'
+        'Spheres that nothing can touch within the frame are moved along exact parabolas. Here '
+        'they take part in all K substeps.'
     ),
     'network, isolated contacts': (
         'A contact that shares no body with another has an exact solution, so the network is not '
@@ -47,7 +43,7 @@ TEXTS = {
         'happens where they are left out although spheres reach them.'
     ),
     'rolling friction': (
-        'Where no contact has rolling friction, its part of the law is not computed. The error '
+        'Contacts without rolling friction skip its part of the law. The error '
         'says what it costs to leave it out of a scene that has it.'
     ),
     'properties per sphere': (

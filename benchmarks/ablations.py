@@ -3,17 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
-from unittest import mock
 
-import numpy as np
-import torch
-
-from rigid_gns_core.models.contact import step, stepper
-from rigid_gns_core.models.contact.candidates import Candidates, find_candidates
-from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.scene import Scene
 
 PER_SPHERE = ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
@@ -27,7 +19,6 @@ class Change:
         usual, other: What the model does as it is, and with the change.
         options: Of the model, see `ContactOptions`.
         scene: The scene to simulate, from the one as it is and the number of spheres.
-        patch: While it holds, parts of the model are replaced.
         goes_on: Turns follow each other instead of beginning anew, for what builds up in time.
     """
 
@@ -35,27 +26,7 @@ class Change:
     other: str = ''
     options: dict[str, Any] = field(default_factory=dict)
     scene: Callable[[Scene, int], Scene] = lambda scene, _: scene
-    patch: Callable[[], AbstractContextManager] = nullcontext
     goes_on: bool = False
-
-
-def _no_search() -> AbstractContextManager:
-    none = np.zeros(0, dtype=np.int64)
-    nothing = Candidates(none, none, none, none, np.zeros(0))
-    return mock.patch.object(ContactStepper, '_candidates', return_value=nothing)
-
-
-def _all_shared() -> AbstractContextManager:
-    return mock.patch.object(
-        step, '_shared', lambda _, contacts: torch.ones(len(contacts), dtype=torch.bool)
-    )
-
-
-def _always_substeps() -> AbstractContextManager:
-    one = np.zeros(1, dtype=np.int64)
-    # a sphere and a plane that are far apart: the frame is cut, and finds no contact
-    far = Candidates(one[:0], one[:0], one, one, np.ones(1))
-    return mock.patch.object(stepper, 'find_candidates', lambda *a: find_candidates(*a) or far)
 
 
 def _ground_only(scene: Scene, _: int) -> Scene:
@@ -71,10 +42,13 @@ def _tuples(scene: Scene, count: int) -> Scene:
 
 
 USUAL = Change()
-SEARCH = Change('search for contacts', 'no search', patch=_no_search)
-SUBSTEPS = Change('none', 'K in every frame', patch=_always_substeps)
+TAKE_PART = Change(
+    'only spheres that may touch something', 'all, in K substeps', options={'everywhere': True}
+)
 NETWORK = Change('with network', 'law alone', options={'network': False})
-ROUNDS = Change('one for an isolated contact', 'M for all, with network', patch=_all_shared)
+ROUNDS = Change(
+    'one for an isolated contact', 'M for all, with network', options={'everywhere': True}
+)
 SLEEP = Change('islands at rest sleep', 'all stay awake', options={'sleep': False}, goes_on=True)
 GUARD = Change('guard on', 'guard off', options={'guard': False})
 WALLS = Change('ground and four walls', 'ground alone', scene=_ground_only)
@@ -83,8 +57,7 @@ TUPLES = Change('one number for all', 'the same, one per sphere', scene=_tuples)
 
 # name: start, see `make_starts`, and what is changed; its text is in ablation_page.py
 ROWS = {
-    'search, nothing near': ('air', SEARCH),
-    'substeps, nothing near': ('air', SUBSTEPS),
+    'substeps, nothing near': ('air', TAKE_PART),
     'network, isolated contacts': ('bounce', NETWORK),
     'network, box': ('box', NETWORK),
     'network, pile': ('pile', NETWORK),

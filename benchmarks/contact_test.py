@@ -25,7 +25,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, cast
 
-import torch
 from contact_test_measures import floor_of, measure
 from contact_test_table import format_table, summarise
 
@@ -131,24 +130,24 @@ def main() -> int:
     parser.add_argument('--ood', type=Path, metavar='FOLDER', help='ood_a.h5 to ood_d_twice.h5')
     parser.add_argument('--steps', type=int, help='default: as long as the data')
     parser.add_argument('--guard', action=argparse.BooleanOptionalAction, default=True)
-    parser.add_argument('--threads', type=int, default=1, help='of torch (default: 1)')
+    parser.add_argument('--network', action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument('--quick', action='store_true', help='few records and steps')
     parser.add_argument('--json', type=Path, metavar='FILE', help='numbers, and where to go on')
     arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
     references = find_references(arguments.data, arguments.floor, arguments.ood)
     limit = arguments.steps
     if arguments.quick:
         references, limit = dict(islice(references.items(), QUICK[0])), limit or QUICK[1]
     if not references:
         raise SystemExit('nothing to do: give --data, --ood or both')
-    options: dict[str, Any] = {} if arguments.guard else {'guard': False}
+    switches = {'guard': arguments.guard, 'network': arguments.network}
+    options: dict[str, Any] = {name: False for name, on in switches.items() if not on}
     simulators = {name: load_simulator(name, **options) for name in arguments.model}
     half, twice = arguments.floor or (None, None)
     sources = {'data': arguments.data, 'half': half, 'twice': twice, 'ood': arguments.ood}
     settings = {
         'steps': limit,
-        'guard': arguments.guard,
+        **switches,
         'quick': arguments.quick,
         **{key: None if path is None else str(path) for key, path in sources.items()},
     }

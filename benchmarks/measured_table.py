@@ -1,9 +1,6 @@
 """The table of errors in README.md, made from the JSON files under docs/model.
 
-python benchmarks/contact_test.py --model contact SEED_1 SEED_2 --data data/thesis_test \
-    --floor data/test_half data/test_twice --ood data/ood --json docs/model/contact_test.json
-the same with --model gns --json docs/model/gns_thesis_test.json
-python benchmarks/measured_table.py
+docs/model/README.md has the commands that make them.
 """
 
 from __future__ import annotations
@@ -47,15 +44,17 @@ def cell(entry: dict[str, Any] | None) -> str:
 
 
 def table() -> str:
-    """The Markdown table: the shipped model, the thesis' network, and Bullet against itself."""
+    """The Markdown table: the shipped model, without network, the GNS, Bullet against itself."""
     contact = read_json(FOLDER / 'contact_test.json')['summary']
+    law = read_json(FOLDER / 'contact_law_test.json')['summary']
     gns = read_json(FOLDER / 'gns_thesis_test.json')['summary']
     sides = (
         contact['models']['contact']['test'],
+        law['models']['contact']['test'],
         gns['models']['gns']['test'],
         contact['floor']['test'],
     )
-    head = ('', 'contact model', "thesis' network", 'Bullet against itself')
+    head = ('', 'contact model', 'its laws alone', 'GNS baseline', 'Bullet against itself')
     found = [(name, *(cell(side.get(key)) for side in sides)) for key, name in ROWS.items()]
     lines = [f'| {" | ".join(row)} |' for row in [head, ('---',) * len(head), *found]]
     return '\n'.join(lines) + '\n'

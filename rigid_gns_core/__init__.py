@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ['Plane', 'Rollout', 'Scene', 'Simulator', 'State', 'Trajectory', 'load_simulator']
 
-# These need torch, a matter of seconds: imported when first asked for (PEP 562).
+# Imported when first asked for (PEP 562): models take longer to load than a scene.
 _LAZY = {'Rollout', 'Simulator', 'load_simulator'}
 
 

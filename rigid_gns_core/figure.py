@@ -90,11 +90,9 @@ def write_figure(
                 axes.set_ylabel(f'{label}\n{"y" if across == 1 else "height"} [m]', color=INK)
             else:
                 axes.tick_params(labelleft=False)
-            if row == 0:
-                axes.tick_params(labelbottom=False)
     curves = grid[2].subgridspec(1, 2)
     _draw_energy(figure.add_subplot(curves[0]), predicted, reference, scene, names)
-    _draw_error(figure.add_subplot(curves[1]), predicted, reference, scene)
+    _draw_error(figure.add_subplot(curves[1]), predicted, reference, scene, names[1])
     _legend(figure, names)
     if title:
         figure.suptitle(title, fontsize=14, color=INK, x=0.01, ha='left')
@@ -160,7 +158,7 @@ def _draw_view(
     pick = [0, across]
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[across], high[across])
-    axes.set_aspect('equal')
+    axes.set_aspect('equal', anchor='C')
     _draw_surfaces(axes, scene, view, pick)
     diameters = 2.0 * scene.per_sphere('radius', reference.count)
     angles = np.zeros(reference.count)
@@ -233,7 +231,9 @@ def _draw_energy(
     _clean(axes)
 
 
-def _draw_error(axes: Axes, predicted: Trajectory, reference: Trajectory, scene: Scene) -> None:
+def _draw_error(
+    axes: Axes, predicted: Trajectory, reference: Trajectory, scene: Scene, name: str
+) -> None:
     distance = np.linalg.norm(predicted.positions - reference.positions, axis=2)
     radius = float(np.mean(scene.per_sphere('radius', reference.count)))
     floor = 1e-4 * radius
@@ -256,11 +256,11 @@ def _draw_error(axes: Axes, predicted: Trajectory, reference: Trajectory, scene:
         0.5 * radius, color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label='half a radius'
     )
     axes.set_yscale('log')
-    axes.set_ylim(bottom=floor)
+    axes.set_ylim(bottom=10 ** np.floor(np.log10(max(mean.min(), floor))))
     axes.set_xlim(0, max(times[-1], reference.dt))
     axes.set_title('Position error', loc='left', fontsize=11, color=INK)
     axes.set_xlabel('time [s]', color=INK)
-    axes.set_ylabel('distance to the reference [m]', color=INK)
+    axes.set_ylabel(f'distance to {name} [m]', color=INK)
     axes.grid(color=GRID, linewidth=0.8)
     axes.legend(frameon=False, fontsize=9, loc='lower right')
     _clean(axes)

@@ -7,8 +7,6 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import torch
-
 from .config import positive
 from .dataset import Record, write_record
 from .rollout import load_simulator
@@ -28,10 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns rollout`."""
-    torch.set_num_threads(arguments.threads)
     if arguments.out.exists():
         raise FileExistsError(f'{arguments.out} exists; remove it or give another --out')
-    simulator = load_simulator(arguments.model)
+    simulator = load_simulator(arguments.model, threads=arguments.threads)
     scene, recipe = load_scene(arguments.scene)
     seed = recipe.seed if arguments.seed is None else arguments.seed
     start = sample_start(scene, replace(recipe, seed=seed))

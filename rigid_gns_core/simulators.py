@@ -47,6 +47,7 @@ class GNSSimulator(Simulator):
         name: See `Simulator`.
         backend: 'engine' (NumPy), or 'torch', the reference.
         dtype: 'float32', the only one.
+        threads: CPU threads.
     """
 
     kind = 'gns'
@@ -60,12 +61,13 @@ class GNSSimulator(Simulator):
         *,
         backend: str = 'engine',
         dtype: str = 'float32',
+        threads: int = 1,
     ) -> None:
         super().__init__(tensors, card, name)
         if dtype != 'float32':
             raise ValueError(f'dtype is {dtype!r}, but model {name!r} (a GNS) knows float32 only')
         self.dtype = dtype
-        self.backend = _known_backend(backend)
+        self.backend, self.threads = _known_backend(backend), threads
         self.config = from_mapping(GNSConfig, card['config'], f'{name}: config')
         self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
 
@@ -105,10 +107,13 @@ class GNSSimulator(Simulator):
     @cached_property
     def _predict(self) -> Callable[[Features], Array]:
         if self.backend == 'torch':
+            import torch
+
+            torch.set_num_threads(self.threads)
             return self.network.predict
         from .engine.gns import GNSEngine
 
-        return GNSEngine(self.tensors, self.config)
+        return GNSEngine(self.tensors, self.config, self.threads)
 
 
 @dataclass(frozen=True)
@@ -124,6 +129,9 @@ class ContactOptions:
         network: Use the network; False: the law of isolated contacts alone.
         substeps: K instead of the trained one.
         rounds: M instead of the trained one, for the law alone.
+        threads: CPU threads of the backend 'torch'; the engine takes one.
+        everywhere: Spheres that nothing can touch take part in all substeps too, and isolated
+            contacts in all rounds, with the network; to measure what leaving them out saves.
     """
 
     backend: str | None = None
@@ -133,6 +141,8 @@ class ContactOptions:
     network: bool = True
     substeps: int | None = None
     rounds: int | None = None
+    threads: int = 1
+    everywhere: bool = False
 
     def __post_init__(self) -> None:
         if self.dtype not in ('float32', 'float64'):
@@ -212,6 +222,7 @@ class ContactSimulator(Simulator):
 
             from .models.contact.stepper import ContactStepper
 
+            torch.set_num_threads(options.threads)
             network = self.network if options.network else None
             dtype = getattr(torch, options.dtype)
             return ContactStepper(
@@ -234,7 +245,7 @@ class ContactSimulator(Simulator):
 
         config = self.config
         tensors = self.tensors if config.network else None
-        return settings_of(tensors, config.substeps, config.rounds)
+        return settings_of(tensors, config.substeps, config.rounds, self.options.everywhere)
 
     def _backend(self) -> str:
         lacks = None

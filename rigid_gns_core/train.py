@@ -230,7 +230,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
     parser.epilog = (
-        'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_test '
+        'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
         '--out runs/gns\n  rigid-gns evaluate --model runs/gns/best --data data/gns_test'
     )
 

@@ -13,7 +13,7 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.state import Array, State, rotate_quaternions, rotation_between
 
 if TYPE_CHECKING:
-    from rigid_gns_core.rollout import Rollout  # imports torch, which takes seconds
+    from rigid_gns_core.rollout import Rollout
 
 
 @dataclass(frozen=True)
@@ -88,13 +88,10 @@ class Forecaster:
     def __init__(self, model: str, scene: str, *, rate: float = 0.0, threads: int = 1) -> None:
         self.scene_name = scene
         self.scene, _ = load_scene(scene)
-        # late, so that a node's signal handlers are in place while torch loads
-        import torch
-
+        # late, so that a node's signal handlers are in place while it loads and compiles
         from rigid_gns_core.rollout import load_simulator
 
-        torch.set_num_threads(threads)
-        self.simulator = load_simulator(model or None)
+        self.simulator = load_simulator(model or None, threads=threads)
         self.native_dt = self.simulator.native_dt(self.scene)
         self.period = 1 / rate if rate else self.native_dt
         # the first step of a process is slow: take it before anybody waits for it

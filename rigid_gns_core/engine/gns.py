@@ -21,21 +21,21 @@ Floats = NDArray[np.float32]
 class GNSEngine:
     """Predicts next linear and angular velocity of every sphere from a graph of the scene.
 
-    Products of matrices run in one thread: these are too small for more, and a second one waits for
-    whatever else is busy.
+    Products of matrices are small: a second thread gains little, and waits for what else is busy.
 
     Args:
         tensors: Weights, by the names of the torch module.
         config: See there.
+        threads: CPU threads.
     """
 
-    def __init__(self, tensors: Tensors, config: GNSConfig) -> None:
-        self.tensors, self.config = tensors, config
+    def __init__(self, tensors: Tensors, config: GNSConfig, threads: int = 1) -> None:
+        self.tensors, self.config, self.threads = tensors, config, threads
         self._threads = ThreadpoolController()
 
     def __call__(self, features: Features) -> Array:
         """Next [v, omega] [m/s, rad/s], shape (n, 6)."""
-        with self._threads.limit(limits=1, user_api='blas'):
+        with self._threads.limit(limits=self.threads, user_api='blas'):
             return self._predict(features)
 
     def _predict(self, graph: Features) -> Array:

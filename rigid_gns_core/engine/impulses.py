@@ -11,7 +11,6 @@ from .contacts import Contacts
 from .jit import compiled
 from .law import Law
 from .neighbours import Indices
-from .network import Floats
 from .vector import Vector, across, add_to, cross, dot, minus, plus, put, row, times
 from .world import World
 
@@ -33,8 +32,9 @@ class Bodies(NamedTuple):
 
     velocity: free of contacts, at the end of the substep; before: at its start; spin: angular
     velocity; change, turn: what impulses add to velocity and spin; moved: displacement beyond that
-    of free flight; shape (n + 1, 3) each. load: contacts that press, shape (n + 1,); total: sums of
-    latents, shape (n + 1, w).
+    of free flight; shape (n + 1, 3) each. load: contacts that press, weighed, and
+    most: the strongest of them, shape (n + 1,); total: sums of
+    latents, in float64 so that their order does not matter, shape (n + 1, w).
     """
 
     velocity: Array
@@ -44,7 +44,8 @@ class Bodies(NamedTuple):
     turn: Array
     moved: Array
     load: Array
-    total: Floats
+    most: Array
+    total: Array
 
 
 @compiled

@@ -21,7 +21,8 @@ def _folder() -> Path:
 
     Numba looks at the file of a function only, and would go on with old code of those it calls.
     """
-    text = b''.join(path.read_bytes() for path in sorted(_SOURCES.glob('*.py')))
+    texts = [path.read_bytes() for path in sorted(_SOURCES.glob('*.py'))]
+    text = b''.join(text for text in texts if b'.jit import' in text)
     name = f'engine-{hashlib.sha256(text).hexdigest()[:16]}'
     beside = _SOURCES / '__pycache__'
     if not os.access(beside if beside.exists() else _SOURCES, os.W_OK):

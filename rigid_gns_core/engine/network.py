@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..state import Array
 from .contacts import Contacts
 from .jit import compiled
 from .law import Law
@@ -178,17 +179,21 @@ def encode(weights: Weights, features: Floats, hidden: Floats, latent: Floats) -
 
 @compiled
 def sum_latents(
-    contacts: Contacts, group: Indices, latent: Floats, fixed: int, total: Floats
+    contacts: Contacts, group: Indices, latent: Floats, weight: Array, fixed: int, total: Array
 ) -> None:
-    """Sums over the contacts of each moving body, shape (n + 1, w); the fixed one tells nothing."""
+    """Sums over the contacts of each moving body, shape (n + 1, w); the fixed one tells nothing.
+
+    In float64 their order does not matter, so that equal contacts of a lattice stay equal.
+    """
     for q in range(len(group)):
         for body in (contacts.a[group[q]], contacts.b[group[q]]):
             total[body] = 0.0
     for q in range(len(group)):
         a, b = contacts.a[group[q]], contacts.b[group[q]]
-        total[a] += latent[q]
-        if b != fixed:
-            total[b] += latent[q]
+        for i in range(latent.shape[1]):
+            total[a, i] += weight[q, 0] * latent[q, i]
+            if b != fixed:
+                total[b, i] += weight[q, 1] * latent[q, i]
 
 
 @compiled

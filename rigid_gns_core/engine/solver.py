@@ -22,13 +22,17 @@ from .network import Floats, Weights, describe, encode, plain, read_round, sum_l
 from .vector import Vector, across, add_to, clip, cross, dot, length, minus, plus, put, row, times
 from .world import UNIT_GRAVITY, World
 
+# contacts with this part of the force of a body's strongest count half
+_FAINT = 0.01
+
 
 class Rounds(NamedTuple):
     """Contacts that are solved, and what is known of each from round to round.
 
     group: which contacts, shape (c,); approach, free_parting, free_slip: of their free paths;
     start_others, start_slip: what the others made of them at the start; others: and now; lacking:
-    what its normal velocity lacks; pressing: whether it presses; drag: what gravity does to the
+    what its normal velocity lacks; pressing: whether it presses; weight: how much it counts at a
+    and b, 0 to 1, shape (c, 2); drag: what gravity does to the
     slip of a sphere that bounced; pace: normal, of friction, momentum, shape (c, 3); last_normal,
     last_tangential: impulses before the last step; aim: impulse, lever and rest of the last round,
     shape (c, 3); step: to add, shape (c, 3); latent: shape (c, w).
@@ -43,6 +47,7 @@ class Rounds(NamedTuple):
     others: Array
     lacking: Array
     pressing: NDArray[np.bool_]
+    weight: Array
     drag: Array
     pace: Array
     last_normal: Array
@@ -66,6 +71,7 @@ def _rounds(group: Indices, width: int) -> Rounds:
         one[3],
         one[4],
         np.zeros(size, np.bool_),
+        np.zeros((size, 2)),
         three[2],
         three[3],
         one[5],
@@ -215,11 +221,16 @@ def _compare(
     h: float,
     pace: float,
 ) -> None:
-    """What each contact lacks of its law, and how many press on each body."""
+    """What each contact lacks of its law, and how many press on each body.
+
+    The strongest of a body counts 1, one of no force nothing, so that contacts that carry nothing
+    change nothing.
+    """
     gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
     least = 1e-9 * UNIT_GRAVITY * pace
     for k in r.group:
         bodies.load[c.a[k]] = bodies.load[c.b[k]] = 0.0
+        bodies.most[c.a[k]] = bodies.most[c.b[k]] = 1e-30
     for q, k in enumerate(r.group):
         r.others[q] = _others(c, law, bodies, made, r, q)
         extra = _common(r.start_others[q], r.others[q]) / h if h > 0 else 0.0
@@ -229,9 +240,16 @@ def _compare(
             put(r.drag, q, times(aim.airborne, across(gravity, row(c.normal, k))))
         r.lacking[q] = aim.parting - parting_of(c, bodies, k)
         r.pressing[q] = aim.hit and (made.normal[k] > 0 or r.lacking[q] > least)
-        if r.pressing[q]:
-            bodies.load[c.a[k]] += 1.0
-            bodies.load[c.b[k]] += 1.0
+        # a strength until the strongest of each body is known
+        carried = made.normal[k] * law.unit[k] + math.fabs(r.lacking[q])
+        r.weight[q, 0] = carried if r.pressing[q] else 0.0
+        for body in (c.a[k], c.b[k]):
+            bodies.most[body] = max(bodies.most[body], r.weight[q, 0])
+    for q, k in enumerate(r.group):
+        strength = r.weight[q, 0]
+        for side, body in enumerate((c.a[k], c.b[k])):
+            r.weight[q, side] = (1.0 + _FAINT) * strength / (strength + _FAINT * bodies.most[body])
+            bodies.load[body] += r.weight[q, side]
     bodies.load[-1] = 1.0
     for k in r.group:
         bodies.load[c.a[k]] = max(bodies.load[c.a[k]], 1.0)
@@ -254,15 +272,17 @@ def _set_pace(
     fixed, width = len(bodies.load) - 1, r.latent.shape[1]
     inputs, hidden = np.empty(2 * width + 7, np.float32), np.empty(width, np.float32)
     raw = np.empty(4, np.float32)
-    sum_latents(c, r.group, r.latent, fixed, bodies.total)
+    sum_latents(c, r.group, r.latent, r.weight, fixed, bodies.total)
     for q, k in enumerate(r.group):
         load = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
         slip = slip_now(c, law, bodies, k)
         other = minus(minus(slip, row(r.free_slip, q)), own_slip(world, c, law, made, k))
         inputs[:width] = r.latent[q]
-        inputs[width : 2 * width] = bodies.total[c.a[k]] - r.latent[q]
-        if c.b[k] != fixed:
-            inputs[width : 2 * width] += bodies.total[c.b[k]]
+        for i in range(width):
+            around = bodies.total[c.a[k], i] - r.weight[q, 0] * r.latent[q, i]
+            if c.b[k] != fixed:
+                around += bodies.total[c.b[k], i] - r.weight[q, 1] * r.latent[q, i]
+            inputs[width + i] = around
         read_round(
             r.lacking[q],
             length(minus(slip, row(r.drag, q))),

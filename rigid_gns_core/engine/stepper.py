@@ -24,10 +24,12 @@ from .substep import Settings
 from .world import World, world_of
 
 
-def settings_of(tensors: Mapping[str, NDArray[Any]] | None, substeps: int, rounds: int) -> Settings:
+def settings_of(
+    tensors: Mapping[str, NDArray[Any]] | None, substeps: int, rounds: int, everywhere: bool = False
+) -> Settings:
     """A model for the engine; tensors None: the law alone."""
     weights = no_weights() if tensors is None else weights_of(tensors, rounds)
-    return Settings(substeps, rounds, weights, no_weights())
+    return Settings(substeps, rounds, weights, no_weights(), everywhere)
 
 
 @entry

@@ -41,12 +41,18 @@ def copy_motion(motion: Motion) -> Motion:
 
 
 class Settings(NamedTuple):
-    """A model: substeps K of a frame, rounds M of a substep, weights of the network and of none."""
+    """A model.
+
+    substeps: K of a frame; rounds: M of a substep; weights: of the network; none: no weights;
+    everywhere: spheres that nothing can touch take part in all substeps too, and isolated contacts
+    in all rounds, with the network (to measure what leaving them out saves).
+    """
 
     substeps: int
     rounds: int
     weights: Weights
     none: Weights
+    everywhere: bool
 
 
 @compiled
@@ -82,7 +88,7 @@ def substep(
         _fly(world, motion, h)
         _forget(memory)
         return
-    alone, shared = _by_company(contacts, count)
+    alone, shared = _by_company(contacts, count, settings.everywhere)
     law = law_of(world, contacts)
     bodies = _bodies(world, motion, h, settings.weights.encoder.shape[1])
     made, start = no_impulses(size), no_impulses(size)
@@ -129,8 +135,8 @@ def _bodies(world: World, motion: Motion, h: float, width: int) -> Bodies:
             rows[0, i, axis] = motion.velocities[i, axis] + h * world.gravity[axis]
             rows[1, i, axis] = motion.velocities[i, axis]
             rows[2, i, axis] = motion.angular_velocities[i, axis]
-    load, total = np.zeros(count + 1), np.zeros((count + 1, width), np.float32)
-    return Bodies(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], load, total)
+    load, most, total = np.zeros(count + 1), np.zeros(count + 1), np.zeros((count + 1, width))
+    return Bodies(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], load, most, total)
 
 
 @compiled
@@ -148,7 +154,7 @@ def _forget(memory: Impulses) -> None:
 
 
 @compiled
-def _by_company(contacts: Contacts, count: int) -> tuple[Indices, Indices]:
+def _by_company(contacts: Contacts, count: int, everywhere: bool) -> tuple[Indices, Indices]:
     """Contacts that share no body with another, which need neither network nor rounds; the rest."""
     load = np.zeros(count + 1, np.int64)
     for k in range(len(contacts.a)):
@@ -157,7 +163,7 @@ def _by_company(contacts: Contacts, count: int) -> tuple[Indices, Indices]:
     load[count] = 0
     shared = np.empty(len(contacts.a), np.bool_)
     for k in range(len(contacts.a)):
-        shared[k] = load[contacts.a[k]] > 1 or load[contacts.b[k]] > 1
+        shared[k] = everywhere or load[contacts.a[k]] > 1 or load[contacts.b[k]] > 1
     return np.flatnonzero(~shared), np.flatnonzero(shared)
 
 

@@ -237,6 +237,20 @@ def test_others_far_away_do_not_change_a_collision(load):
     np.testing.assert_allclose(together.velocities[:, :3], alone.velocities, atol=1e-6)
 
 
+@pytest.mark.parametrize('dtype', DTYPES)
+def test_contacts_that_carry_nothing_change_nothing(load, dtype):
+    # two columns that touch side by side fall as one alone; what touches without force is there,
+    # but counts for nothing. The bound is rounding of that dtype over 20 frames of bounces.
+    simulator = load(4, 4, dtype=dtype)
+    column = np.array([[0.0, 0, 1.5], [0, 0, 3.5], [0, 0, 5.5]])
+    scene = Scene(surfaces=(Plane(),), restitution=0.7)
+    alone = simulator.rollout(scene, column, steps=20).positions
+    both = simulator.rollout(scene, np.r_[column, column + [2.0, 0, 0]], steps=20).positions
+    bound = {'float64': 1e-9, 'float32': 1e-4}[dtype]
+    np.testing.assert_allclose(both[:, :3], alone, rtol=0, atol=bound)
+    np.testing.assert_allclose(both[:, 3:], alone + [2.0, 0, 0], rtol=0, atol=bound)
+
+
 def test_worlds_side_by_side_equal_single_frames():
     positions, velocities, spins, properties = crowd()
     scene, network = scene_of(properties), random_network(2, 3, 0.5)

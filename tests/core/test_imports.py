@@ -32,6 +32,7 @@ ABSENT = (
     'ament_index_python',
     'pybullet',
     'pybullet_data',
+    'torch',
     'matplotlib',
 )
 
@@ -56,7 +57,6 @@ print({'torch', 'pybullet', 'matplotlib', 'rclpy'} & set(sys.modules))
 
 
 def test_public_names_exist() -> None:
-    pytest.importorskip('torch', reason='Simulator and load_simulator need torch')
     import rigid_gns_core
 
     for name in rigid_gns_core.__all__:
@@ -65,16 +65,16 @@ def test_public_names_exist() -> None:
         _ = rigid_gns_core.no_such_name
 
 
-def test_rollout_without_ros_bullet_and_plots() -> None:
-    pytest.importorskip('torch', reason='a rollout needs torch')
+@pytest.mark.parametrize('model', ['contact', 'gns'])
+def test_rollout_without_torch_ros_bullet_and_plots(model: str) -> None:
     output = run(
-        """
+        f"""
 import numpy as np
 from rigid_gns_core import Plane, Scene, load_simulator
 
 scene = Scene(surfaces=Plane.box(20.0, 20.0))
 positions = np.array([[0.0, 0.0, 3.0], [0.4, 0.0, 6.0], [5.0, 5.0, 1.0]])
-trajectory = load_simulator().rollout(scene, positions, steps=10)
+trajectory = load_simulator({model!r}).rollout(scene, positions, steps=10)
 assert trajectory.diverged_at is None
 print(trajectory.positions.shape, set(Absent.names) & set(sys.modules))
 """,

@@ -70,7 +70,6 @@ def test_each_command_exists(words: list[str]) -> None:
 
 
 def test_python_runs_as_printed() -> None:
-    pytest.importorskip('torch', reason='the example predicts')
     (code,) = (block for kind, block in BLOCKS if kind == 'python')
     namespace: dict = {}
     with warnings.catch_warnings():

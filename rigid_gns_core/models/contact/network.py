@@ -80,7 +80,16 @@ class ContactNetwork(nn.Module):
         return self.encoder(features.float())
 
     def round(
-        self, index: int, latent: Tensor, feel: Feel, unit: float, a: Tensor, b: Tensor, bodies: int
+        self,
+        index: int,
+        latent: Tensor,
+        feel: Feel,
+        unit: float,
+        a: Tensor,
+        b: Tensor,
+        weight_a: Tensor,
+        weight_b: Tensor,
+        bodies: int,
     ) -> tuple[Tensor, Tuning]:
         """One round of message passing.
 
@@ -91,18 +100,23 @@ class ContactNetwork(nn.Module):
             unit: Speed that scales it.
             a: One body of each contact, shape (c,).
             b: The other, shape (c,); body n is fixed.
+            weight_a: How much the contact counts at body a, shape (c,).
+            weight_b: The same at body b.
             bodies: n + 1.
         """
         scaled = torch.stack([torch.asinh(10.0 * value / unit) for value in feel[:5]], 1)
         load = feel.load.log()[:, None]
         both = (feel.others.abs() + feel.others_slip) / unit
         seen = torch.cat([scaled, load, torch.asinh(10.0 * both)[:, None]], 1).float()
-        total = latent.new_zeros(bodies, latent.shape[1])
-        total = total.index_add(0, a, latent).index_add(0, b, latent)
-        total = torch.cat(
-            [total[:-1], torch.zeros_like(total[-1:])]
-        )  # the fixed body tells nothing
-        around = total[a] + total[b] - latent
+        # in float64 the order of sums does not matter: equal contacts of a lattice stay equal
+        exact = latent.double()
+        total = exact.new_zeros(bodies, latent.shape[1])
+        from_a, from_b = weight_a[:, None] * exact, weight_b[:, None] * exact
+        total = total.index_add(0, a, from_a).index_add(0, b, from_b)
+        # the fixed body tells nothing
+        total = torch.cat([total[:-1], torch.zeros_like(total[-1:])])
+        moving = (b < bodies - 1)[:, None]
+        around = (total[a] - from_a + total[b] - moving * from_b).float()
         latent = latent + self.rounds[index](latent, around, seen)
         raw = torch.tanh(self.heads[index](latent)).to(feel.lacking.dtype)
         # a contact that shares no body with one that presses keeps the exact step

@@ -20,6 +20,9 @@ from .network import ContactNetwork, Feel, Tuning
 from .vectors import across, clip, dot, length
 from .world import UNIT_GRAVITY
 
+# contacts with this part of the force of a body's strongest count half
+_FAINT = 0.01
+
 
 @dataclass(frozen=True)
 class Impulses:
@@ -152,14 +155,27 @@ class _Solver:
         drag = self.aim.airborne[:, None] * self.pulled
         lacking = self.aim.parting - parting
         pressing = self.aim.hit & ((self.normals > 0) | (lacking > 1e-9 * self.scale))
-        load = contacts.a.new_zeros(self.bodies).to(lacking.dtype)
-        counted = pressing.to(lacking.dtype)
-        load = load.index_add(0, contacts.a, counted).index_add(0, contacts.b, counted)
+        weight_a, weight_b = self._weights(pressing, lacking)
+        load = lacking.new_zeros(self.bodies)
+        load = load.index_add(0, contacts.a, weight_a).index_add(0, contacts.b, weight_b)
         load[-1] = 1.0
         load = load.clamp(min=1.0)
         load_a, load_b = load[contacts.a], load[contacts.b]
         wanting = lacking if self.has_law else -parting
-        tuning = self._tune(index, wanting, others, drag, torch.maximum(load_a, load_b))
+        load_most = torch.maximum(load_a, load_b)
+        tuning = Tuning.plain(load_most)
+        if self.network is not None and self.latent is not None:
+            self.latent, tuning = self.network.round(
+                index,
+                self.latent,
+                self._feel(wanting, others, drag, load_most),
+                self.scale,
+                contacts.a,
+                contacts.b,
+                weight_a,
+                weight_b,
+                self.bodies,
+            )
         if not self.has_law:
             size = 2.0 * (self.approach.abs() + self.free_parting.abs() + 0.02 * self.scale)
             lacking, pressing = size * tuning.raw, torch.ones_like(pressing)
@@ -195,14 +211,25 @@ class _Solver:
         last = (self.normals - self.last_normals).abs() * self.unit
         return Solution(impulses, self.change[:count], self.turn[:count], moved[:count], last)
 
-    def _tune(
-        self, index: int, lacking: Tensor, others: Tensor, drag: Tensor, load: Tensor
-    ) -> Tuning:
-        contacts = self.law.contacts
-        if self.network is None or self.latent is None:
-            return Tuning.plain(load)
+    @torch.no_grad()
+    def _weights(self, pressing: Tensor, lacking: Tensor) -> tuple[Tensor, Tensor]:
+        """How much each contact counts at body a and at body b, 0 to 1, shape (c,) each.
+
+        The strongest of a body counts 1, one of no force nothing, so that contacts that carry
+        nothing change nothing.
+        """
+        a, b = self.law.contacts.a, self.law.contacts.b
+        strength = pressing * (self.normals * self.unit + lacking.abs())
+        most = torch.full((self.bodies,), 1e-30, dtype=strength.dtype)
+        most = most.scatter_reduce(0, a, strength, 'amax').scatter_reduce(0, b, strength, 'amax')
+        weight_a, weight_b = (
+            (1.0 + _FAINT) * strength / (strength + _FAINT * most[body]) for body in (a, b)
+        )
+        return weight_a, weight_b
+
+    def _feel(self, lacking: Tensor, others: Tensor, drag: Tensor, load: Tensor) -> Feel:
         slip = self._slip_now()
-        feel = Feel(
+        return Feel(
             lacking=lacking,
             slip=length(slip - drag),
             carried=self.normals * self.unit,
@@ -210,10 +237,6 @@ class _Solver:
             others_slip=length(self._others_slip(slip) - self.start_slip),
             load=load,
         )
-        self.latent, tuning = self.network.round(
-            index, self.latent, feel, self.scale, contacts.a, contacts.b, self.bodies
-        )
-        return tuning
 
     def _resist_rolling(self, drag: Tensor, stiffness: Tensor, load: Tensor) -> None:
         """Torque of rolling friction: at most rho r N, and no more than stops the rolling.

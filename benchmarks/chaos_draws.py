@@ -1,0 +1,128 @@
+"""Are a model's errors in a chaotic scene drawn from the same urn as Bullet's own?
+
+    python benchmarks/chaos_draws.py --model contact runs/contact_1/best \
+        --reference data/ood/ood_a.h5 data/ood/ood_b.h5 --json docs/model/chaos_draws.json
+
+One trajectory is one draw: spheres that differ by 1 mm are elsewhere after some bounces. So each
+reference is met by Bullet at half and at twice the substeps and from starts moved by 1 mm, and by
+each model from the same starts; means and standard deviations of both are compared. Needs pybullet.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigid_gns_core.dataset import Record, read_record
+from rigid_gns_core.evaluate import read_json, write_json
+from rigid_gns_core.metrics import chamfer, position_mse
+from rigid_gns_core.progress import Progress
+from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.teacher import TeacherSettings, simulate
+
+MOVED = 1e-3  # m
+
+
+def moved(start: State, seed: int) -> State:
+    """Every sphere moved by `MOVED` in some direction, never down."""
+    way = np.random.default_rng(seed).normal(size=start.positions.shape)
+    way *= MOVED / np.linalg.norm(way, axis=1, keepdims=True)
+    way[:, 2] = np.abs(way[:, 2])
+    return replace(start, positions=start.positions + way)
+
+
+def bullet(record: Record, start: State, factor: float) -> Trajectory:
+    """Bullet at `factor` times the record's substeps."""
+    known = {field.name for field in fields(TeacherSettings)}
+    settings = TeacherSettings(**{k: v for k, v in record.teacher.items() if k in known})
+    settings = replace(settings, substeps=round(settings.substeps * factor))
+    reference = record.trajectory
+    return simulate(record.scene, start, reference.steps, reference.dt, settings)
+
+
+def model(simulator: Simulator, record: Record, start: State) -> Trajectory:
+    """The model's rollout."""
+    given = (start.positions, start.velocities, start.angular_velocities)
+    steps = record.trajectory.steps
+    return simulator.rollout(record.scene, *given, steps=steps, quaternions=start.quaternions)
+
+
+def draws(
+    record: Record, simulators: dict[str, Simulator], count: int
+) -> dict[str, Callable[[], Trajectory]]:
+    """What is to be drawn, by 'engine: start'."""
+    start = record.trajectory[0]
+    found: dict[str, Callable[[], Trajectory]] = {
+        'Bullet: half': lambda: bullet(record, start, 0.5),
+        'Bullet: twice': lambda: bullet(record, start, 2.0),
+    }
+    for seed in range(count):
+        other = moved(start, seed)
+        found[f'Bullet: moved {seed}'] = lambda other=other: bullet(record, other, 1.0)
+    for name, simulator in simulators.items():
+        for seed in range(-1, count):
+            other = start if seed < 0 else moved(start, seed)
+            key = f'{name}: same' if seed < 0 else f'{name}: moved {seed}'
+            found[key] = lambda s=simulator, other=other: model(s, record, other)
+    return found
+
+
+def table(report: dict[str, Any]) -> str:
+    """Mean ± standard deviation over the draws of each engine."""
+    lines = ['| scene | engine | draws | MSE [m²] | Chamfer [m²] |', '|---|---|---|---|---|']
+    for scene, found in report['scenes'].items():
+        for engine in dict.fromkeys(key.split(':')[0] for key in found):
+            own = [value for key, value in found.items() if key.split(':')[0] == engine]
+            cells = []
+            for name in ('mse', 'chamfer'):
+                values = np.array([one[name] for one in own])
+                cells.append(f'{values.mean():.3g} ± {values.std(ddof=1):.2g}')
+            lines.append(f'| {scene} | {engine} | {len(own)} | {" | ".join(cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--model', nargs='+', default=['contact'], help='shipped names or paths')
+    parser.add_argument('--reference', nargs='+', required=True, type=Path, metavar='FILE')
+    parser.add_argument('--draws', type=int, default=5, help='of moved starts (default 5)')
+    parser.add_argument('--json', required=True, type=Path, metavar='FILE')
+    arguments = parser.parse_args()
+    simulators = {
+        name if len(arguments.model) == 1 else f'seed {index}': load_simulator(name)
+        for index, name in enumerate(arguments.model)
+    }
+    report: dict[str, Any] = {'moved': MOVED, 'draws': arguments.draws, 'scenes': {}}
+    if arguments.json.is_file():
+        report['scenes'] = read_json(arguments.json)['scenes']
+    for path in arguments.reference:
+        record = read_record(path)
+        found = report['scenes'].setdefault(path.stem, {})
+        left = {
+            k: v for k, v in draws(record, simulators, arguments.draws).items() if k not in found
+        }
+        with Progress(len(left), path.stem, unit='draw') as progress:
+            for key, make in left.items():
+                positions = make().positions
+                reference = record.trajectory.positions
+                found[key] = {
+                    'mse': float(position_mse(positions, reference)),
+                    'chamfer': float(chamfer(positions, reference)),
+                }
+                write_json(arguments.json, report)
+                progress.update(draw=key, mse=found[key]['mse'])
+    print(table(report), end='')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
