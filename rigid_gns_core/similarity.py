@@ -89,13 +89,15 @@ class Similarity:
 
     def to_world(self, state: State) -> State:
         """A state of the model in the world's units; inverse of `to_model`."""
-        turn = self.rotation
-        back = self.quaternion * [-1.0, -1.0, -1.0, 1.0]
-        return State(
-            positions=state.positions @ turn * self.length,
-            quaternions=quaternion_multiply(back, state.quaternions),
-            velocities=state.velocities @ turn * (self.length / self.time),
-            angular_velocities=state.angular_velocities @ turn / self.time,
+        turn, quaternions = self.rotation, state.quaternions
+        if self.quaternion[3] < 1.0:
+            back = self.quaternion * [-1.0, -1.0, -1.0, 1.0]
+            quaternions = quaternion_multiply(back, quaternions)
+        return State.unchecked(
+            state.positions @ (turn * self.length),
+            quaternions,
+            state.velocities @ (turn * (self.length / self.time)),
+            state.angular_velocities @ (turn / self.time),
         )
 
 

@@ -75,6 +75,18 @@ class State:
     def __len__(self) -> int:
         return len(self.positions)
 
+    @classmethod
+    def unchecked(
+        cls, positions: Array, quaternions: Array, velocities: Array, angular_velocities: Array
+    ) -> State:
+        """A state of arrays that are known to be right; they are not copied."""
+        state = object.__new__(cls)
+        fields = (positions, quaternions, velocities, angular_velocities)
+        names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
+        for name, value in zip(names, fields, strict=True):
+            object.__setattr__(state, name, value)
+        return state
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:

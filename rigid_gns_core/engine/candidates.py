@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..state import Array
-from .jit import compiled
+from .jit import compiled, in_place
 from .neighbours import Flags, Indices, find_pairs
-from .vector import Vector, dot, length, minus, row
+from .vector import dot, length, minus, row
 from .world import World
 
 
@@ -30,7 +30,7 @@ class Candidates(NamedTuple):
     key: Indices
 
 
-@compiled
+@in_place
 def reach_of(speed: float, gravity: float, dt: float) -> float:
     """How far a sphere may get in a frame: it can be deflected to any direction."""
     return speed * dt + gravity * dt**2
@@ -61,62 +61,58 @@ def find_candidates(
         reach = reach_of(length(row(velocities, i)), pull, dt)
         extent[i] = 1.01 * world.radius[i] + reach
     first, second = find_pairs(positions, extent, awake)
-    meets = np.empty((max(16, count), 2), np.int64)
-    sides = np.empty(len(meets))
-    others = 0
-    for i in range(count):
-        if not awake[i]:
-            continue
-        for k in range(planes):
-            near, side = _near_plane(world, k, row(positions, i), row(before, i), extent[i])
-            if not near:
-                continue
-            if others == len(meets):
-                more, more_sides = np.empty((2 * others, 2), np.int64), np.empty(2 * others)
-                more[:others], more_sides[:others] = meets, sides
-                meets, sides = more, more_sides
-            meets[others, 0], meets[others, 1], sides[others] = i, k, side
-            others += 1
-    return _merged(first, second, meets[:others], sides, count, count + planes)
+    near, side = np.zeros((count, planes), np.bool_), np.ones((count, planes))
+    for k in range(planes):
+        _mark_near_plane(world, k, positions, before, extent, awake, near, side)
+    return _merged(first, second, near, side)
 
 
-@compiled
-def _near_plane(
-    world: World, plane: int, position: Vector, before: Vector, reach: float
-) -> tuple[bool, float]:
-    """Whether a sphere may get there, and on which side of it the sphere was before."""
-    offset = minus(position, row(world.point, plane))
+@in_place
+def _mark_near_plane(
+    world: World,
+    plane: int,
+    positions: Array,
+    before: Array,
+    extent: Array,
+    awake: Flags,
+    near: Flags,
+    side: Array,
+) -> None:
+    """Which spheres may get to a plane, shape (n, s), and on which side of it they were before."""
     axes, half = world.axes[plane], world.half[plane]
-    height, side = dot(row(axes, 2), offset), 1.0
-    if world.plate[plane]:
-        height = math.fabs(height)
-        if dot(row(axes, 2), minus(before, row(world.point, plane))) < 0:
-            side = -1.0
-    if height > reach:
-        return False, side
-    for axis in range(2):
-        if math.fabs(dot(row(axes, axis), offset)) - half[axis] > reach:
-            return False, side
-    return True, side
+    point, plate = row(world.point, plane), world.plate[plane]
+    one, two, up = row(axes, 0), row(axes, 1), row(axes, 2)
+    half_one, half_two = half[0], half[1]
+    for i in range(len(positions)):
+        offset, reach = minus(row(positions, i), point), extent[i]
+        height = dot(up, offset)
+        if plate:
+            height = math.fabs(height)
+            if dot(up, minus(row(before, i), point)) < 0:
+                side[i, plane] = -1.0
+        if height <= reach and awake[i]:
+            beyond = max(
+                math.fabs(dot(one, offset)) - half_one, math.fabs(dot(two, offset)) - half_two
+            )
+            near[i, plane] = beyond <= reach
 
 
 @compiled
-def _merged(
-    first: Indices, second: Indices, meets: Indices, sides: Array, count: int, bodies: int
-) -> Candidates:
+def _merged(first: Indices, second: Indices, near: Flags, sides: Array) -> Candidates:
     """Pairs and planes of each sphere, one after the other."""
-    size = len(first) + len(meets)
+    count, planes = near.shape
+    size, pair, k = len(first) + near.sum(), 0, 0
     a, b = np.empty(size, np.int64), np.empty(size, np.int64)
     plane, side, key = np.full(size, -1), np.ones(size), np.empty(size, np.int64)
-    pair, other = 0, 0
-    for k in range(size):
-        mine = other == len(meets) or (pair < len(first) and first[pair] <= meets[other, 0])
-        if mine:
-            a[k], b[k] = first[pair], second[pair]
-            key[k] = a[k] * bodies + b[k]
+    for i in range(count):
+        while pair < len(first) and first[pair] == i:
+            a[k], b[k] = i, second[pair]
+            key[k] = i * (count + planes) + b[k]
             pair += 1
-        else:
-            a[k], b[k], plane[k], side[k] = meets[other, 0], count, meets[other, 1], sides[other]
-            key[k] = a[k] * bodies + count + plane[k]
-            other += 1
+            k += 1
+        for other in range(planes):
+            if near[i, other]:
+                a[k], b[k], plane[k], side[k] = i, count, other, sides[i, other]
+                key[k] = i * (count + planes) + count + other
+                k += 1
     return Candidates(a, b, plane, side, key)

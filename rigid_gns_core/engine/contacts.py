@@ -9,7 +9,7 @@ import numpy as np
 
 from ..state import Array
 from .candidates import Candidates
-from .jit import compiled
+from .jit import compiled, in_place
 from .neighbours import Flags, Indices
 from .vector import Vector, dot, length, minus, plus, put, row, times
 from .world import World
@@ -54,12 +54,12 @@ class Meeting(NamedTuple):
     pull: float
 
 
-@compiled
+@in_place
 def _none() -> Meeting:
     return Meeting(False, (0.0, 0.0, 1.0), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@compiled
+@in_place
 def meeting_of_spheres(
     offset: Vector, moving: Vector, one: float, other: float, h: float, past: float, near: float
 ) -> Meeting:
@@ -99,7 +99,7 @@ def meeting_of_spheres(
     return Meeting(True, normal, time, far - touching, apart, -dot(normal, moving), 0.0)
 
 
-@compiled
+@in_place
 def from_rectangle(local: Vector, half: Array) -> Vector:
     """Vector from the closest point of a rectangle about the origin, normal along z."""
     x = max(min(local[0], half[0]), -half[0])
@@ -107,20 +107,20 @@ def from_rectangle(local: Vector, half: Array) -> Vector:
     return local[0] - x, local[1] - y, local[2]
 
 
-@compiled
+@in_place
 def to_plane(axes: Array, vector: Vector) -> Vector:
     """A vector in the axes of a plane."""
     return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
 
 
-@compiled
+@in_place
 def from_plane(axes: Array, local: Vector) -> Vector:
     """A vector of a plane's axes in the world."""
     flat = plus(times(local[0], row(axes, 0)), times(local[1], row(axes, 1)))
     return plus(flat, times(local[2], row(axes, 2)))
 
 
-@compiled
+@in_place
 def meeting_with_plane(
     world: World,
     plane: int,
@@ -193,7 +193,7 @@ def meeting_with_plane(
     )
 
 
-@compiled
+@in_place
 def _on_path(start: Vector, moving: Vector, pulling: Vector, time: float) -> Vector:
     return plus(start, times(time, plus(moving, times(0.5 * time, pulling))))
 
@@ -262,7 +262,7 @@ def find_contacts(
     )
 
 
-@compiled
+@in_place
 def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[float, Vector]:
     """Gap and unit normal of contact k where the spheres are now."""
     a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]

@@ -9,7 +9,7 @@ from .candidates import Candidates, find_candidates, reach_of
 from .contacts import find_contacts
 from .impulses import no_impulses
 from .islands import Islands, connect, no_islands
-from .jit import compiled, entry
+from .jit import compiled, entry, in_place
 from .memory import Memory, pressing, recall, remember
 from .neighbours import Flags, Indices
 from .overlap import push_out
@@ -133,7 +133,7 @@ def _reaches(world: World, motion: Motion, dt: float) -> Array:
     return reach
 
 
-@compiled
+@in_place
 def _outrun(motion: Motion, start: Array, reach: Array, left: float) -> bool:
     """Whether a sphere that was struck may leave its reach, with `left` of the frame to go."""
     for i in range(len(reach)):
@@ -168,7 +168,7 @@ def _set_apart(world: World, motion: Motion, candidates: Candidates, every: Flag
     push_out(world, motion.positions, contacts)
 
 
-@compiled
+@in_place
 def _put_back(
     motion: Motion, turning: Array, own: Islands, members: Indices, after: Spheres, islands: Islands
 ) -> None:
@@ -178,13 +178,14 @@ def _put_back(
         put(after.positions, i, row(motion.positions, m))
         put(after.velocities, i, row(motion.velocities, m))
         put(after.angular_velocities, i, row(motion.angular_velocities, m))
-        after.quaternions[i] = turning[m]
+        for part in range(4):
+            after.quaternions[i, part] = turning[m, part]
         if own.touched[m]:
             connect(islands, i, members[own.parent[m]])
             islands.grounded[i] |= own.grounded[m]
 
 
-@compiled
+@in_place
 def _fly(
     world: World, before: Spheres, after: Spheres, others: Flags, awake: Flags, time: float
 ) -> None:
@@ -201,6 +202,7 @@ def _fly(
             after.velocities[i, axis] = speed + pull
         spin = row(before.angular_velocities, i)
         put(after.angular_velocities, i, spin)
-        after.quaternions[i] = before.quaternions[i]
+        for part in range(4):
+            after.quaternions[i, part] = before.quaternions[i, part]
         if dot(spin, spin) > 0:
             turn(after.quaternions, i, spin, time)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..state import Array
 from .islands import Islands, groups_of
-from .jit import compiled
+from .jit import compiled, in_place
 from .neighbours import Indices
 from .spheres import Spheres
 from .vector import Vector, add_to, cross, dot, minus, plus, put, row, solve_symmetric, times
@@ -55,7 +55,7 @@ def _rigid(world: World, spheres: Spheres, members: Indices) -> _Rigid:
     return _Rigid(centre, mean, momentum, tensor)
 
 
-@compiled
+@in_place
 def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
     """Kinetic and potential energy of a sphere."""
     v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
@@ -149,7 +149,7 @@ def _calm(world: World, after: Spheres, members: Indices, gain: float) -> None:
         put(after.angular_velocities, i, plus(turn, times(keep, w)))
 
 
-@compiled
+@in_place
 def _inner(after: Spheres, body: _Rigid, turn: Vector, i: int) -> tuple[Vector, Vector]:
     """Velocity and spin of a sphere beyond those of the rigid body."""
     arm = minus(row(after.positions, i), body.centre)

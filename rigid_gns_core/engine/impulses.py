@@ -8,7 +8,7 @@ import numpy as np
 
 from ..state import Array
 from .contacts import Contacts
-from .jit import compiled
+from .jit import compiled, in_place
 from .law import Law
 from .neighbours import Indices
 from .vector import Vector, across, add_to, cross, dot, minus, plus, put, row, times
@@ -54,7 +54,7 @@ def no_impulses(count: int) -> Impulses:
     return Impulses(np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)))
 
 
-@compiled
+@in_place
 def push(world: World, c: Contacts, bodies: Bodies, k: int, impulse: Vector) -> None:
     """An impulse at contact k, as it acts on velocities."""
     a, b = c.a[k], c.b[k]
@@ -62,7 +62,7 @@ def push(world: World, c: Contacts, bodies: Bodies, k: int, impulse: Vector) -> 
     add_to(bodies.change, b, times(-world.inverse_mass[b], impulse))
 
 
-@compiled
+@in_place
 def spin(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, impulse: Vector) -> None:
     """The same impulse, as it acts on angular velocities."""
     a, b = c.a[k], c.b[k]
@@ -71,7 +71,7 @@ def spin(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, impulse: V
     add_to(bodies.turn, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
 
 
-@compiled
+@in_place
 def slip_of(
     c: Contacts, law: Law, k: int, one: Vector, other: Vector, w: Vector, u: Vector
 ) -> Vector:
@@ -81,7 +81,7 @@ def slip_of(
     return minus(across(minus(one, other), normal), cross(turning, normal))
 
 
-@compiled
+@in_place
 def slip_now(c: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
     """The same with the impulses so far."""
     a, b = c.a[k], c.b[k]
@@ -96,7 +96,7 @@ def slip_now(c: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
     )
 
 
-@compiled
+@in_place
 def parting_of(c: Contacts, bodies: Bodies, k: int) -> float:
     """Normal velocity with the impulses so far."""
     a, b = c.a[k], c.b[k]
@@ -104,7 +104,7 @@ def parting_of(c: Contacts, bodies: Bodies, k: int) -> float:
     return dot(row(c.normal, k), plus(free, minus(row(bodies.change, a), row(bodies.change, b))))
 
 
-@compiled
+@in_place
 def own_slip(world: World, c: Contacts, law: Law, made: Impulses, k: int) -> Vector:
     """Slip that the contact makes itself."""
     arm = law.arm_a[k] * world.inverse_inertia[c.a[k]]
@@ -112,7 +112,7 @@ def own_slip(world: World, c: Contacts, law: Law, made: Impulses, k: int) -> Vec
     return plus(sliding, times(arm, cross(row(c.normal, k), row(made.rolling, k))))
 
 
-@compiled
+@in_place
 def begin(
     world: World, c: Contacts, law: Law, group: Indices, given: Impulses, bodies: Bodies,
     made: Impulses,

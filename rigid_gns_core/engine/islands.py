@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import compiled
+from .jit import compiled, in_place
 from .neighbours import Flags, Indices
 
 
@@ -40,7 +40,7 @@ def no_islands(count: int) -> Islands:
     return Islands(np.arange(count), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
 
 
-@compiled
+@in_place
 def root_of(parent: Indices, sphere: int) -> int:
     """The island of a sphere, by the number of one of its spheres."""
     while parent[sphere] != sphere:
@@ -49,7 +49,7 @@ def root_of(parent: Indices, sphere: int) -> int:
     return sphere
 
 
-@compiled
+@in_place
 def connect(islands: Islands, one: int, other: int) -> None:
     """A contact between spheres; `other` -1: with a surface."""
     islands.touched[one] = True

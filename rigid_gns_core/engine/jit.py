@@ -51,6 +51,14 @@ def compiled(function: Function) -> Function:
     return _compile(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+def in_place(function: Function) -> Function:
+    """The same for functions that make no array: nothing counts references in them.
+
+    Counting them, atomically and for every array of every tuple, took most of the time.
+    """
+    return _compile(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+
+
 def entry(function: Function) -> Function:
     """The same for functions that Python calls; no lock is held, so that scenes run in threads."""
     return _compile(function, nogil=True)

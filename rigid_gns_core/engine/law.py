@@ -9,7 +9,7 @@ import numpy as np
 
 from ..state import Array
 from .contacts import Contacts
-from .jit import compiled
+from .jit import compiled, in_place
 from .world import UNIT_GRAVITY, World
 
 # approach speeds below this do not bounce: as the teacher, 3 g dt / 240
@@ -75,7 +75,7 @@ def law_of(world: World, contacts: Contacts) -> Law:
     return Law(own[0], own[1], own[2], own[3], own[4], own[5], own[6], own[7])
 
 
-@compiled
+@in_place
 def aim_of(
     e: float, h: float, time: float, gap: float, approach: float, pull: float, extra: float
 ) -> Aim:

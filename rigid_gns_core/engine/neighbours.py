@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..state import Array
-from .jit import compiled, entry
+from .jit import compiled, entry, in_place
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+# fewer spheres are compared one with each other
+_BRUTE = 400
 # levels with fewer spheres are read through instead of looked up cell by cell
 _FEW = 16
 
@@ -40,7 +42,7 @@ class Grid(NamedTuple):
     level_start: Indices
 
 
-@compiled
+@in_place
 def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
     return (x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 40503) & mask
 
@@ -105,8 +107,8 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
     count = len(positions)
     found = np.empty((max(64, 8 * count), 2), np.int64)
     pairs = 0
-    if count < 2:
-        return np.empty(0, np.int64), np.empty(0, np.int64)
+    if count < _BRUTE:
+        return _every_pair(positions, extent, awake)
     grid = make_grid(positions, extent)
     mask = len(grid.start) - 2
     near = np.empty(count, np.int64)
@@ -156,6 +158,43 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
 
 
 @compiled
+def _every_pair(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, Indices]:
+    """The same by looking at all pairs, which is faster for few spheres."""
+    count = len(positions)
+    near = np.empty((count, count), np.bool_)
+    start = np.zeros(count + 1, np.int64)
+    # columns, so that the inner loop becomes vector instructions
+    x, y, z = positions[:, 0].copy(), positions[:, 1].copy(), positions[:, 2].copy()
+    for i in range(count):
+        start[i + 1] = start[i] + _mark_near(x, y, z, extent, awake, i, near[i])
+    first, second = np.empty(start[-1], np.int64), np.empty(start[-1], np.int64)
+    for i in range(count):
+        place = start[i]
+        if start[i + 1] == place:
+            continue
+        for j in range(i + 1, count):
+            if near[i, j]:
+                first[place], second[place] = i, j
+                place += 1
+    return first, second
+
+
+@in_place
+def _mark_near(
+    x: Array, y: Array, z: Array, extent: Array, awake: Flags, i: int, near: Flags
+) -> int:
+    """Which spheres after i are within reach of it; returns how many."""
+    x_i, y_i, z_i, reach_i, awake_i = x[i], y[i], z[i], extent[i], awake[i]
+    found = 0
+    for j in range(i + 1, len(x)):
+        reach = reach_i + extent[j]
+        square = (x[j] - x_i) ** 2 + (y[j] - y_i) ** 2 + (z[j] - z_i) ** 2
+        near[j] = (square <= reach * reach) & (awake_i | awake[j])
+        found += near[j]
+    return found
+
+
+@in_place
 def _within(positions: Array, extent: Array, i: int, j: int) -> bool:
     reach = extent[i] + extent[j]
     square = 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..state import Array
 from .contacts import Contacts
-from .jit import compiled
+from .jit import compiled, in_place
 from .law import Law
 from .neighbours import Indices
 from .vector import Vector, dot, length, minus, row, times
@@ -22,8 +22,6 @@ from .world import UNIT_GRAVITY, World
 
 Floats = NDArray[np.float32]
 
-FEATURES = 17
-ROUND_FEATURES = 7
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles
 MOMENTUM = 0.5
 
@@ -45,18 +43,6 @@ class Weights(NamedTuple):
     rounds_last_bias: Floats
     heads: Floats
     heads_bias: Floats
-
-
-class Tuning(NamedTuple):
-    """What a round does at a contact.
-
-    pace, pace_slip: factors on the damped steps of normal impulse and friction; momentum: share of
-    the last step that is repeated.
-    """
-
-    pace: float
-    pace_slip: float
-    momentum: float
 
 
 def weights_of(tensors: Mapping[str, NDArray[Any]], rounds: int) -> Weights:
@@ -87,39 +73,55 @@ def no_weights() -> Weights:
     return Weights(two, one, two, one, three, two, three, two, three, two)
 
 
-@compiled
-def plain(load: float) -> Tuning:
-    """Without a network; `load` is the number of contacts that press on the bodies."""
-    return Tuning(1.0, 1.0, MOMENTUM * (1.0 - 1.0 / load))
+@in_place
+def plain(load: Array, pace: Array) -> None:
+    """The pace without a network; see `tune`."""
+    for c in range(len(load)):
+        pace[c, 0] = pace[c, 1] = 1.0
+        pace[c, 2] = MOMENTUM * (1.0 - 1.0 / load[c])
 
 
-@compiled
+@in_place
 def _layer(inputs: Floats, weight: Floats, bias: Floats, outputs: Floats) -> None:
-    """Outputs = inputs @ weight + bias, for a few numbers."""
-    outputs[:] = bias
-    for i in range(len(inputs)):
-        value = inputs[i]
-        for o in range(len(outputs)):
-            outputs[o] += value * weight[i, o]
+    """Outputs = weight.T inputs + bias for all contacts at once; shapes (i, c), (o, c).
+
+    Contacts are the inner loop, which the compiler turns into vector instructions; four inputs at
+    a time, so that outputs are not written more often than needed.
+    """
+    size, count = inputs.shape
+    whole = size - size % 4
+    for o in range(len(bias)):
+        out = outputs[o]
+        out[:] = bias[o]
+        for i in range(0, whole, 4):
+            one, two, three, four = inputs[i], inputs[i + 1], inputs[i + 2], inputs[i + 3]
+            w1, w2, w3, w4 = weight[i, o], weight[i + 1, o], weight[i + 2, o], weight[i + 3, o]
+            for c in range(count):
+                out[c] += (w1 * one[c] + w2 * two[c]) + (w3 * three[c] + w4 * four[c])
+        for i in range(whole, size):
+            one, w1 = inputs[i], weight[i, o]
+            for c in range(count):
+                out[c] += w1 * one[c]
 
 
 @compiled
 def _mlp(
-    inputs: Floats, first: Floats, bias: Floats, last: Floats, last_bias: Floats, hidden: Floats,
-    outputs: Floats,
-) -> None:  # fmt: skip
+    inputs: Floats, first: Floats, bias: Floats, last: Floats, last_bias: Floats, outputs: Floats
+) -> None:
+    hidden = np.empty((len(bias), inputs.shape[1]), np.float32)
     _layer(inputs, first, bias, hidden)
-    for k in range(len(hidden)):
-        hidden[k] = max(hidden[k], np.float32(0.0))
+    for row_of in hidden:
+        for c in range(len(row_of)):
+            row_of[c] = max(row_of[c], np.float32(0.0))
     _layer(hidden, last, last_bias, outputs)
 
 
-@compiled
+@in_place
 def _speed(value: float, scale: float) -> float:
     return math.asinh(10.0 * value / scale)
 
 
-@compiled
+@in_place
 def describe(
     world: World,
     contacts: Contacts,
@@ -164,20 +166,19 @@ def describe(
 
 
 @compiled
-def encode(weights: Weights, features: Floats, hidden: Floats, latent: Floats) -> None:
-    """Latent of a contact, shape (w,)."""
+def encode(weights: Weights, features: Floats, latent: Floats) -> None:
+    """Latents of contacts, shape (w, c), from features, shape (17, c)."""
     _mlp(
         features,
         weights.encoder,
         weights.encoder_bias,
         weights.encoder_last,
         weights.encoder_last_bias,
-        hidden,
         latent,
     )
 
 
-@compiled
+@in_place
 def sum_latents(
     contacts: Contacts, group: Indices, latent: Floats, weight: Array, fixed: int, total: Array
 ) -> None:
@@ -190,13 +191,13 @@ def sum_latents(
             total[body] = 0.0
     for q in range(len(group)):
         a, b = contacts.a[group[q]], contacts.b[group[q]]
-        for i in range(latent.shape[1]):
-            total[a, i] += weight[q, 0] * latent[q, i]
+        for i in range(len(latent)):
+            total[a, i] += weight[q, 0] * latent[i, q]
             if b != fixed:
-                total[b, i] += weight[q, 1] * latent[q, i]
+                total[b, i] += weight[q, 1] * latent[i, q]
 
 
-@compiled
+@in_place
 def read_round(
     lacking: float, slip: float, carried: float, others: float, others_slip: float, load: float,
     scale: float, seen: Floats,
@@ -213,26 +214,36 @@ def read_round(
 
 @compiled
 def tune(
-    weights: Weights, index: int, inputs: Floats, load: float, hidden: Floats, latent: Floats,
-    raw: Floats,
-) -> Tuning:  # fmt: skip
-    """One round at a contact: its latent is renewed from `inputs`, shape (2 w + 7,)."""
+    weights: Weights, index: int, inputs: Floats, load: Array, latent: Floats, pace: Array
+) -> None:
+    """One round: latents are renewed, and say what the round does at each contact.
+
+    Args:
+        weights: Of the network.
+        index: Of the round.
+        inputs: Latents, latents around, features of the round, shape (2 w + 7, c).
+        load: Contacts that press on the bodies, shape (c,).
+        latent: Renewed, shape (w, c).
+        pace: Factors on the damped steps of normal impulse and of friction, and the share of the
+            last step that is repeated; written, shape (c, 3).
+    """
     _mlp(
         inputs,
         weights.rounds[index],
         weights.rounds_bias[index],
         weights.rounds_last[index],
         weights.rounds_last_bias[index],
-        hidden,
         latent,
     )
-    latent += inputs[: len(latent)]
+    for i in range(len(latent)):
+        for c in range(len(load)):
+            latent[i, c] += inputs[i, c]
+    raw = np.empty((4, len(load)), np.float32)
     _layer(latent, weights.heads[index], weights.heads_bias[index], raw)
-    # a contact that shares no body with one that presses keeps the exact step
-    shared = 1.0 - 1.0 / load
-    momentum = MOMENTUM + (1.0 - MOMENTUM) * 0.9 * math.tanh(raw[2])
-    return Tuning(
-        math.exp(shared * math.tanh(raw[0])),
-        math.exp(shared * math.tanh(raw[1])),
-        shared * momentum,
-    )
+    for c in range(len(load)):
+        # a contact that shares no body with one that presses keeps the exact step
+        shared = 1.0 - 1.0 / load[c]
+        momentum = MOMENTUM + (1.0 - MOMENTUM) * 0.9 * math.tanh(raw[2, c])
+        pace[c, 0] = math.exp(shared * math.tanh(raw[0, c]))
+        pace[c, 1] = math.exp(shared * math.tanh(raw[1, c]))
+        pace[c, 2] = shared * momentum

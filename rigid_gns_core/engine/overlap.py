@@ -13,6 +13,8 @@ from .world import World
 
 # sweeps that push out what still overlaps at the end of a substep
 _SWEEPS = 4
+# overlaps [radii] that are rounding
+ROUNDING = 1e-12
 # passes over a start, and overlaps [radii] below which it is left as it is
 _PASSES, _CLOSE = 500, 1e-6
 
@@ -28,8 +30,9 @@ def push_out(world: World, positions: Array, contacts: Contacts) -> None:
         any_deep = False
         for k in range(count):
             gap, direction = gap_of(world, positions, contacts, k)
-            depth[k] = -gap
-            if gap < 0:
+            deep = gap < -ROUNDING * world.radius[contacts.a[k]]
+            depth[k] = -gap if deep else 0.0
+            if deep:
                 any_deep = True
                 put(normal, k, direction)
         if not any_deep:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from ..state import Array
-from .jit import compiled
+from .jit import in_place
 from .vector import Vector, cross, dot, length, plus, times
 
 
-@compiled
+@in_place
 def turn(quaternions: Array, i: int, spin: Vector, time: float) -> None:
     """Turn quaternion i at an angular velocity for some time, exactly; world frame."""
     speed = length(spin)

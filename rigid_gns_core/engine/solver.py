@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..models.configs import CONTACT_FEATURES, ROUND_FEATURES
 from ..state import Array
 from .contacts import Contacts
 from .impulses import Bodies, Impulses, begin, own_slip, parting_of, push, slip_now, slip_of, spin
-from .jit import compiled
+from .jit import compiled, in_place
 from .law import Aim, Law, aim_of
 from .neighbours import Indices
 from .network import Floats, Weights, describe, encode, plain, read_round, sum_latents, tune
@@ -35,7 +36,7 @@ class Rounds(NamedTuple):
     and b, 0 to 1, shape (c, 2); drag: what gravity does to the
     slip of a sphere that bounced; pace: normal, of friction, momentum, shape (c, 3); last_normal,
     last_tangential: impulses before the last step; aim: impulse, lever and rest of the last round,
-    shape (c, 3); step: to add, shape (c, 3); latent: shape (c, w).
+    shape (c, 3); step: to add, shape (c, 3); latent: shape (w, c).
     """
 
     group: Indices
@@ -78,7 +79,7 @@ def _rounds(group: Indices, width: int) -> Rounds:
         three[4],
         three[5],
         three[6],
-        np.zeros((size, width), np.float32),
+        np.zeros((width, size), np.float32),
     )
 
 
@@ -113,6 +114,8 @@ def solve(
         weights: Of the network; none: the law alone.
         made: Impulses, written.
     """
+    if len(group) == 0:
+        return np.empty(0)
     learned = len(weights.rounds) > 0
     r = _rounds(group, weights.encoder.shape[1])
     begin(world, c, law, group, support, bodies, made)
@@ -128,13 +131,13 @@ def solve(
         if learned:
             _set_pace(world, c, law, bodies, made, r, pace, weights, index)
         else:
-            for q, k in enumerate(group):
-                load = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
-                r.pace[q, 0], r.pace[q, 1], r.pace[q, 2] = plain(load)
+            plain(_loads(c, bodies, r), r.pace)
         _press(world, c, bodies, made, r)
         _roll(world, c, law, bodies, made, r)
         _rub(world, c, law, bodies, made, r)
-    return _displace(world, c, law, bodies, made, r)
+    unsettled = np.empty(len(group))
+    _displace(world, c, law, bodies, made, r, unsettled)
+    return unsettled
 
 
 @compiled
@@ -150,7 +153,8 @@ def _look_ahead(
     weights: Weights,
 ) -> None:
     """What free paths bring to each contact, and what the others make of that."""
-    inputs, hidden = np.empty(17, np.float32), np.empty(r.latent.shape[1], np.float32)
+    learned = len(weights.rounds) > 0
+    features = np.empty((CONTACT_FEATURES if learned else 0, len(r.group)), np.float32)
     for q, k in enumerate(r.group):
         a, b, normal = c.a[k], c.b[k], row(c.normal, k)
         before = minus(row(bodies.before, a), row(bodies.before, b))
@@ -160,7 +164,7 @@ def _look_ahead(
         r.start_others[q] = _others(c, law, bodies, made, r, q)
         slip = slip_of(c, law, k, one, other, row(bodies.spin, a), row(bodies.spin, b))
         put(r.free_slip, q, slip)
-        if len(weights.rounds) > 0:
+        if learned:
             aim = _aim(c, law, r, q, h, 0.0)
             describe(
                 world,
@@ -174,25 +178,26 @@ def _look_ahead(
                 slip,
                 row(bodies.spin, a),
                 row(bodies.spin, b),
-                inputs,
+                features[:, q],
             )
-            encode(weights, inputs, hidden, r.latent[q])
+    if learned:
+        encode(weights, features, r.latent)
 
 
-@compiled
+@in_place
 def _aim(c: Contacts, law: Law, r: Rounds, q: int, h: float, extra: float) -> Aim:
     k = r.group[q]
     return aim_of(law.restitution[k], h, c.time[k], c.open[k], r.approach[q], c.pull[k], extra)
 
 
-@compiled
+@in_place
 def _others(c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds, q: int) -> float:
     """Change of normal velocity that the other contacts make."""
     k = r.group[q]
     return parting_of(c, bodies, k) - r.free_parting[q] - made.normal[k] * law.unit[k]
 
 
-@compiled
+@in_place
 def _slip_of_others(
     world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds, q: int
 ) -> Vector:
@@ -202,7 +207,7 @@ def _slip_of_others(
     return minus(slip, own_slip(world, c, law, made, k))
 
 
-@compiled
+@in_place
 def _common(one: float, other: float) -> float:
     """The smaller of two numbers of one sign, else 0."""
     if one * other > 0:
@@ -210,7 +215,7 @@ def _common(one: float, other: float) -> float:
     return 0.0
 
 
-@compiled
+@in_place
 def _compare(
     world: World,
     c: Contacts,
@@ -269,35 +274,42 @@ def _set_pace(
     index: int,
 ) -> None:
     """A round of message passing."""
-    fixed, width = len(bodies.load) - 1, r.latent.shape[1]
-    inputs, hidden = np.empty(2 * width + 7, np.float32), np.empty(width, np.float32)
-    raw = np.empty(4, np.float32)
+    fixed, width = len(bodies.load) - 1, len(r.latent)
+    inputs = np.empty((2 * width + ROUND_FEATURES, len(r.group)), np.float32)
     sum_latents(c, r.group, r.latent, r.weight, fixed, bodies.total)
+    load = _loads(c, bodies, r)
     for q, k in enumerate(r.group):
-        load = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
+        a, b = c.a[k], c.b[k]
+        for i in range(width):
+            around = bodies.total[a, i] - r.weight[q, 0] * r.latent[i, q]
+            if b != fixed:
+                around += bodies.total[b, i] - r.weight[q, 1] * r.latent[i, q]
+            inputs[i, q], inputs[width + i, q] = r.latent[i, q], around
         slip = slip_now(c, law, bodies, k)
         other = minus(minus(slip, row(r.free_slip, q)), own_slip(world, c, law, made, k))
-        inputs[:width] = r.latent[q]
-        for i in range(width):
-            around = bodies.total[c.a[k], i] - r.weight[q, 0] * r.latent[q, i]
-            if c.b[k] != fixed:
-                around += bodies.total[c.b[k], i] - r.weight[q, 1] * r.latent[q, i]
-            inputs[width + i] = around
         read_round(
             r.lacking[q],
             length(minus(slip, row(r.drag, q))),
             made.normal[k] * law.unit[k],
             r.others[q] - r.start_others[q],
             length(minus(other, row(r.start_slip, q))),
-            load,
+            load[q],
             UNIT_GRAVITY * pace,
-            inputs[2 * width :],
+            inputs[2 * width :, q],
         )
-        tuning = tune(weights, index, inputs, load, hidden, r.latent[q], raw)
-        r.pace[q, 0], r.pace[q, 1], r.pace[q, 2] = tuning
+    tune(weights, index, inputs, load, r.latent, r.pace)
 
 
 @compiled
+def _loads(c: Contacts, bodies: Bodies, r: Rounds) -> Array:
+    """Contacts that press on the more loaded body of each contact, shape (c,)."""
+    load = np.empty(len(r.group))
+    for q, k in enumerate(r.group):
+        load[q] = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
+    return load
+
+
+@in_place
 def _press(world: World, c: Contacts, bodies: Bodies, made: Impulses, r: Rounds) -> None:
     """Normal impulses."""
     for q, k in enumerate(r.group):
@@ -310,7 +322,7 @@ def _press(world: World, c: Contacts, bodies: Bodies, made: Impulses, r: Rounds)
         push(world, c, bodies, k, times(made.normal[k] - r.last_normal[q], row(c.normal, k)))
 
 
-@compiled
+@in_place
 def _stiffness(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, pace: float) -> float:
     """Inverse of the tangential impulse that a unit of slip calls for."""
     a, b = c.a[k], c.b[k]
@@ -318,7 +330,7 @@ def _stiffness(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, pace
     return (one + bodies.load[b] * (world.inverse_mass[b] + law.spin_b[k])) / pace
 
 
-@compiled
+@in_place
 def _roll(world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds) -> None:
     """Torque of rolling friction: at most rho r N, and no more than stops the rolling.
 
@@ -352,7 +364,7 @@ def _roll(world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r
         add_to(bodies.turn, a, times(world.inverse_inertia[a], row(r.step, q)))
 
 
-@compiled
+@in_place
 def _rub(world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds) -> None:
     """Friction: it stops slip, as far as the cone allows."""
     for q, k in enumerate(r.group):
@@ -370,16 +382,15 @@ def _rub(world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r:
         spin(world, c, law, bodies, k, row(r.step, q))
 
 
-@compiled
+@in_place
 def _displace(
-    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds
-) -> Array:
-    """Displacements beyond those of free flight.
+    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds, unsettled: Array
+) -> None:
+    """Displacements beyond those of free flight, and the speed that the last round changed.
 
     What a contact alone would get acts as if at its lever before the end; what others add to it is
     spread over the rest of the substep.
     """
-    unsettled = np.empty(len(r.group))
     for k in r.group:
         put(bodies.moved, c.a[k], (0.0, 0.0, 0.0))
         put(bodies.moved, c.b[k], (0.0, 0.0, 0.0))
@@ -392,4 +403,3 @@ def _displace(
         add_to(bodies.moved, a, times(lever * world.inverse_mass[a], impulse))
         add_to(bodies.moved, b, times(-lever * world.inverse_mass[b], impulse))
         unsettled[q] = math.fabs(made.normal[k] - r.last_normal[q]) * law.unit[k]
-    return unsettled

@@ -112,15 +112,10 @@ class EngineStepper:
         acted, removed = _finish(
             self.world, before, after, islands, self.dt, self.sleepers, self.guards, self.sleeps
         )
-        if not (np.isfinite(after.positions).all() and np.isfinite(after.velocities).all()):
+        if not all(np.isfinite(values).all() for values in after):
             raise FloatingPointError('the rollout diverged: a predicted value is not finite')
         self.frames += 1
         self.acted += acted
         self.removed += removed
         self.spheres = after
-        return State(
-            positions=after.positions,
-            quaternions=after.quaternions,
-            velocities=after.velocities,
-            angular_velocities=after.angular_velocities,
-        )
+        return State.unchecked(*after)

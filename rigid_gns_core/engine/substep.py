@@ -11,7 +11,7 @@ from .candidates import Candidates
 from .contacts import Contacts, find_contacts
 from .impulses import Bodies, Impulses, no_impulses
 from .islands import Islands, connect, no_islands, root_of
-from .jit import compiled
+from .jit import compiled, in_place
 from .law import law_of
 from .neighbours import Flags, Indices
 from .network import Weights
@@ -117,7 +117,7 @@ def substep(
     push_out(world, p, contacts)
 
 
-@compiled
+@in_place
 def _fly(world: World, motion: Motion, h: float) -> None:
     for i in range(len(motion.positions)):
         for axis in range(3):
@@ -139,14 +139,14 @@ def _bodies(world: World, motion: Motion, h: float, width: int) -> Bodies:
     return Bodies(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], load, most, total)
 
 
-@compiled
+@in_place
 def _copy(one: Impulses, i: int, other: Impulses, k: int) -> None:
     other.normal[k] = one.normal[i]
     put(other.tangential, k, row(one.tangential, i))
     put(other.rolling, k, row(one.rolling, i))
 
 
-@compiled
+@in_place
 def _forget(memory: Impulses) -> None:
     memory.normal[:] = 0.0
     memory.tangential[:] = 0.0

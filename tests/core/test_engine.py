@@ -115,7 +115,7 @@ def test_the_thesis_network_is_that_of_the_reference():
 @pytest.mark.parametrize('seed', range(4))
 def test_pairs_are_those_of_brute_force(seed):
     draw = np.random.default_rng(seed)
-    count = (1, 40, 200, 400)[seed]
+    count = (1, 40, 500, 900)[seed]
     positions = draw.uniform(-30, 30, (count, 3))
     # reaches over three decades: several levels of cells, some with few spheres
     extent = draw.choice([0.3, 1.0, 4.0], count) * draw.uniform(0.5, 1.5, count)

@@ -14,6 +14,8 @@ from .world import World
 
 # sweeps that push out what still overlaps at the end of a substep
 _SWEEPS = 4
+# overlaps [radii] that are rounding
+ROUNDING = 1e-12
 # passes over a start, and overlaps [radii] below which it is left as it is
 _PASSES, _CLOSE = 500, 1e-6
 
@@ -25,7 +27,7 @@ def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
     for _ in range(_SWEEPS):
         with torch.no_grad():
             gap, normal = geometry.gaps(world, positions, contacts)
-            deep = gap < 0
+            deep = gap < -ROUNDING * world.radius[a]
         if not bool(deep.any()):
             break
         touched = torch.nonzero(deep)[:, 0]
