@@ -37,7 +37,10 @@ TEXTS = {
     'guard, box': (
         'The guard adds up the energy of each island after each frame. It acts where that rose.'
     ),
-    'guard, pile': 'The same for a pile that falls together, where there is most to guard.',
+    'guard, pile': (
+        'The same for a pile that falls together, where there is most to guard. Its times also '
+        'depend on when it falls asleep.'
+    ),
     'walls': (
         'Walls far from all spheres cost the look whether one is near. The error says what '
         'happens where they are left out although spheres reach them.'
@@ -109,7 +112,7 @@ step, what the model would cost if it always did everything, and what is lost wh
 ## How it was measured
 
 Model `{report['model']}`, {about['cpu']}, {about['cores']} cores, load {about['load']},
-torch {about['torch']} with {about['threads']} thread(s). Each row: {report['repeats']} turns of
+Numba {about['numba']}, one thread. Each row: {report['repeats']} turns of
 {report['block']} steps of either side, in alternating order from the same state; those of sleep
 go on from where they were. "ms" is the median of a step's time, "times as long" the median of the
 ratios of neighbouring turns, changed over as it is. "Differs" is the mean distance between both

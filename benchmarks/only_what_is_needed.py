@@ -19,7 +19,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import torch
+import numba
 from ablation_measures import HORIZON, Bench
 from ablation_page import format_table, page
 from ablation_starts import make_starts
@@ -42,12 +42,10 @@ def main() -> int:
     parser.add_argument('--rows', nargs='+', metavar='WORD', help='only rows that begin with these')
     parser.add_argument('--repeats', type=int, help='turns of each side (default: 15)')
     parser.add_argument('--block', type=int, help='steps of a turn (default: 10)')
-    parser.add_argument('--threads', type=int, default=1, help='of torch (default: 1)')
     parser.add_argument('--quick', action='store_true', help='few spheres, turns and records')
     parser.add_argument('--json', type=Path, metavar='FILE')
     parser.add_argument('--page', type=Path, metavar='FILE')
     arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
     quick = arguments.quick
     words = tuple(arguments.rows or ('',))
     rows = {name: row for name, row in ROWS.items() if name.startswith(words)}
@@ -76,9 +74,8 @@ def main() -> int:
             'cpu': cpu_name(),
             'cores': os.cpu_count(),
             'load': round(os.getloadavg()[0], 1),
-            'threads': torch.get_num_threads(),
             'python': platform.python_version(),
-            'torch': torch.__version__,
+            'numba': numba.__version__,
         },
         'starts': {name: start.text for name, start in starts.items()},
         'rows': {},

@@ -21,6 +21,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.hard_cases.command',
         'check the stability of simulators on hard cases',
     ),
+    'benchmark': (
+        'rigid_gns_core.benchmark.command',
+        'speed against error, beside Bullet and MuJoCo',
+    ),
 }
 
 

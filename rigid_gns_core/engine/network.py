@@ -118,7 +118,7 @@ def _mlp(
 
 @in_place
 def _speed(value: float, scale: float) -> float:
-    return math.asinh(10.0 * value / scale)
+    return math.asinh(np.float32(10.0 * value / scale))
 
 
 @in_place
@@ -244,6 +244,6 @@ def tune(
         # a contact that shares no body with one that presses keeps the exact step
         shared = 1.0 - 1.0 / load[c]
         momentum = MOMENTUM + (1.0 - MOMENTUM) * 0.9 * math.tanh(raw[2, c])
-        pace[c, 0] = math.exp(shared * math.tanh(raw[0, c]))
-        pace[c, 1] = math.exp(shared * math.tanh(raw[1, c]))
+        pace[c, 0] = math.exp(np.float32(shared) * math.tanh(raw[0, c]))
+        pace[c, 1] = math.exp(np.float32(shared) * math.tanh(raw[1, c]))
         pace[c, 2] = shared * momentum

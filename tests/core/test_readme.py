@@ -90,6 +90,7 @@ QUICK = {
     'rollout': ['--steps', '5'],
     'evaluate': [],
     'hard-cases': ['--quick', '--cases', 'corner', 'half_below'],
+    'benchmark': ['--quick', '--scenes', 'billiards', '--no-scaling', '--no-processes'],
 }
 
 

@@ -1,0 +1,1 @@
+"""Speed against error: all peers side by side, in one process and one run."""

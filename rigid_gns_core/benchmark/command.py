@@ -1,0 +1,215 @@
+"""`rigid-gns benchmark`: speed against error of all peers, side by side in one run."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..evaluate import write_json
+from ..hard_cases.references import References
+from ..progress import Progress
+from ..rollout import load_simulator
+from ..teacher import TeacherSettings, load_pybullet
+from .busy_core import measure_busy_core
+from .fresh import first_prediction, memory_per_sphere
+from .judge import floor_of, result
+from .machine import describe_machine, load_average
+from .peers import BULLET_ITERATIONS, NOTES, Field, Peer, all_peers, warm_up
+from .race import BLOCK, race, timing
+from .report import COMPARED, format_processes, format_scaling, format_scene
+from .scaling import COUNTS, QUICK_COUNTS, measure_scaling
+from .scenes import FRAME, SCENES, BenchScene, bench_scenes
+
+REFERENCE_SUBSTEPS = 384
+QUICK_REFERENCE_SUBSTEPS = 24
+BUSY = ('contact 8', 'GNS', 'Bullet 24')
+"""Peers that are run beside a busy core."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns benchmark`."""
+    parser.add_argument('--quick', action='store_true', help='seconds: few spheres and settings')
+    parser.add_argument(
+        '--scenes', nargs='*', metavar='NAME', help='only these, or none (default: all)'
+    )
+    parser.add_argument(
+        '--peers', nargs='+', metavar='FAMILY', help=f'only these: {", ".join(NOTES)}'
+    )
+    parser.add_argument('--repeats', type=int, metavar='N', help='of all (default: 5; quick: 2)')
+    parser.add_argument(
+        '--reference-substeps',
+        type=int,
+        metavar='N',
+        help='of the teacher that errors are against, a multiple of 4 (default: '
+        f'{REFERENCE_SUBSTEPS}; quick: {QUICK_REFERENCE_SUBSTEPS})',
+    )
+    parser.add_argument(
+        '--bullet-iterations',
+        type=int,
+        default=BULLET_ITERATIONS,
+        metavar='N',
+        help=f"most iterations of Bullet's solver (default: {BULLET_ITERATIONS})",
+    )
+    parser.add_argument('--cache', type=Path, metavar='DIR', help='keep references in this folder')
+    parser.add_argument('--no-scaling', action='store_true', help='not up to 100 000 spheres')
+    parser.add_argument(
+        '--no-processes', action='store_true', help='no fresh processes, no memory, no busy core'
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
+    parser.add_argument('--figures', type=Path, metavar='DIR', help='one chart per scene, PNG, SVG')
+    parser.epilog = '\n'.join(
+        [
+            'example: rigid-gns benchmark --cache runs/benchmark --figures runs/benchmark',
+            'scenes:',
+            *(f'  {name:10} {text}' for name, (text, _) in SCENES.items()),
+            'peers:',
+            *(f'  {name:10} {text}' for name, text in NOTES.items()),
+            'What is measured and how: docs/benchmark.md.',
+        ]
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `rigid-gns benchmark`; prints tables and returns 0."""
+    from threadpoolctl import threadpool_limits
+
+    quick = arguments.quick
+    repeats = (2 if quick else 5) if arguments.repeats is None else arguments.repeats
+    if repeats < 1:
+        raise ValueError(f'--repeats is {repeats}, expected at least 1')
+    scenes = bench_scenes(arguments.scenes, quick=quick)
+    with threadpool_limits(limits=1):
+        field = all_peers(
+            arguments.peers, quick=quick, bullet_iterations=arguments.bullet_iterations
+        )
+        for family, why in field.absent.items():
+            print(f'{family} is absent: {why}\n')
+        report = _head(arguments, field, repeats)
+        references = _references(arguments, report)
+        warm_up(field.peers)
+        for scene in scenes:
+            entry = _run_scene(scene, field, references, repeats)
+            report['scenes'].append(entry)
+            print(f'{format_scene(entry, report["reference"])}\n', flush=True)
+            if arguments.figures is not None:
+                _draw(arguments.figures, entry, report['reference'])
+        if not arguments.no_scaling:
+            report['scaling'] = _run_scaling(repeats, quick)
+            print(f'{format_scaling(report["scaling"])}\n', flush=True)
+        if not arguments.no_processes:
+            report['processes'] = _run_processes(field, scenes, repeats, quick)
+            print(f'{format_processes(report["processes"])}\n')
+    report['load_average']['end'] = load_average()
+    for name, text in field.notes.items():
+        print(f'{name}: {text}')
+    if arguments.json is not None:
+        write_json(arguments.json, report)
+        print(f'numbers: {arguments.json}')
+    return 0
+
+
+def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str, Any]:
+    load = load_average()
+    if load is not None and load[0] > 0.5:
+        print(f'the machine is busy (load average {load[0]:g}): times will say so', file=sys.stderr)
+    return {
+        'quick': arguments.quick,
+        'repeats': repeats,
+        'frames_in_turn': BLOCK,
+        'frame': FRAME,
+        'threads_of_each_peer': 1,
+        'machine': describe_machine(),
+        'load_average': {'start': load},
+        'reference': None,
+        'absent': field.absent,
+        'notes': field.notes,
+        'peers': {peer.name: peer.settings for peer in field.peers},
+        'scenes': [],
+        'scaling': None,
+        'processes': None,
+    }
+
+
+def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> References | None:
+    """The teacher at the substeps asked for, at half and at a quarter of them."""
+    substeps = arguments.reference_substeps
+    if substeps is None:
+        substeps = QUICK_REFERENCE_SUBSTEPS if arguments.quick else REFERENCE_SUBSTEPS
+    if substeps < 4 or substeps % 4:
+        raise ValueError(f'--reference-substeps is {substeps}, expected a multiple of 4')
+    try:
+        load_pybullet()
+    except ModuleNotFoundError:
+        print('pybullet is not installed: no errors, no charts\n')
+        return None
+    report['reference'] = f'Bullet at {substeps} substeps (the teacher)'
+    return References(TeacherSettings(substeps=substeps // 2), arguments.cache)
+
+
+def _run_scene(
+    scene: BenchScene, field: Field, references: References | None, repeats: int
+) -> dict[str, Any]:
+    with Progress(repeats + 1, scene.name, unit='run') as progress:
+        runs = None if references is None else references.of(scene.case, FRAME)
+        progress.update()
+        lanes = race(scene, field.peers, repeats, progress.update)
+    reference = None if runs is None else runs[2].positions
+    timings = {lane.peer.name: timing(lane) for lane in lanes}
+    own = timings.get(COMPARED)
+    peers = []
+    for lane in lanes:
+        times = timings[lane.peer.name]
+        ratio = None
+        if own is not None and times is not None:
+            ratio = own['frames_per_second'] / times['frames_per_second']
+        peers.append(
+            {
+                'name': lane.peer.name,
+                'family': lane.peer.family,
+                'label': lane.peer.label,
+                **result(scene, lane, reference),
+                'timing': times,
+                # how many times as fast as this one the shipped model is
+                'compared': ratio,
+            }
+        )
+    return {
+        'name': scene.name,
+        'text': scene.text,
+        'spheres': len(scene.start),
+        'frames': scene.frames,
+        'floor': floor_of(runs),
+        'peers': peers,
+    }
+
+
+def _run_scaling(repeats: int, quick: bool) -> dict[str, Any]:
+    counts = QUICK_COUNTS if quick else COUNTS
+    with Progress(repeats * len(counts), 'scaling', unit='run') as progress:
+        return measure_scaling(
+            load_simulator('contact'), counts, repeats, lambda n: progress.update(spheres=str(n))
+        )
+
+
+def _run_processes(
+    field: Field, scenes: tuple[BenchScene, ...], repeats: int, quick: bool
+) -> dict[str, Any]:
+    peers: list[Peer] = [peer for peer in field.peers if peer.name in BUSY]
+    scene = scenes[0] if scenes else bench_scenes(['box'], quick=quick)[0]
+    return {
+        'first_prediction': first_prediction(1 if quick else max(3, repeats)),
+        'memory': memory_per_sphere(100 if quick else 100_000),
+        'busy_core': [measure_busy_core(peer, scene, repeats) for peer in peers],
+    }
+
+
+def _draw(folder: Path, entry: dict[str, Any], reference: str | None) -> None:
+    from .chart import write_charts
+
+    if reference is None:
+        return
+    for path in write_charts(folder, entry, reference):
+        print(f'chart: {path}')
+    print()

@@ -1,0 +1,66 @@
+"""What a timing depends on: machine, versions, threads, load."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ('rigid_gns_ros', 'numpy', 'scipy', 'numba', 'pybullet', 'mujoco', 'torch')
+THREADS = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')
+
+
+def describe_machine() -> dict[str, Any]:
+    """Processor, cores, system, versions and thread counts; no name and no path of the machine."""
+    return {
+        'cpu': cpu_name(),
+        'cores': os.cpu_count(),
+        'usable_cores': usable_cores(),
+        'system': f'{platform.system()} {platform.machine()}',
+        'python': platform.python_version(),
+        'versions': {name: _version(name) for name in PACKAGES},
+        'threads': {name: os.environ.get(name) for name in THREADS},
+    }
+
+
+def load_average() -> list[float] | None:
+    """Processes that wanted a core over the last 1, 5 and 15 minutes; None: not known here."""
+    try:
+        return [round(load, 2) for load in os.getloadavg()]
+    except (AttributeError, OSError):
+        return None
+
+
+def cpu_name() -> str:
+    """Name of the processor, or its architecture where Linux does not tell."""
+    cpuinfo = Path('/proc/cpuinfo')
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.is_file() else []
+    names = [line.split(':', 1)[1].strip() for line in lines if line.startswith('model name')]
+    return names[0] if names else platform.machine()
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def resident_bytes(which: str = 'VmRSS') -> int | None:
+    """Memory of this process [bytes]; which 'VmHWM': the most it ever was. None: no Linux.
+
+    Not `ru_maxrss`: a process inherits that of the one which started it.
+    """
+    status = Path('/proc/self/status')
+    lines = status.read_text().splitlines() if status.is_file() else []
+    values = [line.split()[1] for line in lines if line.startswith(f'{which}:')]
+    return 1024 * int(values[0]) if values else None
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,134 @@
+"""The tables of a benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .judge import HORIZONS
+
+COMPARED = 'contact 8'
+"""The shipped model as it is, whose speed the others' are set beside."""
+
+
+def format_scene(scene: Mapping[str, Any], reference: str | None) -> str:
+    """Table of one scene of a report of `command.run`: one line per peer."""
+    head = ['peer', 'frames/s', 'ms/frame (10..90 %)', 'p50/p99/worst ms', f'{COMPARED} is']
+    errors = _error_names(scene)
+    head += [_error_head(name) for name in errors]
+    rows = [[*_speed_cells(peer), *_error_cells(peer, errors)] for peer in scene['peers']]
+    if scene['floor'] is not None:
+        floor = [_short(scene['floor'][name]) for name in errors]
+        rows.append(['(reference, half substeps)', '', '', '', '', *floor])
+    lines = [f'{scene["name"]}: {scene["text"]}; {scene["spheres"]} spheres', '']
+    remarks = [_remark(peer) for peer in scene['peers']] + ['']
+    lines += _aligned(head, rows, remarks)
+    if reference is not None:
+        lines += ['', f'errors against {reference}; [m], Chamfer [m^2]']
+    return '\n'.join(lines)
+
+
+def format_scaling(scaling: Mapping[str, Any]) -> str:
+    """Table of steps against spheres, with the exponent."""
+    rows = [
+        [
+            str(row['spheres']),
+            _short(1e3 * row['seconds_per_step']['median']),
+            _spread(row['seconds_per_step']),
+            _short(row['steps_per_second']),
+        ]
+        for row in scaling['rows']
+    ]
+    lines = ['scaling of the contact model: bouncing boxes of one density', '']
+    lines += _aligned(['spheres', 'ms/step', '(10..90 %)', 'steps/s'], rows)
+    if scaling['exponent'] is not None:
+        lines += ['', f'time ~ spheres^{scaling["exponent"]:.2f} from {scaling["fitted_from"]} on']
+    return '\n'.join(lines)
+
+
+def format_processes(processes: Mapping[str, Any]) -> str:
+    """Lines about fresh processes, memory and a busy core."""
+    first, memory = processes['first_prediction'], processes['memory']
+    seconds = first['seconds']
+    text = (
+        f'first prediction of a fresh process ({first["spheres"]} spheres): '
+        f'{seconds["median"]:.2f} s, worst of {first["processes"]} {seconds["worst"]:.2f} s; '
+        f'resident {_megabytes(first["most_resident"])}'
+    )
+    lines = [text]
+    each = memory['per_sphere']
+    lines.append(
+        f'memory of a rollout of {memory["spheres"]} spheres: '
+        + ('unknown' if each is None else f'{each / 1e3:.2f} kB per sphere')
+        + f', resident {_megabytes(memory["most_resident"])}'
+    )
+    for row in processes['busy_core']:
+        lines.append(
+            f'{row["peer"]} in {row["scene"]}: {_short(row["alone"])} steps/s, with one core kept '
+            f'busy {_short(row["beside_a_busy_core"])}: {100 * row["ratio"]:.0f} %'
+        )
+    return '\n'.join(lines)
+
+
+def _error_names(scene: Mapping[str, Any]) -> list[str]:
+    """Those that any peer has, in their order."""
+    measured = [peer['errors'] for peer in scene['peers'] if peer['errors'] is not None]
+    return list(measured[0]) if measured else []
+
+
+def _error_head(name: str) -> str:
+    known = {f'position_error_{frame}': f'error {frame}' for frame in HORIZONS}
+    return known.get(name, name)
+
+
+def _speed_cells(peer: Mapping[str, Any]) -> list[str]:
+    timing = peer['timing']
+    if timing is None:
+        return [peer['name'], '', '', '', '']
+    frame, latency = timing['seconds_per_frame'], timing['latency']
+    ratio = peer['compared']
+    return [
+        peer['name'],
+        _short(timing['frames_per_second']),
+        ' '.join([_short(1e3 * frame['median']), _spread(frame)]),
+        '/'.join(_short(1e3 * latency[name]) for name in ('p50', 'p99', 'worst')),
+        '' if ratio is None else f'{_short(ratio)} x',
+    ]
+
+
+def _error_cells(peer: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    return ['' if peer['errors'] is None else _short(peer['errors'][name]) for name in names]
+
+
+def _remark(peer: Mapping[str, Any]) -> str:
+    text = '; '.join(peer['faults'])
+    return text if peer['status'] == 'ok' else f'{peer["status"]}: {text}'
+
+
+def _spread(seconds: Mapping[str, float]) -> str:
+    return f'({_short(1e3 * seconds["p10"])}..{_short(1e3 * seconds["p90"])})'
+
+
+def _megabytes(value: int | None) -> str:
+    return 'unknown' if value is None else f'{value / 1e6:.0f} MB'
+
+
+def _aligned(
+    head: Sequence[str], rows: Sequence[Sequence[str]], remarks: Sequence[str] = ()
+) -> list[str]:
+    """Lines of columns, the first to the left; a remark ends its line."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+
+    def line(cells: Sequence[str]) -> str:
+        pairs = zip(cells, widths, strict=True)
+        return '  '.join(c.rjust(w) if i else c.ljust(w) for i, (c, w) in enumerate(pairs))
+
+    ends = list(remarks) + [''] * (len(rows) - len(remarks))
+    body = [f'{line(row)}  {end}'.rstrip() for row, end in zip(rows, ends, strict=False)]
+    return [line(head), '-' * (sum(widths) + 2 * (len(widths) - 1)), *body]
+
+
+def _short(value: float) -> str:
+    if 100 <= abs(value) < 1e6:
+        return f'{value:.0f}'
+    return f'{value:.2g}' if abs(value) < 10 else f'{value:.3g}'
