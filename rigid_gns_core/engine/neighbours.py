@@ -48,7 +48,7 @@ def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
 
 
 @compiled
-def _counting_sort(values: Indices, kinds: int) -> tuple[Indices, Indices]:
+def counting_sort(values: Indices, kinds: int) -> tuple[Indices, Indices]:
     """Positions sorted by value, and where each value begins."""
     start = np.zeros(kinds + 1, np.int64)
     for value in values:
@@ -90,8 +90,8 @@ def make_grid(positions: Array, extent: Array) -> Grid:
         for axis in range(3):
             cell[i, axis] = math.floor(positions[i, axis] / size[level[i]])
         bucket[i] = _bucket(level[i], cell[i, 0], cell[i, 1], cell[i, 2], mask)
-    members, start = _counting_sort(bucket, mask + 1)
-    by_level, level_start = _counting_sort(level, levels)
+    members, start = counting_sort(bucket, mask + 1)
+    by_level, level_start = counting_sort(level, levels)
     return Grid(level, cell, size, members, start, by_level, level_start)
 
 
@@ -206,7 +206,7 @@ def _within(positions: Array, extent: Array, i: int, j: int) -> bool:
 @compiled
 def _sorted(found: Indices, count: int) -> tuple[Indices, Indices]:
     """By the first sphere, then by the second."""
-    order, start = _counting_sort(found[:, 0], count)
+    order, start = counting_sort(found[:, 0], count)
     first, second = found[:, 0][order], found[:, 1][order]
     for i in range(count):
         second[start[i] : start[i + 1]].sort()

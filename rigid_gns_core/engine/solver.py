@@ -36,6 +36,7 @@ def solve(
     h: float,
     pace: float,
     rounds: int,
+    enough: float,
     weights: Weights,
     made: Impulses,
 ) -> Array:
@@ -52,6 +53,7 @@ def solve(
         h: Length of the substep; 0 for one that only mends what the last one missed.
         pace: Length of a substep as such, to which speeds are compared.
         rounds: M, rounds of message passing.
+        enough: Speed; a round that changes every contact by less is the last. 0: all rounds.
         weights: Of the network; none: the law alone.
         made: Impulses, written.
     """
@@ -76,6 +78,8 @@ def solve(
         press(world, c, bodies, made, r)
         resist_rolling(world, c, law, bodies, made, r)
         resist_slip(world, c, law, bodies, made, r)
+        if enough > 0 and _last_change(law, made, r) < enough:
+            break
     unsettled = np.empty(len(group))
     _displace(world, c, law, bodies, made, r, unsettled)
     return unsettled
@@ -127,6 +131,15 @@ def _loads(c: Contacts, bodies: Bodies, r: Rounds) -> Array:
     for q, k in enumerate(r.group):
         load[q] = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
     return load
+
+
+@in_place
+def _last_change(law: Law, made: Impulses, r: Rounds) -> float:
+    """The largest change of a normal velocity by the last round."""
+    most = 0.0
+    for q, k in enumerate(r.group):
+        most = max(most, math.fabs(made.normal[k] - r.last_normal[q]) * law.unit[k])
+    return most
 
 
 @in_place

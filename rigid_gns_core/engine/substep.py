@@ -13,15 +13,16 @@ from .impulses import Bodies, Impulses, no_impulses
 from .islands import Islands, connect, no_islands, root_of
 from .jit import compiled, in_place
 from .law import law_of
-from .neighbours import Flags, Indices
+from .neighbours import Flags, Indices, counting_sort
 from .network import Weights
 from .overlap import push_out
 from .solver import solve
 from .vector import put, row
 from .world import UNIT_GRAVITY, World
 
-# islands whose last round still changed a contact by this part of g h get so many more of the law
-_UNSETTLED, _MORE = 1.0, 24
+# islands whose last round still changed a contact by this part of g h get so many more of the law,
+# or fewer where they change all by less than that part of it
+_UNSETTLED, _MORE, _SETTLED = 1.0, 24, 0.1
 
 
 class Motion(NamedTuple):
@@ -92,17 +93,22 @@ def substep(
     law = law_of(world, contacts)
     bodies = _bodies(world, motion, h, settings.weights.encoder.shape[1])
     made, start = no_impulses(size), no_impulses(size)
-    solve(world, contacts, law, alone, bodies, start, start, h, pace, 1, none, made)
+    solve(world, contacts, law, alone, bodies, start, start, h, pace, 1, 0.0, none, made)
     for k in shared:
         _copy(memory, contacts.candidate[k], start, k)
     rounds, weights = settings.rounds, settings.weights
     unsettled = solve(
-        world, contacts, law, shared, bodies, start, start, h, pace, rounds, weights, made
+        world, contacts, law, shared, bodies, start, start, h, pace, rounds, 0.0, weights, made
     )
-    again = _struck(contacts, shared, unsettled, pace, count)
+    again, begin = _struck(contacts, shared, unsettled, pace, count)
     if len(again):
         first = Impulses(made.normal.copy(), made.tangential.copy(), made.rolling.copy())
-        solve(world, contacts, law, again, bodies, first, start, h, pace, _MORE, none, made)
+        enough = _SETTLED * UNIT_GRAVITY * pace
+        for island in range(len(begin) - 1):
+            some = again[begin[island] : begin[island + 1]]
+            solve(
+                world, contacts, law, some, bodies, first, start, h, pace, _MORE, enough, none, made
+            )
     _fly(world, motion, h)
     for i in range(count):
         for axis in range(3):
@@ -170,23 +176,27 @@ def _by_company(contacts: Contacts, count: int, everywhere: bool) -> tuple[Indic
 @compiled
 def _struck(
     contacts: Contacts, shared: Indices, unsettled: Array, pace: float, count: int
-) -> Indices:
-    """Contacts of islands that a blow has left far from the law's end.
+) -> tuple[Indices, Indices]:
+    """Contacts of islands that a blow has left far from the law's end; where each island begins.
 
     Island by island, so that none feels what happens elsewhere.
     """
     loud = unsettled > _UNSETTLED * UNIT_GRAVITY * pace
     if not loud.any():
-        return shared[:0]
+        return shared[:0], np.zeros(1, np.int64)
     islands = no_islands(count)
     for k in range(len(contacts.a)):
         if contacts.b[k] < count:
             connect(islands, contacts.a[k], contacts.b[k])
-    struck = np.zeros(count, np.bool_)
+    number, found = np.full(count, -1), 0
     for q in range(len(shared)):
-        if loud[q]:
-            struck[root_of(islands.parent, contacts.a[shared[q]])] = True
-    chosen = np.zeros(len(shared), np.bool_)
+        root = root_of(islands.parent, contacts.a[shared[q]])
+        if loud[q] and number[root] < 0:
+            number[root] = found
+            found += 1
+    label = np.empty(len(shared), np.int64)
     for q in range(len(shared)):
-        chosen[q] = struck[root_of(islands.parent, contacts.a[shared[q]])]
-    return shared[chosen]
+        label[q] = number[root_of(islands.parent, contacts.a[shared[q]])]
+    chosen = label >= 0
+    order, begin = counting_sort(label[chosen], found)
+    return shared[chosen][order], begin

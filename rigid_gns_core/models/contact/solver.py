@@ -74,6 +74,7 @@ def solve(
     rounds: int,
     network: ContactNetwork | None,
     support: Impulses | None = None,
+    enough: float = 0.0,
 ) -> Solution:
     """Solve one substep's contacts.
 
@@ -85,10 +86,13 @@ def solve(
         rounds: M, rounds of message passing.
         network: None: the law alone.
         support: Impulses that last, where they are not those to start from.
+        enough: Speed; a round that changes every contact by less is the last. 0: all rounds.
     """
     solver = _Solver(law, velocities, angular_velocities, start, support or start, network)
     for index in range(rounds):
         solver.round(index)
+        if enough > 0 and float(solver.last_change().max()) < enough:
+            break
     return solver.solution()
 
 
@@ -208,8 +212,12 @@ class _Solver:
             lever = law.h - law.contacts.time
         moved = _linear(law, lever[:, None] * self._impulse(), self.bodies)
         impulses = Impulses(self.normals, self.tangentials, self.rollings)
-        last = (self.normals - self.last_normals).abs() * self.unit
+        last = self.last_change()
         return Solution(impulses, self.change[:count], self.turn[:count], moved[:count], last)
+
+    def last_change(self) -> Tensor:
+        """Change of normal velocities by the last round, shape (c,)."""
+        return (self.normals - self.last_normals).abs() * self.unit
 
     @torch.no_grad()
     def _weights(self, pressing: Tensor, lacking: Tensor) -> tuple[Tensor, Tensor]:

@@ -23,8 +23,9 @@ from .world import UNIT_GRAVITY, World
 _CATCHES = 3
 # rounds of the law that find the impulses of contacts which last, where none are known yet
 _PRIMING = 60
-# islands whose last round still changed a contact by this part of g h get so many more of the law
-_UNSETTLED, _MORE = 1.0, 24
+# islands whose last round still changed a contact by this part of g h get so many more of the law,
+# or fewer where they change all by less than that part of it
+_UNSETTLED, _MORE, _SETTLED = 1.0, 24, 0.1
 
 Neighbours = Callable[[Tensor, Tensor], Candidates]
 
@@ -123,18 +124,39 @@ def _settle(
     loud = solution.unsettled > _UNSETTLED * UNIT_GRAVITY * pace
     if not bool(loud.any()):
         return solution
-    island = torch.from_numpy(Islands.of([contacts], world.count).label)
-    struck = torch.isin(island, island[contacts.a[loud]])  # spheres; islands share none
-    again = torch.nonzero(struck[contacts.a])[:, 0]
-    law = Law(world, contacts.take(again), h, pace)
-    start, held = solution.impulses.take(again), support.take(again)
-    more = solve(law, motion.velocities, motion.angular_velocities, start, _MORE, None, held)
+    island = torch.from_numpy(Islands.of([contacts], world.count).label)[contacts.a]
+    enough = _SETTLED * UNIT_GRAVITY * pace
+    for label in torch.unique(island[loud]):
+        again = torch.nonzero(island == label)[:, 0]
+        mine = contacts.take(again)
+        start, held = solution.impulses.take(again), support.take(again)
+        more = solve(
+            Law(world, mine, h, pace),
+            motion.velocities,
+            motion.angular_velocities,
+            start,
+            _MORE,
+            None,
+            held,
+            enough,
+        )
+        solution = _with_island(solution, again, mine, more, world.count)
+    return solution
+
+
+def _with_island(
+    solution: Solution, index: Tensor, contacts: Contacts, more: Solution, count: int
+) -> Solution:
+    """The solution with that of one island instead."""
+    bodies = torch.zeros(count + 1, dtype=torch.bool)
+    bodies[contacts.a] = True
+    bodies[contacts.b] = True
+    mine, old, new = bodies[:-1, None], solution.impulses, more.impulses
     impulses = Impulses(
-        solution.impulses.normal.index_copy(0, again, more.impulses.normal),
-        solution.impulses.tangential.index_copy(0, again, more.impulses.tangential),
-        solution.impulses.rolling.index_copy(0, again, more.impulses.rolling),
+        old.normal.index_copy(0, index, new.normal),
+        old.tangential.index_copy(0, index, new.tangential),
+        old.rolling.index_copy(0, index, new.rolling),
     )
-    mine = struck[:, None]
     return Solution(
         impulses,
         torch.where(mine, more.velocities, solution.velocities),
