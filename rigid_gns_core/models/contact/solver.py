@@ -91,7 +91,7 @@ def solve(
     solver = _Solver(law, velocities, angular_velocities, start, support or start, network)
     for index in range(rounds):
         solver.round(index)
-        if enough > 0 and float(solver.last_change().max()) < enough:
+        if enough > 0 and float(solver.last_change().detach().max()) < enough:
             break
     return solver.solution()
 

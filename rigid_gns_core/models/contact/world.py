@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from ...engine.world import UNIT_GRAVITY, world_of
 from ...scene import Scene
 
-# gravity of the model's units, in which a frame takes 0.1 and the largest radius is 1
-UNIT_GRAVITY = 9.81
+__all__ = ['UNIT_GRAVITY', 'World']
 
 
 @dataclass(frozen=True)
@@ -58,30 +57,11 @@ class World:
     @classmethod
     def of(cls, scene: Scene, count: int, dtype: torch.dtype = torch.float64) -> World:
         """The world of `count` spheres in `scene`."""
-
-        def tensor(value: object) -> Tensor:
-            return torch.as_tensor(np.asarray(value, dtype=np.float64)).to(dtype)
-
-        radius = scene.per_sphere('radius', count)
-        mass = scene.per_sphere('mass', count)
-        planes = scene.surfaces
-        half = [[plane.length_x / 2, plane.length_y / 2] for plane in planes]
-        half_lengths = np.array(half, dtype=np.float64).reshape(-1, 2)
-        return cls(
-            radius=tensor(np.append(radius, 0.0)),
-            inverse_mass=tensor(np.append(1.0 / mass, 0.0)),
-            inverse_inertia=tensor(np.append(2.5 / (mass * radius**2), 0.0)),
-            restitution=tensor(scene.per_sphere('restitution', count)),
-            friction=tensor(scene.per_sphere('friction', count)),
-            rolling_friction=tensor(scene.per_sphere('rolling_friction', count)),
-            gravity=tensor(scene.gravity),
-            point=tensor([plane.point for plane in planes]).reshape(-1, 3),
-            axes=tensor([plane.axes for plane in planes]).reshape(-1, 3, 3),
-            half=tensor(half_lengths),
-            plate=torch.from_numpy(np.isfinite(half_lengths).all(axis=1)),
-            surface_restitution=tensor(scene.surface_values('restitution')),
-            surface_friction=tensor(scene.surface_values('friction')),
-        )
+        values = {}
+        for name, array in world_of(scene, count)._asdict().items():
+            tensor = torch.from_numpy(array)
+            values[name] = tensor if tensor.dtype == torch.bool else tensor.to(dtype)
+        return cls(**values)
 
     @classmethod
     def join(cls, worlds: Sequence[World]) -> World:
