@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .jit import compiled, in_place
-from .neighbours import Flags, Indices
+from .neighbours import Flags, Indices, counting_sort
 
 
 class Islands(NamedTuple):
@@ -64,31 +64,16 @@ def connect(islands: Islands, one: int, other: int) -> None:
 @compiled
 def groups_of(islands: Islands) -> Groups:
     """The islands of touched spheres."""
-    count = len(islands.parent)
-    number = np.full(count, -1)
-    label = np.empty(count, np.int64)
-    islands_found, touched = 0, 0
-    for i in range(count):
-        label[i] = -1
-        if not islands.touched[i]:
-            continue
-        touched += 1
+    touched, found = np.flatnonzero(islands.touched), 0
+    number, label = np.full(len(islands.parent), -1), np.empty(len(touched), np.int64)
+    grounded = np.zeros(len(touched), np.bool_)
+    for t in range(len(touched)):
+        i = touched[t]
         root = root_of(islands.parent, i)
         if number[root] < 0:
-            number[root] = islands_found
-            islands_found += 1
-        label[i] = number[root]
-    start = np.zeros(islands_found + 1, np.int64)
-    grounded = np.zeros(islands_found, np.bool_)
-    for i in range(count):
-        if label[i] >= 0:
-            start[label[i] + 1] += 1
-            grounded[label[i]] |= islands.grounded[i]
-    for k in range(islands_found):
-        start[k + 1] += start[k]
-    place, members = start[:-1].copy(), np.empty(touched, np.int64)
-    for i in range(count):
-        if label[i] >= 0:
-            members[place[label[i]]] = i
-            place[label[i]] += 1
-    return Groups(members, start, grounded)
+            number[root] = found
+            found += 1
+        label[t] = number[root]
+        grounded[label[t]] |= islands.grounded[i]
+    order, start = counting_sort(label, found)
+    return Groups(touched[order], start, grounded[:found])

@@ -101,7 +101,7 @@ def look_ahead(
         r.approach[q] = -dot(normal, before) - max(c.time[k], 0.0) * c.pull[k]
         one, other = row(bodies.velocity, a), row(bodies.velocity, b)
         r.free_parting[q] = dot(normal, minus(one, other))
-        r.start_others[q] = _others(c, law, bodies, made, r, q)
+        r.start_others[q] = _others(law, made, r, q, parting_of(c, bodies, k))
         slip = slip_of(c, law, k, one, other, row(bodies.spin, a), row(bodies.spin, b))
         put(r.free_slip, q, slip)
         if learned:
@@ -131,10 +131,10 @@ def _aim(c: Contacts, law: Law, r: Rounds, q: int, h: float, extra: float) -> Ai
 
 
 @in_place
-def _others(c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds, q: int) -> float:
-    """Change of normal velocity that the other contacts make."""
+def _others(law: Law, made: Impulses, r: Rounds, q: int, parting: float) -> float:
+    """Change of normal velocity, which is `parting` now, that the other contacts make."""
     k = r.group[q]
-    return parting_of(c, bodies, k) - r.free_parting[q] - made.normal[k] * law.unit[k]
+    return parting - r.free_parting[q] - made.normal[k] * law.unit[k]
 
 
 @in_place
@@ -177,13 +177,14 @@ def compare(
         bodies.load[c.a[k]] = bodies.load[c.b[k]] = 0.0
         bodies.most[c.a[k]] = bodies.most[c.b[k]] = 1e-30
     for q, k in enumerate(r.group):
-        r.others[q] = _others(c, law, bodies, made, r, q)
+        parting = parting_of(c, bodies, k)
+        r.others[q] = _others(law, made, r, q, parting)
         extra = _common(r.start_others[q], r.others[q]) / h if h > 0 else 0.0
         aim = _aim(c, law, r, q, h, extra)
         put(r.aim, q, (aim.impulse, aim.lever, aim.rest))
         if c.plane[k] >= 0:
             put(r.drag, q, times(aim.airborne, across(gravity, row(c.normal, k))))
-        r.lacking[q] = aim.parting - parting_of(c, bodies, k)
+        r.lacking[q] = aim.parting - parting
         r.pressing[q] = aim.hit and (made.normal[k] > 0 or r.lacking[q] > least)
         # a strength until the strongest of each body is known
         carried = made.normal[k] * law.unit[k] + math.fabs(r.lacking[q])

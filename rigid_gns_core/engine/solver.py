@@ -78,11 +78,10 @@ def solve(
         press(world, c, bodies, made, r)
         resist_rolling(world, c, law, bodies, made, r)
         resist_slip(world, c, law, bodies, made, r)
-        if enough > 0 and _last_change(law, made, r) < enough:
+        if enough > 0 and _last_change(law, made, r).max() < enough:
             break
-    unsettled = np.empty(len(group))
-    _displace(world, c, law, bodies, made, r, unsettled)
-    return unsettled
+    _displace(world, c, law, bodies, made, r)
+    return _last_change(law, made, r)
 
 
 @compiled
@@ -133,20 +132,20 @@ def _loads(c: Contacts, bodies: Bodies, r: Rounds) -> Array:
     return load
 
 
-@in_place
-def _last_change(law: Law, made: Impulses, r: Rounds) -> float:
-    """The largest change of a normal velocity by the last round."""
-    most = 0.0
+@compiled
+def _last_change(law: Law, made: Impulses, r: Rounds) -> Array:
+    """Speed by which the last round changed each contact, shape (c,)."""
+    change = np.empty(len(r.group))
     for q, k in enumerate(r.group):
-        most = max(most, math.fabs(made.normal[k] - r.last_normal[q]) * law.unit[k])
-    return most
+        change[q] = math.fabs(made.normal[k] - r.last_normal[q]) * law.unit[k]
+    return change
 
 
 @in_place
 def _displace(
-    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds, unsettled: Array
+    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds
 ) -> None:
-    """Displacements beyond those of free flight, and the speed that the last round changed.
+    """Displacements beyond those of free flight.
 
     What a contact alone would get acts as if at its lever before the end; what others add to it is
     spread over the rest of the substep.
@@ -162,4 +161,3 @@ def _displace(
         impulse = plus(times(made.normal[k], row(c.normal, k)), row(made.tangential, k))
         add_to(bodies.moved, a, times(lever * world.inverse_mass[a], impulse))
         add_to(bodies.moved, b, times(-lever * world.inverse_mass[b], impulse))
-        unsettled[q] = math.fabs(made.normal[k] - r.last_normal[q]) * law.unit[k]
