@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from ..state import Array
 from .contacts import Contacts
+from .elementary import Floats, asinh_all, exp, log_all, tanh_all
 from .jit import compiled, in_place
 from .law import Law
+from .layers import layer, mlp
 from .neighbours import Indices
 from .vector import Vector, dot, length, minus, row, times
 from .world import UNIT_GRAVITY, World
-
-Floats = NDArray[np.float32]
 
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles
 MOMENTUM = 0.5
@@ -82,46 +82,6 @@ def plain(load: Array, pace: Array) -> None:
 
 
 @in_place
-def _layer(inputs: Floats, weight: Floats, bias: Floats, outputs: Floats) -> None:
-    """Outputs = weight.T inputs + bias for all contacts at once; shapes (i, c), (o, c).
-
-    Contacts are the inner loop, which the compiler turns into vector instructions; four inputs at
-    a time, so that outputs are not written more often than needed.
-    """
-    size, count = inputs.shape
-    whole = size - size % 4
-    for o in range(len(bias)):
-        out = outputs[o]
-        out[:] = bias[o]
-        for i in range(0, whole, 4):
-            one, two, three, four = inputs[i], inputs[i + 1], inputs[i + 2], inputs[i + 3]
-            w1, w2, w3, w4 = weight[i, o], weight[i + 1, o], weight[i + 2, o], weight[i + 3, o]
-            for c in range(count):
-                out[c] += (w1 * one[c] + w2 * two[c]) + (w3 * three[c] + w4 * four[c])
-        for i in range(whole, size):
-            one, w1 = inputs[i], weight[i, o]
-            for c in range(count):
-                out[c] += w1 * one[c]
-
-
-@compiled
-def _mlp(
-    inputs: Floats, first: Floats, bias: Floats, last: Floats, last_bias: Floats, outputs: Floats
-) -> None:
-    hidden = np.empty((len(bias), inputs.shape[1]), np.float32)
-    _layer(inputs, first, bias, hidden)
-    for row_of in hidden:
-        for c in range(len(row_of)):
-            row_of[c] = max(row_of[c], np.float32(0.0))
-    _layer(hidden, last, last_bias, outputs)
-
-
-@in_place
-def _speed(value: float, scale: float) -> float:
-    return math.asinh(np.float32(10.0 * value / scale))
-
-
-@in_place
 def describe(
     world: World,
     contacts: Contacts,
@@ -136,9 +96,10 @@ def describe(
     spin_b: Vector,
     features: Floats,
 ) -> None:
-    """Invariant features of contact k, speeds in units of g h; shape (17,)."""
+    """Features of contact k before their logarithms, see `encode`; shape (17,)."""
     a, b, fixed = contacts.a[k], contacts.b[k], contacts.plane[k] >= 0
     scale = UNIT_GRAVITY * pace
+    speed = 10.0 / scale
     radius_a, radius_b = world.radius[a], world.radius[a] if fixed else world.radius[b]
     gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
     up = times(-1.0 / max(length(gravity), 1e-12), gravity)
@@ -146,29 +107,39 @@ def describe(
     smaller = min(radius_a, radius_b)
     turning = length(minus(times(law.arm_a[k], spin_a), times(law.arm_b[k], spin_b)))
     mass_ratio = 1.0 if fixed else world.inverse_mass[a] / world.inverse_mass[b]
-    features[0] = _speed(approach, scale)
-    features[1] = _speed(parting, scale)
-    features[2] = _speed(length(slip), scale)
-    features[3] = _speed(dot(slip, up) * steep, scale)
-    features[4] = _speed(turning, scale)
-    features[5] = math.asinh(1e3 * contacts.gap[k] / smaller)
+    features[0] = speed * approach
+    features[1] = speed * parting
+    features[2] = speed * length(slip)
+    features[3] = speed * dot(slip, up) * steep
+    features[4] = speed * turning
+    features[5] = 1e3 * contacts.gap[k] / smaller
     features[6] = contacts.time[k] / pace
     features[7] = law.restitution[k]
     features[8] = law.friction[k]
     features[9] = 10.0 * law.rolling[k] / radius_a
-    features[10] = math.fabs(math.log(mass_ratio))
-    features[11] = math.fabs(math.log(radius_a / radius_b))
+    features[10] = mass_ratio
+    features[11] = radius_a / radius_b
     features[12] = 1.0 if fixed else 0.0
     features[13] = math.fabs(steep)
     features[14] = steep if fixed else 0.0
     features[15] = 1.0 if flying else 0.0
-    features[16] = math.log(scale * pace / smaller)
+    features[16] = scale * pace / smaller
 
 
 @compiled
 def encode(weights: Weights, features: Floats, latent: Floats) -> None:
-    """Latents of contacts, shape (w, c), from features, shape (17, c)."""
-    _mlp(
+    """Latents of contacts, shape (w, c), from what `describe` wrote, shape (17, c).
+
+    Speeds in units of g h, and gaps in radii, go through asinh, ratios through logarithms.
+    """
+    for i in range(6):
+        asinh_all(features[i])
+    for i in (10, 11, 16):
+        log_all(features[i])
+    for i in (10, 11):
+        for c in range(features.shape[1]):
+            features[i, c] = math.fabs(features[i, c])
+    mlp(
         features,
         weights.encoder,
         weights.encoder_bias,
@@ -179,22 +150,43 @@ def encode(weights: Weights, features: Floats, latent: Floats) -> None:
 
 
 @in_place
-def sum_latents(
-    contacts: Contacts, group: Indices, latent: Floats, weight: Array, fixed: int, total: Array
+def gather_latents(
+    contacts: Contacts, group: Indices, latents: Floats, weight: Array, fixed: int, total: Array
 ) -> None:
-    """Sums over the contacts of each moving body, shape (n + 1, w); the fixed one tells nothing.
+    """What each contact's bodies have of their other contacts; the fixed one tells nothing.
 
-    In float64 their order does not matter, so that equal contacts of a lattice stay equal.
+    Sums are in float64, where their order does not matter, so that equal contacts of a lattice stay
+    equal.
+
+    Args:
+        contacts: All.
+        group: Those that are solved.
+        latents: Of each contact, shape (c, w); overwritten by what is around it.
+        weight: How much each counts at a and b, shape (c, 2).
+        fixed: Index of the fixed body.
+        total: Sums by body, shape (n + 1, w); overwritten.
     """
+    width = latents.shape[1]
+    for k in group:
+        one, other = total[contacts.a[k]], total[contacts.b[k]]
+        for i in range(width):
+            one[i] = other[i] = 0.0
     for q in range(len(group)):
-        for body in (contacts.a[group[q]], contacts.b[group[q]]):
-            total[body] = 0.0
+        one, other = total[contacts.a[group[q]]], total[contacts.b[group[q]]]
+        own, at_one, at_other = latents[q], weight[q, 0], weight[q, 1]
+        for i in range(width):
+            one[i] += at_one * own[i]
+        for i in range(width):
+            other[i] += at_other * own[i]
     for q in range(len(group)):
-        a, b = contacts.a[group[q]], contacts.b[group[q]]
-        for i in range(len(latent)):
-            total[a, i] += weight[q, 0] * latent[i, q]
-            if b != fixed:
-                total[b, i] += weight[q, 1] * latent[i, q]
+        a, b, own = contacts.a[group[q]], contacts.b[group[q]], latents[q]
+        one, other, at_one, at_other = total[a], total[b], weight[q, 0], weight[q, 1]
+        if b == fixed:
+            for i in range(width):
+                own[i] = one[i] - at_one * own[i]
+        else:
+            for i in range(width):
+                own[i] = (one[i] - at_one * own[i]) + (other[i] - at_other * own[i])
 
 
 @in_place
@@ -202,14 +194,15 @@ def read_round(
     lacking: float, slip: float, carried: float, others: float, others_slip: float, load: float,
     scale: float, seen: Floats,
 ) -> None:  # fmt: skip
-    """What a contact sees in a round, speeds; shape (7,), see `Feel` of the reference."""
-    seen[0] = _speed(lacking, scale)
-    seen[1] = _speed(slip, scale)
-    seen[2] = _speed(carried, scale)
-    seen[3] = _speed(others, scale)
-    seen[4] = _speed(others_slip, scale)
-    seen[5] = math.log(load)
-    seen[6] = _speed(math.fabs(others) + others_slip, scale)
+    """What a contact sees in a round, before logarithms; shape (7,): `Feel` of the reference."""
+    speed = 10.0 / scale
+    seen[0] = speed * lacking
+    seen[1] = speed * slip
+    seen[2] = speed * carried
+    seen[3] = speed * others
+    seen[4] = speed * others_slip
+    seen[5] = load
+    seen[6] = speed * (math.fabs(others) + others_slip)
 
 
 @compiled
@@ -221,13 +214,17 @@ def tune(
     Args:
         weights: Of the network.
         index: Of the round.
-        inputs: Latents, latents around, features of the round, shape (2 w + 7, c).
+        inputs: Latents, latents around, what `read_round` wrote, shape (2 w + 7, c).
         load: Contacts that press on the bodies, shape (c,).
         latent: Renewed, shape (w, c).
         pace: Factors on the damped steps of normal impulse and of friction, and the share of the
             last step that is repeated; written, shape (c, 3).
     """
-    _mlp(
+    width, count = latent.shape
+    for i in (0, 1, 2, 3, 4, 6):
+        asinh_all(inputs[2 * width + i])
+    log_all(inputs[2 * width + 5])
+    mlp(
         inputs,
         weights.rounds[index],
         weights.rounds_bias[index],
@@ -235,15 +232,16 @@ def tune(
         weights.rounds_last_bias[index],
         latent,
     )
-    for i in range(len(latent)):
-        for c in range(len(load)):
+    for i in range(width):
+        for c in range(count):
             latent[i, c] += inputs[i, c]
-    raw = np.empty((4, len(load)), np.float32)
-    _layer(latent, weights.heads[index], weights.heads_bias[index], raw)
-    for c in range(len(load)):
+    raw = np.empty((4, count), np.float32)
+    layer(latent, weights.heads[index], weights.heads_bias[index], raw, 0, 0, count)
+    for i in range(3):
+        tanh_all(raw[i])
+    for c in range(count):
         # a contact that shares no body with one that presses keeps the exact step
         shared = 1.0 - 1.0 / load[c]
-        momentum = MOMENTUM + (1.0 - MOMENTUM) * 0.9 * math.tanh(raw[2, c])
-        pace[c, 0] = math.exp(np.float32(shared) * math.tanh(raw[0, c]))
-        pace[c, 1] = math.exp(np.float32(shared) * math.tanh(raw[1, c]))
-        pace[c, 2] = shared * momentum
+        pace[c, 0] = exp(shared * raw[0, c])
+        pace[c, 1] = exp(shared * raw[1, c])
+        pace[c, 2] = shared * (MOMENTUM + (1.0 - MOMENTUM) * 0.9 * raw[2, c])

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from ..models.configs import CONTACT_FEATURES
 from ..state import Array
 from .contacts import Contacts
+from .elementary import Floats
 from .impulses import Bodies, Impulses, own_slip, parting_of, slip_now, slip_of
 from .jit import compiled, in_place
 from .law import Aim, Law, aim_of
 from .neighbours import Indices
-from .network import Floats, Weights, describe, encode
+from .network import Weights, describe, encode
 from .vector import Vector, across, dot, minus, put, row, times
 from .world import UNIT_GRAVITY, World
 

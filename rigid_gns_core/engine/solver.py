@@ -16,8 +16,9 @@ from .contacts import Contacts
 from .impulses import Bodies, Impulses, begin, own_slip, slip_now
 from .jit import compiled, in_place
 from .law import Law
+from .layers import turn_over
 from .neighbours import Indices
-from .network import Weights, plain, read_round, sum_latents, tune
+from .network import Weights, gather_latents, plain, read_round, tune
 from .rounds import Rounds, compare, look_ahead, new_rounds, slip_of_others
 from .steps import press, resist_rolling, resist_slip
 from .vector import add_to, length, minus, plus, put, row, times
@@ -99,15 +100,15 @@ def _set_pace(
     """A round of message passing."""
     fixed, width = len(bodies.load) - 1, len(r.latent)
     inputs = np.empty((2 * width + ROUND_FEATURES, len(r.group)), np.float32)
-    sum_latents(c, r.group, r.latent, r.weight, fixed, bodies.total)
+    rows = np.empty((len(r.group), width), np.float32)
+    turn_over(r.latent, rows)
+    gather_latents(c, r.group, rows, r.weight, fixed, bodies.total)
+    for i in range(width):
+        for q in range(len(r.group)):
+            inputs[i, q] = r.latent[i, q]
+    turn_over(rows, inputs[width : 2 * width])
     load = _loads(c, bodies, r)
     for q, k in enumerate(r.group):
-        a, b = c.a[k], c.b[k]
-        for i in range(width):
-            around = bodies.total[a, i] - r.weight[q, 0] * r.latent[i, q]
-            if b != fixed:
-                around += bodies.total[b, i] - r.weight[q, 1] * r.latent[i, q]
-            inputs[i, q], inputs[width + i, q] = r.latent[i, q], around
         slip = slip_now(c, law, bodies, k)
         other = minus(minus(slip, row(r.free_slip, q)), own_slip(world, c, law, made, k))
         read_round(

@@ -39,9 +39,9 @@ class ContactConfig:
     law: bool = True
 
     def __post_init__(self) -> None:
-        for name in ('substeps', 'rounds', 'width'):
-            if getattr(self, name) < 1:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 1')
+        for name, least in (('substeps', 1), ('rounds', 1), ('width', 2)):
+            if getattr(self, name) < least:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected at least {least}')
         if not (self.network or self.law):
             raise ValueError('network and law are both off, so nothing is left; switch one on')
 
