@@ -14,6 +14,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
     ),
+    'import': ('rigid_gns_ros.import_bag', 'make a data set of the tracked poses in bags'),
+    'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
     'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
     'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
@@ -24,6 +26,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     'benchmark': (
         'rigid_gns_core.benchmark.command',
         'speed against error, beside Bullet and MuJoCo',
+    ),
+    'experiment': (
+        'rigid_gns_core.experiments.command',
+        "the thesis' experiments: train variants, score them, tables and figures",
     ),
 }
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from .dataset import Record
+from .distributed import Mean
 from .learner import Learner, Schedule
 from .models.configs import ContactConfig
 from .models.contact.candidates import Candidates, find_candidates, join
@@ -149,16 +150,23 @@ class ContactLearner(Learner[ContactNetwork]):
             trajectories=len(records),
         )
 
-    def loss_at(self, step: int) -> Tensor:
-        """Loss of the windows of a step."""
+    def means_at(self, step: int) -> tuple[Mean]:
+        """Loss of this process' share of the windows of a step."""
         rng = np.random.default_rng([self.config.seed, step])
         frames = self.config.frames
         windows = [_draw(self.sources, rng, frames) for _ in range(self.config.batch)]
         start = _stack([scenario.motion(at) for scenario, at in windows])
-        loss = self.loss(windows, self._noisy(start, windows, rng), frames)
-        if not loss.requires_grad:  # no contacts that share a body: nothing for the network to do
-            loss = loss + 0.0 * torch.stack([weight.sum() for weight in self.parameters]).sum()
-        return loss
+        start = self._noisy(start, windows, rng)  # all of it, so that shares are those of a whole
+        counts = [scenario.world.count for scenario, _ in windows]
+        moving = (start.positions, start.velocities, start.angular_velocities)
+        parts = list(zip(*(values.split(counts) for values in moving), strict=True))
+        own = self.processes.share(range(len(windows)))
+        windows, start = [windows[k] for k in own], _stack([Motion(*parts[k]) for k in own])
+        mean = self.mean(windows, start, frames)
+        if not mean.value.requires_grad:  # no contacts that share a body: nothing to learn here
+            nothing = 0.0 * torch.stack([weight.sum() for weight in self.parameters]).sum()
+            mean = mean._replace(value=mean.value + nothing)
+        return (mean,)
 
     @torch.no_grad()
     def score(self, records: Sequence[Record]) -> float:
@@ -171,9 +179,9 @@ class ContactLearner(Learner[ContactNetwork]):
         frames = self.config.validation_steps
         windows = [_draw(sources, rng, frames) for _ in range(_WINDOWS)]
         start = _stack([scenario.motion(at) for scenario, at in windows])
-        return float(self.loss(windows, start, frames))
+        return float(self.mean(windows, start, frames).value)
 
-    def loss(self, windows: Sequence[tuple[Scenario, int]], motion: Motion, frames: int) -> Tensor:
+    def mean(self, windows: Sequence[tuple[Scenario, int]], motion: Motion, frames: int) -> Mean:
         """Mean over spheres with contacts of log(1 + error / resolution), all frames alike.
 
         Errors are of velocity, of surface velocity r w, and of position per frame.
@@ -218,7 +226,7 @@ class ContactLearner(Learner[ContactNetwork]):
             weight += 3 * len(counted)
             alive = alive.clone()
             alive[counted] = apart.detach().norm(dim=1) < config.lost * radius[counted]
-        return total / max(weight, 1)
+        return Mean(total / max(weight, 1), weight)
 
     def _noisy(
         self, motion: Motion, windows: Sequence[tuple[Scenario, int]], rng: np.random.Generator
@@ -288,8 +296,5 @@ class _Neighbours:
 
 
 def _stack(motions: Sequence[Motion]) -> Motion:
-    return Motion(
-        torch.cat([motion.positions for motion in motions]),
-        torch.cat([motion.velocities for motion in motions]),
-        torch.cat([motion.angular_velocities for motion in motions]),
-    )
+    names = ('positions', 'velocities', 'angular_velocities')
+    return Motion(*(torch.cat([getattr(motion, name) for motion in motions]) for name in names))

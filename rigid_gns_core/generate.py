@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import os
 import signal
 import sys
-import threading
 import time
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from importlib.metadata import version
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +29,7 @@ from .dataset import (
 from .progress import Progress
 from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
 from .sampling import load_scene, sample_start
+from .workers import WorkerDied, Workers, add_worker_arguments, chosen_workers
 
 EXAMPLE = """example:
   rigid-gns generate --config smoke --out data/smoke
@@ -46,16 +42,16 @@ class GenerateError(ValueError):
     """A trajectory could not be made; says which."""
 
 
-def generate(recipe: DataRecipe, folder: str | Path, *, workers: int | None = None) -> list[Path]:
+def generate(
+    recipe: DataRecipe, folder: str | Path, *, workers: int | Workers | None = None
+) -> list[Path]:
     """Make the trajectories of `recipe` that `folder` lacks; files that are whole are kept.
-
-    Worker processes are spawned: a script that calls this with more than one worker guards its own
-    start with `if __name__ == '__main__'`.
 
     Args:
         recipe: What to make.
         folder: Where; made if absent.
-        workers: Processes; None: one per usable core. With 1, all happens in this process.
+        workers: Who makes them, or how many processes; None: one per usable core. With 1, all
+            happens in this process.
 
     Returns:
         Paths of the trajectories of the recipe.
@@ -64,22 +60,31 @@ def generate(recipe: DataRecipe, folder: str | Path, *, workers: int | None = No
         DatasetError: The folder holds another recipe's data; the differences are named.
         GenerateError: A trajectory failed; its seed and index are named.
     """
-    if workers is not None and workers < 1:
-        raise ValueError(f'workers is {workers}, expected at least 1')
-    recipe, folder = _resolve(recipe), Path(folder)
+    workers = workers if isinstance(workers, Workers) else Workers(workers)
+    recipe, folder = resolve(recipe), Path(folder)
     _claim(folder, recipe)
     paths = [record_path(folder, index) for index in range(recipe.trajectories)]
     missing = [index for index, path in enumerate(paths) if not _is_whole(path, recipe)]
-    workers = min(workers or _usable_cores(), len(missing))
+    at_work: set[int] = set()
+
+    def calls() -> Iterator[tuple[DataRecipe, Path, int]]:
+        for index in missing:
+            at_work.add(index)
+            yield recipe, folder.absolute(), index
+
     with Progress(
         len(paths), str(folder), unit='trajectory', initial=len(paths) - len(missing)
     ) as progress:
-        if workers > 1:
-            _make_in_processes(recipe, folder, missing, workers, progress)
-        else:
-            for index in missing:
-                spheres, seconds = _make(recipe, folder, index)
+        try:
+            for index, spheres, seconds in workers.run(_make, calls(), len(missing)):
+                at_work.discard(index)
                 progress.update(index=str(index), spheres=str(spheres), seconds=seconds)
+        except WorkerDied as error:
+            suspects = ' or '.join(str(index) for index in sorted(at_work))
+            raise GenerateError(
+                f'a worker process died at trajectory {suspects} of seed {recipe.seed}; '
+                'give the same command again to go on, with fewer --workers where memory is short'
+            ) from error
     return paths
 
 
@@ -137,7 +142,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='PATH',
         help='folder of the data set; with --scene, the HDF5 file',
     )
-    parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per core')
+    add_worker_arguments(parser)
     parser.add_argument(
         '--trajectories', type=int, metavar='N', help='make so many, whatever the recipe says'
     )
@@ -179,7 +184,7 @@ def run(arguments: argparse.Namespace) -> int:
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
     begin = time.monotonic()
     try:
-        paths = generate(recipe, arguments.out, workers=arguments.workers)
+        paths = generate(recipe, arguments.out, workers=chosen_workers(arguments))
     except KeyboardInterrupt:
         whole = len(present_records(arguments.out))
         print(
@@ -199,7 +204,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _resolve(recipe: DataRecipe) -> DataRecipe:
+def resolve(recipe: DataRecipe) -> DataRecipe:
     """Recipe with every setting of the teacher, so that a changed default counts as a change."""
     from .teacher import TeacherSettings
 
@@ -242,8 +247,8 @@ def _is_whole(path: Path, recipe: DataRecipe) -> bool:
     return True
 
 
-def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, float]:
-    """Make one trajectory; returns the number of spheres and the time it took [s]."""
+def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, int, float]:
+    """Make a trajectory; returns its index, the number of spheres and the time it took [s]."""
     from .teacher import TeacherSettings, simulate
 
     begin = time.monotonic()
@@ -268,67 +273,4 @@ def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, float]:
         raise GenerateError(
             f'trajectory {index} of seed {recipe.seed}: {type(error).__name__}: {error}'
         ) from error
-    return len(start), time.monotonic() - begin
-
-
-def _make_in_processes(
-    recipe: DataRecipe, folder: Path, missing: list[int], workers: int, progress: Progress
-) -> None:
-    strangers = set(multiprocessing.active_children())
-    executor = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context('spawn'), initializer=_prepare_worker
-    )
-    waiting = iter(missing)
-    running: dict[Future[tuple[int, float]], int] = {}
-
-    def submit(count: int) -> None:
-        # no more than there are workers, so that a crash leaves few to suspect
-        for index in islice(waiting, count):
-            running[executor.submit(_make, recipe, folder, index)] = index
-
-    def stop_workers() -> None:
-        # the executor waits for the others, which may wait for a lock that the dead one held
-        for process in set(multiprocessing.active_children()) - strangers:
-            process.kill()
-
-    try:
-        submit(workers)
-        # The executor watches the workers that were there when it last woke up, so the last of them
-        # might die unnoticed until another one has finished; this wakes it once more.
-        executor.submit(int)
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                spheres, seconds = future.result()
-                index = running.pop(future)
-                progress.update(index=str(index), spheres=str(spheres), seconds=seconds)
-                submit(1)
-    except BrokenProcessPool as error:
-        stop_workers()
-        suspects = ' or '.join(str(index) for index in sorted(running.values()))
-        raise GenerateError(
-            f'a worker process died at trajectory {suspects} of seed {recipe.seed}; '
-            'give the same command again to go on, with fewer --workers where memory is short'
-        ) from error
-    except BaseException:
-        stop_workers()
-        raise
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-def _prepare_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
-
-
-def _leave_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _usable_cores() -> int:
-    if hasattr(os, 'sched_getaffinity'):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return index, len(start), time.monotonic() - begin

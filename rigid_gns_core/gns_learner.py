@@ -1,4 +1,4 @@
-"""Training of the thesis' GNS: one-step loss on noisy windows (thesis section 3.3)."""
+"""Training of the thesis' GNS on noisy windows, of one step (thesis section 3.3) or several."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from .closed_loop import connector, roll_out, stack_windows
 from .dataset import Record
+from .distributed import Mean
 from .learner import Learner, Schedule
 from .models.configs import GNSConfig
 from .models.gns import GNS
+from .resident import Resident
 from .similarity import ModelUnits
 from .training_set import common_scene
-from .windows import Batch, Noise, Source, draw_batch
+from .windows import Batch, Draw, Noise, Source, draw_windows, one_step_batch
 
 # windows whose statistics normalise features, and a step number no training step has
 _STATISTICS_WINDOWS, _STATISTICS_STEP = 256, 2**31
@@ -31,6 +34,10 @@ class GNSTrainConfig(Schedule):
         energy_weight: lambda of the energy regulariser; 0 turns it off.
         start_fraction: Share of windows with a history cut short, as at a rollout's start.
         rotate: Turn each window by a random angle about gravity.
+        closed_loop_steps: Steps that each window is rolled out for, with gradients through all of
+            them; 1 is the thesis' one-step training.
+        curriculum: Share of the training steps over which the trajectories that are drawn grow,
+            evenly, from those with the fewest spheres to all; 0: all from the start.
     """
 
     model: GNSConfig = field(default_factory=GNSConfig)
@@ -38,14 +45,22 @@ class GNSTrainConfig(Schedule):
     energy_weight: float = 0.0
     start_fraction: float = 0.1
     rotate: bool = True
+    closed_loop_steps: int = 1
+    curriculum: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ('energy_weight', 'start_fraction'):
+        for name in ('energy_weight', 'start_fraction', 'curriculum'):
             if not getattr(self, name) >= 0:
                 raise ValueError(f'{name} is {getattr(self, name)}, expected at least 0')
-        if not self.start_fraction <= 1:
-            raise ValueError(f'start_fraction is {self.start_fraction}, expected at most 1')
+        for name in ('start_fraction', 'curriculum'):
+            if not getattr(self, name) <= 1:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected at most 1')
+        if self.closed_loop_steps < 1:
+            raise ValueError(
+                f'closed_loop_steps is {self.closed_loop_steps}, expected at least 1, which is '
+                'one-step training'
+            )
 
 
 class GNSLearner(Learner[GNS]):
@@ -56,6 +71,11 @@ class GNSLearner(Learner[GNS]):
         sources: Training trajectories, all in `units`.
         units: Radius, gravity and time step of the trajectories.
         materials: Of all trajectories.
+        device: Where the network is trained; None: the CPU.
+        resident: Keep the trajectories there and connect spheres there; None: unless it is the CPU.
+
+    Raises:
+        ValueError: No trajectory is as long as `closed_loop_steps`.
     """
 
     kind = 'gns'
@@ -67,8 +87,17 @@ class GNSLearner(Learner[GNS]):
         sources: Sequence[Source],
         units: ModelUnits,
         materials: dict[str, float] | None = None,
+        device: torch.device | None = None,
+        *,
+        resident: bool | None = None,
     ) -> None:
-        self.sources = sources
+        steps = config.closed_loop_steps
+        self.sources = [source for source in sources if source.steps >= steps]
+        if not self.sources:
+            raise ValueError(
+                f'no training trajectory has {steps} steps (closed_loop_steps), the longest has '
+                f'{max(source.steps for source in sources)}; lower it, or generate longer ones'
+            )
         torch.manual_seed(config.seed)
         super().__init__(
             config,
@@ -76,12 +105,18 @@ class GNSLearner(Learner[GNS]):
             model=config.model,
             units=units,
             materials=materials or {},
-            trajectories=len(sources),
+            trajectories=len(self.sources),
+            device=device,
         )
         self._fit_normalisers()
+        self.resident: Resident | None = None
+        if resident or (resident is None and self.device.type != 'cpu'):
+            self.resident = Resident(self.sources, config.model, self.device)
 
     @classmethod
-    def of(cls, config: GNSTrainConfig, records: Sequence[Record]) -> GNSLearner:
+    def of(
+        cls, config: GNSTrainConfig, records: Sequence[Record], device: torch.device | None = None
+    ) -> GNSLearner:
         """Learner on records.
 
         Raises:
@@ -89,34 +124,77 @@ class GNSLearner(Learner[GNS]):
         """
         units, materials = common_scene(records)
         sources = [Source.of(record.trajectory, record.scene) for record in records]
-        return cls(config, sources, units, materials)
+        return cls(config, sources, units, materials, device)
 
-    def loss_at(self, step: int) -> Tensor:
-        """One-step loss of the batch of a step."""
-        return self.loss(self.batch(step, self.config.batch, self.config.noise))
+    def means_at(self, step: int) -> tuple[Mean, ...]:
+        """L2 on normalised targets, and lambda times the energy gain (section 3.3)."""
+        draws = self.processes.share(self.draw(step, self.config.batch, self.config.noise))
+        if self.config.closed_loop_steps == 1 and self.resident is None:
+            return self.one_step(self.batch(draws))
+        return self.closed_loop(draws)
 
-    def batch(self, step: int, size: int, noise: Noise) -> Batch:
-        """The batch of a step: a resumed run draws the same ones."""
-        rng = np.random.default_rng([self.config.seed, step])
-        return draw_batch(
+    def draw(self, step: int, size: int, noise: Noise) -> list[Draw]:
+        """The windows of a step: a resumed run draws the same ones."""
+        config = self.config
+        return draw_windows(
             self.sources,
             size,
-            self.config.model,
+            config.model,
             noise,
-            rng,
-            start_fraction=self.config.start_fraction,
-            rotate=self.config.rotate,
+            np.random.default_rng([config.seed, step]),
+            start_fraction=config.start_fraction,
+            rotate=config.rotate,
+            steps=config.closed_loop_steps,
+            largest=self.largest_at(step),
         )
 
-    def loss(self, batch: Batch) -> Tensor:
-        """One-step L2 on normalised targets, plus lambda times the energy gain (section 3.3)."""
+    def largest_at(self, step: int) -> float:
+        """Most spheres of a trajectory that is drawn in a step (curriculum)."""
+        grown = self.config.curriculum * self.config.steps
+        if step >= grown:
+            return np.inf
+        counts = [source.count for source in self.sources]
+        return min(counts) + (max(counts) - min(counts)) * step / grown
+
+    def batch(self, draws: Sequence[Draw]) -> Batch:
+        """Windows of one step."""
+        config = self.config
+        return one_step_batch(self.sources, draws, config.model, config.noise.corrects_target)
+
+    def one_step(self, batch: Batch) -> tuple[Mean, ...]:
+        """Terms of the one-step loss."""
         motion = batch.graph.motion
         output = self.network(batch.graph)
-        loss = (output - self.network.encode_target(batch.next_motion, motion)).square().mean()
+        error = (output - self.network.encode_target(batch.next_motion, motion)).square()
+        terms = (Mean(error.mean(), error.numel()),)
         if self.config.energy_weight:
             gain = self.energy_gain(self.network.decode(output, motion), batch)
-            loss = loss + self.config.energy_weight * gain
-        return loss
+            terms += (Mean(self.config.energy_weight * gain, batch.windows),)
+        return terms
+
+    def closed_loop(self, draws: Sequence[Draw]) -> tuple[Mean, ...]:
+        """The same over several steps, or on a device; what counts does so alike."""
+        config, network = self.config, self.network
+        steps, corrects = config.closed_loop_steps, config.noise.corrects_target
+        if self.resident is None:
+            windows = stack_windows(self.sources, draws, config.model, steps, corrects)
+            connect = connector(self.sources, draws, config.model)
+        else:
+            windows = self.resident.windows(draws, steps, corrects)
+            connect = self.resident.connector(draws, windows)
+        errors, gains = [], []
+        for batch, output, counted in roll_out(network, windows, connect, corrects):
+            motion = batch.graph.motion
+            target = network.encode_target(batch.next_motion, motion)
+            errors.append((output - target)[counted].square().flatten())
+            if config.energy_weight:
+                gains.append(self.energy_gain(network.decode(output, motion), batch))
+        error = torch.cat(errors)
+        terms = (Mean(error.mean(), error.numel()),)
+        if gains:
+            gain = config.energy_weight * torch.stack(gains).mean()
+            terms += (Mean(gain, windows.windows),)
+        return terms
 
     def energy_gain(self, predicted: Tensor, batch: Batch) -> Tensor:
         """Mean over windows of max(E[k+1] - E[k], 0), per sphere and in units of m g r.
@@ -127,12 +205,12 @@ class GNSLearner(Learner[GNS]):
         before = batch.graph.motion[:, :3]
         kinetic = 0.5 * (predicted[:, :3].square() - before.square()).sum(1)
         change = kinetic + g * dt * predicted[:, 2]
-        total = torch.zeros(batch.windows).index_add(0, batch.owner, change)
+        total = change.new_zeros(batch.windows).index_add(0, batch.owner, change)
         spheres = torch.bincount(batch.owner, minlength=batch.windows)
         return torch.relu(total / spheres).mean() / (g * radius)
 
     def _fit_normalisers(self) -> None:
-        batch = self.batch(_STATISTICS_STEP, _STATISTICS_WINDOWS, Noise(std=0.0))
+        batch = self.batch(self.draw(_STATISTICS_STEP, _STATISTICS_WINDOWS, Noise(std=0.0)))
         network, graph = self.network, batch.graph
         target = batch.next_motion
         if self.config.model.target == 'acceleration':

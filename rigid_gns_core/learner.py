@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from .checkpoint import CheckpointError
 from .dataset import Record
+from .distributed import Mean, Processes
 from .similarity import ModelUnits
 
 N = TypeVar('N', bound=nn.Module)
@@ -83,6 +84,10 @@ class Learner(ABC, Generic[N]):
         units: Radius, gravity and time step of the training data.
         materials: What the card says of the materials.
         trajectories: Number of training trajectories.
+        device: Where the network is trained.
+
+    Under torch.distributed each process takes its share of every batch, and gradients are averaged
+    by DistributedDataParallel, so that a step is that of one process but for the order of sums.
     """
 
     kind: ClassVar[str]
@@ -97,18 +102,35 @@ class Learner(ABC, Generic[N]):
         units: ModelUnits,
         materials: dict[str, Any],
         trajectories: int,
+        device: torch.device | None = None,
     ) -> None:
-        self.config, self.network = config, network
+        self.processes = Processes(device)
+        self.device = self.processes.device
+        self.config, self.network = config, network.to(self.device)
         self.model, self.units, self.materials = model, units, materials
         self.trajectories = trajectories
         self.parameters: list[Tensor] = list(network.parameters())
         self.averaged = [parameter.detach().clone() for parameter in self.parameters]
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.learning_rate)
         self.step = 0
+        self.shared_loss: Callable[[int], Tensor] = self.loss_at
+        if self.processes.size > 1:
+            self.shared_loss = nn.parallel.DistributedDataParallel(
+                _LossAt(network, self.loss_at),
+                broadcast_buffers=False,  # statistics follow from the seed
+                find_unused_parameters=True,  # a share may have no contacts
+            )
 
     @abstractmethod
+    def means_at(self, step: int) -> Sequence[Mean]:
+        """Terms of the loss over this process' share of a step: a resumed run draws the same."""
+
     def loss_at(self, step: int) -> Tensor:
-        """Loss of the batch of a step: a resumed run draws the same ones."""
+        """Loss of a step; with several processes, what gives the loss when averaged over them."""
+        first, *others = (self.processes.fair(mean) for mean in self.means_at(step))
+        for other in others:
+            first = first + other
+        return first
 
     def score(self, records: Sequence[Record]) -> float | None:
         """How good the current weights are on held-out records, lower is better; None: by rollout.
@@ -127,14 +149,16 @@ class Learner(ABC, Generic[N]):
         config = self.config
         for group in self.optimizer.param_groups:
             group['lr'] = config.learning_rate_at(self.step)
-        loss = self.loss_at(self.step)
-        if not torch.isfinite(loss):
+        share = self.shared_loss(self.step)
+        # of all, so that all stop where one is not finite
+        loss = self.processes.sum(share.item()) / self.processes.size
+        if not math.isfinite(loss):
             raise FloatingPointError(
-                f'the loss is {loss.item()} at step {self.step}; train anew, in another folder, '
+                f'the loss is {loss} at step {self.step}; train anew, in another folder, '
                 'with a lower learning_rate or clip'
             )
         self.optimizer.zero_grad()
-        loss.backward()
+        share.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.parameters, config.clip)
         if not torch.isfinite(norm):  # before it reaches the weights
             raise FloatingPointError(
@@ -147,7 +171,7 @@ class Learner(ABC, Generic[N]):
             # early on the average is short, so that it does not remember the random start
             decay = min(config.average, self.step / (9 + self.step))
             torch._foreach_lerp_(self.averaged, self.parameters, 1 - decay)
-        return loss.item()
+        return loss
 
     @contextmanager
     def averaged_weights(self) -> Iterator[N]:
@@ -164,14 +188,14 @@ class Learner(ABC, Generic[N]):
                 self.network.train()
 
     def state(self) -> dict[str, Tensor]:
-        """All that a resumed run needs, as tensors."""
+        """All that a resumed run needs, as tensors on the CPU."""
         tensors = {f'network.{name}': value for name, value in self.network.state_dict().items()}
         for index, parameter in enumerate(self.parameters):
             tensors[f'average.{index}'] = self.averaged[index]
             for name, value in self.optimizer.state[parameter].items():
                 tensors[f'optimizer.{index}.{name}'] = value
         tensors['step'] = torch.tensor(self.step)
-        return tensors
+        return {name: value.cpu() for name, value in tensors.items()}
 
     def load_state(self, tensors: dict[str, Tensor]) -> None:
         """Go on from `state()`.
@@ -192,9 +216,23 @@ class Learner(ABC, Generic[N]):
             for index, parameter in enumerate(self.parameters):
                 self.averaged[index].copy_(tensors[f'average.{index}'])
                 if state := part(f'optimizer.{index}.'):
-                    self.optimizer.state[parameter] = state
+                    self.optimizer.state[parameter] = {
+                        name: value if name == 'step' else value.to(self.device)
+                        for name, value in state.items()
+                    }
             self.step = int(tensors['step'])
         except (KeyError, RuntimeError) as error:
             raise CheckpointError(
                 f'the state of the run does not fit its recipe: {error}'
             ) from error
+
+
+class _LossAt(nn.Module):
+    """The loss as the forward pass of a module, which DistributedDataParallel can wrap."""
+
+    def __init__(self, network: nn.Module, loss_at: Callable[[int], Tensor]) -> None:
+        super().__init__()
+        self.network, self._loss_at = network, loss_at
+
+    def forward(self, step: int) -> Tensor:
+        return self._loss_at(step)

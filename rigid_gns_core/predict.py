@@ -1,16 +1,23 @@
-"""`rigid-gns rollout`: predict a trajectory from a scene file's start and write it as a record."""
+"""`rigid-gns rollout`: predict a trajectory from a scene file's start and write it as a record.
+
+With `--samples` also what becomes of starts near it: how sure a prediction is.
+"""
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from .config import positive
 from .dataset import Record, write_record
 from .rollout import load_simulator
 from .sampling import load_scene, sample_start
+from .state import Array, State, Trajectory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,40 +27,101 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--steps', type=int, default=300, help='steps of the model (default 300)')
     parser.add_argument('--seed', type=int, help="seed of the start instead of the scene's")
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
-    parser.add_argument('--out', required=True, type=Path, help='HDF5 file to write')
-    parser.epilog = 'example:\n  rigid-gns rollout --scene box_154 --steps 200 --out rollout.h5'
+    parser.add_argument(
+        '--samples',
+        type=positive,
+        default=1,
+        metavar='N',
+        help='starts: the first is that of the scene, the others are near it (default 1)',
+    )
+    parser.add_argument(
+        '--spread',
+        type=float,
+        default=0.01,
+        metavar='M',
+        help='how near: standard deviation of each coordinate of a position [m] (default 0.01)',
+    )
+    parser.add_argument(
+        '--out', required=True, type=Path, help='HDF5 file to write; of several samples a folder'
+    )
+    parser.epilog = (
+        'examples:\n'
+        '  rigid-gns rollout --scene box_154 --steps 200 --out rollout.h5\n'
+        '  rigid-gns rollout --samples 64 --spread 0.001 --threads 2 --steps 50 --out what_if'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns rollout`."""
-    if arguments.out.exists():
-        raise FileExistsError(f'{arguments.out} exists; remove it or give another --out')
-    simulator = load_simulator(arguments.model, threads=arguments.threads)
+    out, samples = arguments.out, arguments.samples
+    if out.exists():
+        raise FileExistsError(f'{out} exists; remove it or give another --out')
+    if not (np.isfinite(arguments.spread) and arguments.spread >= 0):
+        raise ValueError(f'--spread is {arguments.spread:g} m, expected a number, at least 0')
+    # threads go to starts where there are several
+    simulator = load_simulator(arguments.model, threads=1 if samples > 1 else arguments.threads)
     scene, recipe = load_scene(arguments.scene)
     seed = recipe.seed if arguments.seed is None else arguments.seed
     start = sample_start(scene, replace(recipe, seed=seed))
+    starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]
     begin = time.perf_counter()
-    trajectory = simulator.rollout(
-        scene,
-        start.positions,
-        start.velocities,
-        start.angular_velocities,
-        arguments.steps,
-        quaternions=start.quaternions,
+    trajectories = simulator.rollout_batch(
+        scene, starts, arguments.steps, workers=arguments.threads
     )
     elapsed = time.perf_counter() - begin
-    write_record(
-        arguments.out,
-        Record(
-            trajectory=trajectory,
-            scene=scene,
-            seed=seed,
-            teacher={'engine': 'rigid_gns', 'model': simulator.name},
-            name=str(arguments.scene),
-        ),
-    )
+    for index, trajectory in enumerate(trajectories):
+        write_record(
+            out / f'{index:04d}.h5' if samples > 1 else out,
+            Record(
+                trajectory=trajectory,
+                scene=scene,
+                seed=seed,
+                teacher={'engine': 'rigid_gns', 'model': simulator.name},
+                name=str(arguments.scene),
+                index=index,
+            ),
+        )
+    if samples > 1:
+        print_spread(trajectories)
+    trajectory = trajectories[0]
     print(
         f'{trajectory.count} spheres, {trajectory.steps} steps of {trajectory.dt:.4g} s, '
-        f'{arguments.steps / elapsed:.1f} steps/s; wrote {arguments.out}'
+        + (f'{samples} samples, ' if samples > 1 else '')
+        + f'{samples * trajectory.steps / elapsed:.1f} steps/s; wrote {out}'
     )
     return 0
+
+
+def starts_near(start: State, count: int, spread: float, seed: int) -> list[State]:
+    """The start with positions moved by Gaussian noise of standard deviation `spread` [m].
+
+    Sample k does not depend on how many there are.
+    """
+    return [
+        replace(
+            start,
+            positions=start.positions
+            + np.random.default_rng([seed, k]).normal(0.0, spread, start.positions.shape),
+        )
+        for k in range(1, count + 1)
+    ]
+
+
+def position_spread(trajectories: Sequence[Trajectory]) -> Array:
+    """How far apart samples are: root mean square distance of each sphere from its mean place [m].
+
+    Shape (steps + 1, n).
+    """
+    mean = sum(trajectory.positions for trajectory in trajectories) / len(trajectories)
+    squares = sum(np.square(t.positions - mean).sum(axis=-1) for t in trajectories)
+    return np.sqrt(squares / len(trajectories))
+
+
+def print_spread(trajectories: Sequence[Trajectory]) -> None:
+    """A table of the spread over time, at about ten times."""
+    spread = position_spread(trajectories)
+    print(f'spread of {len(trajectories)} samples [m], over spheres')
+    print('  time [s]     median        90 %     largest')
+    for step in np.unique(np.linspace(0, trajectories[0].steps, 11).round().astype(int)):
+        levels = np.quantile(spread[step], (0.5, 0.9, 1.0))
+        print(f'{step * trajectories[0].dt:10.4g}', *(f'{level:11.3g}' for level in levels))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from .batch import in_threads, paired, usable_cores
 from .checkpoint import CheckpointError, Tensors, find_model, load_card, load_weights
 from .config import from_mapping
 from .scene import Scene
@@ -34,7 +36,7 @@ class Rollout:
 
     def __init__(self, stepper: Stepper, similarity: Similarity, state: State, dt: float) -> None:
         self.stepper = stepper
-        self._similarity = similarity
+        self.similarity = similarity
         self.state = state
         self.dt = dt
         self.steps = 0
@@ -47,10 +49,33 @@ class Rollout:
         Raises:
             FloatingPointError: The rollout diverged; `state` is the last finite one.
         """
-        state = self._similarity.to_world(self.stepper.step())
+        state = self.similarity.to_world(self.stepper.step())
         self.state = state
         self.steps += 1
         return state
+
+    def run(self, steps: int) -> Outcome:
+        """Advance `steps` times, or to where it diverges."""
+        shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
+        count, error = len(self.state), ''
+        arrays = {name: np.full((steps + 1, count, k), np.nan) for name, k in shapes.items()}
+        for step in range(steps + 1):
+            if step:
+                try:
+                    self.step()
+                except FloatingPointError as diverged:
+                    error = f'{diverged} (step {step} of {steps})'
+                    break
+            for name in shapes:
+                arrays[name][step] = getattr(self.state, name)
+        return Outcome(Trajectory(dt=self.dt, **arrays), error)
+
+
+class Outcome(NamedTuple):
+    """A trajectory, NaN from where it diverged on; `error` says so, or is ''."""
+
+    trajectory: Trajectory
+    error: str
 
 
 class Simulator(ABC):
@@ -131,30 +156,64 @@ class Simulator(ABC):
         A rollout that diverges is filled with NaN from there on and a warning says when;
         `Trajectory.diverged_at` tells it too.
         """
-        if steps != int(steps) or steps < 0:
-            raise ValueError(f'steps is {steps}, expected a whole number, 0 or more')
         rollout = self._begin(scene, positions, velocities, angular_velocities, quaternions)
-        count = len(rollout.state)
-        shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
-        arrays = {name: np.full((steps + 1, count, k), np.nan) for name, k in shapes.items()}
-        for step in range(steps + 1):
-            if step:
-                try:
-                    rollout.step()
-                except FloatingPointError as error:
-                    warnings.warn(f'{error} (step {step} of {steps})', stacklevel=2)
-                    break
-            for name in shapes:
-                arrays[name][step] = getattr(rollout.state, name)
-        return Trajectory(dt=rollout.dt, **arrays)
+        (outcome,) = self._run([rollout], _checked(steps), 1)
+        if outcome.error:
+            warnings.warn(outcome.error, stacklevel=2)
+        return outcome.trajectory
+
+    def rollout_batch(
+        self,
+        scenes: Scene | Sequence[Scene],
+        starts: Sequence[State | ArrayLike] | NDArray[Any],
+        steps: int = 300,
+        *,
+        workers: int | None = None,
+    ) -> list[Trajectory]:
+        """Predict many starts, what-ifs of one scene or scenes of their own, on several cores.
+
+        Each trajectory is bit for bit that of `rollout`, whatever the number of workers, and one
+        that diverges leaves the others alone; warnings and errors name the index of its start.
+        Workers are threads, since compiled code runs beside other threads; the backend 'torch'
+        takes one after another. On a device all are one batch of tensors, so that there results
+        are the same to the rounding of float32.
+
+        Args:
+            scenes: One for all starts, or one per start.
+            starts: States, or centres [m] of spheres at rest: shape (b, n, 3), or b arrays of
+                shape (n, 3), where n may differ.
+            steps: Steps of `native_dt` of each scene.
+            workers: Threads; None: one per usable core.
+
+        Raises:
+            ValueError: A start is wrong, or the model cannot serve its scene; before any runs.
+        """
+        if workers is not None and workers < 1:
+            raise ValueError(f'workers is {workers}, expected at least 1')
+        steps, rollouts = _checked(steps), []
+        for index, (scene, start) in enumerate(paired(scenes, starts)):
+            given = vars(start) if isinstance(start, State) else {'positions': start}
+            try:
+                rollouts.append(self._begin(scene, **given))
+            except ValueError as error:
+                raise ValueError(f'start {index}: {error}') from error
+        outcomes = self._run(rollouts, steps, workers or usable_cores())
+        for index, outcome in enumerate(outcomes):
+            if outcome.error:
+                warnings.warn(f'start {index}: {outcome.error}', stacklevel=2)
+        return [outcome.trajectory for outcome in outcomes]
+
+    def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
+        """Outcomes of rollouts that have just begun."""
+        return in_threads(lambda rollout: rollout.run(steps), rollouts, workers)
 
     def _begin(
         self,
         scene: Scene,
         positions: ArrayLike,
-        velocities: ArrayLike | None,
-        angular_velocities: ArrayLike | None,
-        quaternions: ArrayLike | None,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        quaternions: ArrayLike | None = None,
     ) -> Rollout:
         given: dict[str, Any] = {
             'positions': positions,
@@ -163,10 +222,16 @@ class Simulator(ABC):
             'angular_velocities': angular_velocities,
         }
         state = State(**given)
-        self.check(scene, len(state), stacklevel=4)  # warnings point at who called start or rollout
+        self.check(scene, len(state), stacklevel=4)  # warnings point at who asked for it
         similarity = Similarity.between(scene, self.units)
         stepper = self.stepper(similarity.scene(scene), similarity.to_model(state))
         return Rollout(stepper, similarity, state, self.native_dt(scene))
+
+
+def _checked(steps: int) -> int:
+    if steps != int(steps) or steps < 0:
+        raise ValueError(f'steps is {steps}, expected a whole number, 0 or more')
+    return int(steps)
 
 
 def load_simulator(

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from .checkpoint import Tensors
 from .config import from_mapping
 from .models.configs import ContactConfig, GNSConfig
 from .models.features import Features
 from .models.stepping import GNSStepper
-from .rollout import Simulator, Stepper
+from .on_device import known_device, run_on_device
+from .options import ContactOptions, known_backend
+from .rollout import Outcome, Rollout, Simulator, Stepper
 from .scene import Scene
 from .state import Array, State
 
@@ -48,6 +51,8 @@ class GNSSimulator(Simulator):
         backend: 'engine' (NumPy), or 'torch', the reference.
         dtype: 'float32', the only one.
         threads: CPU threads.
+        device: Where the backend 'torch' keeps all of a rollout, such as 'cuda'; None: networks on
+            the CPU, graphs by SciPy.
     """
 
     kind = 'gns'
@@ -62,12 +67,14 @@ class GNSSimulator(Simulator):
         backend: str = 'engine',
         dtype: str = 'float32',
         threads: int = 1,
+        device: str | None = None,
     ) -> None:
         super().__init__(tensors, card, name)
         if dtype != 'float32':
             raise ValueError(f'dtype is {dtype!r}, but model {name!r} (a GNS) knows float32 only')
         self.dtype = dtype
-        self.backend, self.threads = _known_backend(backend), threads
+        self.backend, self.threads = known_backend(backend), threads
+        self.device = None if device is None else known_device(device, backend)
         self.config = from_mapping(GNSConfig, card['config'], f'{name}: config')
         self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
 
@@ -95,7 +102,24 @@ class GNSSimulator(Simulator):
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """A rollout in the model's units."""
+        if self.device is not None:
+            import torch
+
+            from .models.device_stepper import DeviceStepper
+
+            torch.set_num_threads(self.threads)
+            return DeviceStepper(self.network, [scene], [state], self.units.dt, self.device)
         return GNSStepper(self._predict, self.config, scene, state, self.units.dt)
+
+    def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
+        if self.device is not None:
+            return run_on_device(rollouts, steps)
+        if self.backend == 'torch' or workers == 1:
+            return super()._run(rollouts, steps, 1)
+        # a limit of BLAS is one of the process: what each worker sets and lifts in every step would
+        # be lifted under the feet of the others
+        with threadpool_limits(self.threads, user_api='blas'):
+            return super()._run(rollouts, steps, workers)
 
     @cached_property
     def network(self) -> GNS:
@@ -114,47 +138,6 @@ class GNSSimulator(Simulator):
         from .engine.gns import GNSEngine
 
         return GNSEngine(self.tensors, self.config, self.threads)
-
-
-@dataclass(frozen=True)
-class ContactOptions:
-    """What a user may change of a contact model; for measurements rather than for use.
-
-    Args:
-        backend: 'engine' (compiled), or 'torch', the reference; None: the engine where it can. It
-            has neither float32 nor networks without the law.
-        dtype: 'float64' or 'float32', of the arithmetic of contacts; states are kept in float64.
-        guard: Hold the energy of every island down.
-        sleep: Let islands at rest sleep.
-        network: Use the network; False: the law of isolated contacts alone.
-        substeps: K instead of the trained one.
-        rounds: M instead of the trained one, for the law alone.
-        threads: CPU threads of the backend 'torch'; the engine takes one.
-        everywhere: Spheres that nothing can touch take part in all substeps too, and isolated
-            contacts in all rounds, with the network; to measure what leaving them out saves.
-    """
-
-    backend: str | None = None
-    dtype: str = 'float64'
-    guard: bool = True
-    sleep: bool = True
-    network: bool = True
-    substeps: int | None = None
-    rounds: int | None = None
-    threads: int = 1
-    everywhere: bool = False
-
-    def __post_init__(self) -> None:
-        if self.dtype not in ('float32', 'float64'):
-            raise ValueError(f"dtype is {self.dtype!r}, allowed: 'float32', 'float64'")
-        if self.backend is not None:
-            _known_backend(self.backend)
-        for name in ('substeps', 'rounds'):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ValueError(f'{name} is {value}, expected at least 1')
-        if self.rounds is not None and self.network:
-            raise ValueError('rounds can be changed only with network=False: each has its weights')
 
 
 class ContactSimulator(Simulator):
@@ -232,6 +215,9 @@ class ContactSimulator(Simulator):
 
         return EngineStepper(self._settings, scene, state, self.units.dt, **switches)
 
+    def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
+        return super()._run(rollouts, steps, 1 if self.backend == 'torch' else workers)
+
     @cached_property
     def network(self) -> ContactNetwork:
         """The network as a torch module, for the backend 'torch'."""
@@ -266,14 +252,6 @@ class Kind(NamedTuple):
 
 
 KINDS = {'gns': Kind(GNSConfig, GNSSimulator), 'contact': Kind(ContactConfig, ContactSimulator)}
-
-BACKENDS = ('engine', 'torch')
-
-
-def _known_backend(name: str) -> str:
-    if name not in BACKENDS:
-        raise ValueError(f'backend is {name!r}, allowed: {", ".join(BACKENDS)}')
-    return name
 
 
 def _filled(network: N, tensors: Tensors) -> N:

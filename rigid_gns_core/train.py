@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,12 +17,12 @@ import torch
 import yaml
 
 from .checkpoint import load_tensors, save_model, save_tensors, tensors_of
-from .config import ConfigError, find_config, from_mapping, load_yaml, positive, to_mapping
-from .contact_learner import ContactLearner, ContactTrainConfig
+from .config import ConfigError, load_yaml, positive, to_mapping
 from .dataset import Dataset, Record
-from .gns_learner import GNSLearner, GNSTrainConfig
+from .distributed import started_by_torchrun
 from .interrupt import stop_on_signal
-from .learner import Learner, Schedule
+from .learner import Schedule
+from .learners import device_of, load_recipe, make_learner
 from .metrics import chamfer
 from .progress import Progress
 from .rollout import Simulator
@@ -34,12 +35,15 @@ STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
 class Trainer:
     """Trains in a folder; `run` goes on from what an earlier run left there.
 
+    Under torch.distributed each process has one: all train, the first validates, logs and writes.
+
     Args:
         config: The recipe.
         records: Training trajectories that the kind of model can learn from.
         validation: Held-out trajectories; how well they are met chooses the best checkpoint.
         folder: Holds `best` (weights and card), the run's state, its recipe and its log.
         origin: Where the data came from, kept in the card.
+        device: Where the network is trained; None: the CPU.
 
     Raises:
         ValueError: There are no records, or the kind of model cannot learn from them.
@@ -53,11 +57,13 @@ class Trainer:
         validation: Sequence[Record],
         folder: str | Path,
         origin: str = '',
+        device: torch.device | None = None,
     ) -> None:
         self.config, self.folder, self.origin = config, Path(folder), origin
         self.validation = _long_enough(validation, config)
         self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
-        self.learner = make_learner(config, records)
+        self.learner = make_learner(config, records, device)
+        self.processes = self.learner.processes
         self.best = math.inf
         self._resume()
 
@@ -68,18 +74,27 @@ class Trainer:
             FloatingPointError: Loss or gradient are not finite; the last checkpoint stays.
             KeyboardInterrupt: SIGINT or SIGTERM came; the state is saved.
         """
-        learner, config = self.learner, self.config
+        learner, config, processes = self.learner, self.config, self.processes
         end = config.steps if stop_at is None else min(stop_at, config.steps)
         losses: list[float] = []
-        with Progress(end, 'train', initial=learner.step) as progress, stop_on_signal() as stop:
-            while learner.step < end and not stop:
+        with (
+            open(os.devnull, 'w') as nowhere,
+            Progress(
+                end, 'train', initial=learner.step, stream=None if processes.first else nowhere
+            ) as progress,
+            stop_on_signal() as stop,
+        ):
+            # all processes stop after the same step
+            while learner.step < end and not processes.any(bool(stop)):
                 losses.append(learner.advance())
                 progress.update(loss=float(np.mean(losses[-100:])), best=self.best)
                 if learner.step % config.validate_every == 0 or learner.step == config.steps:
-                    self._validate_and_save(losses, progress)
+                    if processes.first:
+                        self._validate_and_save(losses, progress)
                     losses.clear()
-            self._save_state()
-            if stop:
+            if processes.first:
+                self._save_state()
+            if processes.any(bool(stop)):
                 progress.line(f'stopped; the same command goes on from {self.folder}')
                 raise KeyboardInterrupt
         return self.best
@@ -162,6 +177,21 @@ class Trainer:
         save_tensors(self.folder / STATE, {**state, 'best': np.array(self.best)})
 
     def _resume(self) -> None:
+        if self.processes.first:
+            self._claim_folder()
+        self.processes.wait()
+        if (self.folder / STATE).is_file():
+            tensors = load_tensors(self.folder / STATE)
+            self.best = float(tensors.pop('best'))
+            self.learner.load_state({k: torch.from_numpy(v) for k, v in tensors.items()})
+        step, size = self.learner.step, self.processes.size
+        if self.processes.sum(step) != step * size:
+            raise ValueError(
+                f'{self.folder} holds step {step} for one process and another for others; give a '
+                'folder that all processes see'
+            )
+
+    def _claim_folder(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         recipe = self.folder / RECIPE
         asked = {**to_mapping(self.config), 'sha256': self.data}
@@ -174,35 +204,6 @@ class Trainer:
                 'use the same, or another folder'
             )
         recipe.write_text(text, encoding='utf-8')
-        if (self.folder / STATE).is_file():
-            tensors = load_tensors(self.folder / STATE)
-            self.best = float(tensors.pop('best'))
-            self.learner.load_state({k: torch.from_numpy(v) for k, v in tensors.items()})
-
-
-RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig, 'contact': ContactTrainConfig}
-
-
-def load_recipe(name: str | Path) -> Schedule:
-    """Training recipe of a YAML file, or of a shipped name in config/train; `kind` is the model's.
-
-    Raises:
-        ConfigError: No such recipe, an unknown key, or a value out of range.
-    """
-    path = find_config('train', name)
-    mapping = load_yaml(path)
-    kind = mapping.pop('kind', None)
-    if kind not in RECIPES:
-        raise ConfigError(f'{path}: kind is {kind!r}, allowed: {", ".join(RECIPES)}')
-    return from_mapping(RECIPES[kind], mapping, str(path))
-
-
-def make_learner(config: Schedule, records: Sequence[Record]) -> Learner[Any]:
-    """Learner of the recipe's kind of model."""
-    if isinstance(config, ContactTrainConfig):
-        return ContactLearner(config, records)
-    assert isinstance(config, GNSTrainConfig)
-    return GNSLearner.of(config, records)
 
 
 def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
@@ -229,9 +230,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
     parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
+    parser.add_argument(
+        '--device',
+        choices=('auto', 'cpu', 'cuda'),
+        default='auto',
+        help='where the network is trained; auto: CUDA for a GNS where there is one (default)',
+    )
     parser.epilog = (
         'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
-        '--out runs/gns\n  rigid-gns evaluate --model runs/gns/best --data data/gns_test'
+        '--out runs/gns\n  rigid-gns evaluate --model runs/gns/best --data data/gns_test\n'
+        'by several processes, each with its share of every batch:\n'
+        '  torchrun --nproc_per_node=4 -m rigid_gns_core.cli train --config gns ...'
     )
 
 
@@ -241,11 +250,16 @@ def run(arguments: argparse.Namespace) -> int:
     changes = {name: getattr(arguments, name) for name in ('steps', 'seed')}
     config = replace(config, **{k: v for k, v in changes.items() if v is not None})
     torch.set_num_threads(arguments.threads)
-    validation = list(Dataset(arguments.validation)) if arguments.validation else []
-    records = [record for folder in arguments.data for record in Dataset(folder)]
-    origin = ' '.join(folder.name for folder in arguments.data)
-    trainer = Trainer(config, records, validation, arguments.out, origin)
-    best = trainer.run()
-    score = f'best validation {best:.4g}' if validation else 'no validation set: last weights'
-    print(f'{score}; weights: {arguments.out / "best.safetensors"}')
+    device = device_of(config, arguments.device)
+    with started_by_torchrun(device):
+        validation = list(Dataset(arguments.validation)) if arguments.validation else []
+        records = [record for folder in arguments.data for record in Dataset(folder)]
+        origin = ' '.join(folder.name for folder in arguments.data)
+        trainer = Trainer(config, records, validation, arguments.out, origin, device)
+        best = trainer.run()
+        if trainer.processes.first:
+            score = (
+                f'best validation {best:.4g}' if validation else 'no validation set: last weights'
+            )
+            print(f'{score}; weights: {arguments.out / "best.safetensors"}')
     return 0

@@ -18,6 +18,38 @@ from .scene import Scene
 from .state import Array, Trajectory, rotate_quaternions
 
 
+class Shifts(NamedTuple):
+    """Noise of one window: what is added to its `Motion`, rotations as rotation vectors [rad]."""
+
+    positions: Array
+    rotations: Array
+    velocities: Array
+    angular_velocities: Array
+
+    def __call__(self, motion: Motion) -> Motion:
+        """The motion with this noise."""
+        return Motion(
+            motion.positions + self.positions,
+            rotate_quaternions(motion.quaternions, self.rotations),
+            motion.velocities + self.velocities,
+            motion.angular_velocities + self.angular_velocities,
+        )
+
+
+class Draw(NamedTuple):
+    """One window as it was drawn; with the trajectories, all that a batch is made of.
+
+    source: index of the trajectory; step: k; known: previous velocities to be seen, None for all;
+    shifts: noise, None for none; angle: by which it is turned about gravity [rad], None for none.
+    """
+
+    source: int
+    step: int
+    known: int | None
+    shifts: Shifts | None
+    angle: float | None
+
+
 class Batch(NamedTuple):
     """Graphs side by side, next motions, and which graph a sphere belongs to.
 
@@ -40,6 +72,8 @@ class Noise:
             and angular velocities.
         corrects_target: Ask for the velocity that leads from the noisy pose to the true next one,
             so that errors of position are mended, not kept. The thesis leaves the target unchanged.
+            In closed loop the pose is the predicted one, and only positions are mended: a network
+            cannot see how far a sphere has turned.
     """
 
     std: float = 0.01
@@ -48,6 +82,16 @@ class Noise:
     def __post_init__(self) -> None:
         if not self.std >= 0:
             raise ValueError(f'std of the noise is {self.std}, expected at least 0')
+
+    def draw(self, count: int, history: int, radius: float, rng: np.random.Generator) -> Shifts:
+        """Noise for `count` spheres of `radius` [m] and `history` previous velocities."""
+        states = (history + 1, count, 3)
+        return Shifts(
+            rng.normal(0.0, self.std * radius, (count, 3)),
+            rng.normal(0.0, self.std, (count, 3)),
+            rng.normal(0.0, self.std * radius, states),
+            rng.normal(0.0, self.std, states),
+        )
 
 
 @dataclass(frozen=True)
@@ -75,8 +119,23 @@ class Source:
 
     @property
     def steps(self) -> int:
-        """Number of windows."""
+        """Number of steps, which is the number of windows of one step."""
         return len(self.positions) - 1
+
+    @property
+    def count(self) -> int:
+        """Number of spheres."""
+        return self.positions.shape[1]
+
+    @property
+    def radius(self) -> float:
+        """Largest radius [m]."""
+        return float(np.max(self.scene.radius))
+
+    @property
+    def properties(self) -> Array:
+        """Radius [m] and mass [kg] of each sphere, shape (n, 2)."""
+        return np.stack([self.scene.per_sphere(p, self.count) for p in ('radius', 'mass')], 1)
 
     def motion(self, step: int, history: int, known: int | None = None) -> Motion:
         """Motion at `step` with `history` previous velocities.
@@ -93,34 +152,27 @@ class Source:
             self.angular_velocities[index],
         )
 
-    def window(
-        self,
-        step: int,
-        config: GNSConfig,
-        noise: Noise,
-        rng: np.random.Generator,
-        known: int | None = None,
-    ) -> tuple[GraphInput, Tensor]:
-        """Network input at `step`, with noise, and the motion [v, omega] at `step + 1`."""
-        motion = self.motion(step, config.history, known)
-        next_velocity = self.velocities[step + 1]
-        next_angular = self.angular_velocities[step + 1]
-        if noise.std > 0:
-            motion = _noisy(motion, noise.std, float(np.max(self.scene.radius)), rng)
-            if noise.corrects_target:
-                next_velocity, next_angular = difference(
+    def start(
+        self, draw: Draw, config: GNSConfig, corrects_target: bool
+    ) -> tuple[Motion, Array, Array]:
+        """Motion of a window, with its noise, and v and omega to be predicted for the next step."""
+        motion = self.motion(draw.step, config.history, draw.known)
+        there = draw.step + 1
+        target = self.velocities[there], self.angular_velocities[there]
+        if draw.shifts is not None:
+            motion = draw.shifts(motion)
+            if corrects_target:
+                target = difference(
                     motion.positions,
                     motion.quaternions,
-                    self.positions[step + 1],
-                    self.quaternions[step + 1],
+                    self.positions[there],
+                    self.quaternions[there],
                     self.dt,
                 )
-        graph = graph_input(config, motion, self.scene, self.dt)
-        target = np.concatenate([next_velocity, next_angular], axis=1).astype(np.float32)
-        return graph, torch.from_numpy(target)
+        return motion, *target
 
 
-def draw_batch(
+def draw_windows(
     sources: Sequence[Source],
     size: int,
     config: GNSConfig,
@@ -129,7 +181,9 @@ def draw_batch(
     *,
     start_fraction: float = 0.0,
     rotate: bool = False,
-) -> Batch:
+    steps: int = 1,
+    largest: float = np.inf,
+) -> list[Draw]:
     """Draw `size` windows, uniformly over all steps of all trajectories.
 
     Args:
@@ -140,57 +194,75 @@ def draw_batch(
         rng: Source of every draw.
         start_fraction: Share of windows whose history is cut short, as at a rollout's start.
         rotate: Turn each window by a random angle about gravity.
+        steps: Steps of a window.
+        largest: Trajectories of more spheres are left out.
     """
-    ends = np.cumsum([source.steps for source in sources])
-    graphs, targets = [], []
-    for draw in rng.integers(ends[-1], size=size):
-        index = int(np.searchsorted(ends, draw, side='right'))
-        step = int(draw - (ends[index - 1] if index else 0))
+    lengths = [max(s.steps + 1 - steps, 0) if s.count <= largest else 0 for s in sources]
+    ends = np.cumsum(lengths)
+    draws = []
+    for number in rng.integers(ends[-1], size=size):
+        index = int(np.searchsorted(ends, number, side='right'))
+        step = int(number - (ends[index - 1] if index else 0))
         known = int(rng.integers(config.history + 1)) if rng.random() < start_fraction else None
-        graph, target = sources[index].window(step, config, noise, rng, known)
-        graphs.append(graph)
-        targets.append(target)
-    owner = torch.repeat_interleave(
-        torch.arange(size), torch.tensor([len(target) for target in targets])
-    )
-    batch = Batch(side_by_side(graphs), torch.cat(targets), owner, size)
+        source, shifts = sources[index], None
+        if noise.std > 0:
+            shifts = noise.draw(source.count, config.history, source.radius, rng)
+        draws.append(Draw(index, step, known, shifts, None))
     if rotate:
-        angles = torch.from_numpy(rng.uniform(0, 2 * np.pi, size).astype(np.float32))
-        batch = rotate_batch(batch, angles, config)
-    return batch
+        if not config.mask_pose:
+            raise ValueError(
+                'rotate needs mask_pose: absolute poses in the features do not turn along'
+            )
+        angles = rng.uniform(0, 2 * np.pi, size).astype(np.float32)
+        draws = [d._replace(angle=float(a)) for d, a in zip(draws, angles, strict=True)]
+    return draws
+
+
+def one_step_batch(
+    sources: Sequence[Source], draws: Sequence[Draw], config: GNSConfig, corrects_target: bool
+) -> Batch:
+    """Windows of one step, side by side."""
+    graphs, targets = [], []
+    for draw in draws:
+        source = sources[draw.source]
+        motion, *target = source.start(draw, config, corrects_target)
+        graphs.append(graph_input(config, motion, source.scene, source.dt))
+        targets.append(torch.from_numpy(np.concatenate(target, axis=1).astype(np.float32)))
+    batch = Batch(side_by_side(graphs), torch.cat(targets), owners(sources, draws), len(draws))
+    angles = angles_of(draws)
+    return batch if angles is None else rotate_batch(batch, angles, config)
+
+
+def owners(sources: Sequence[Source], draws: Sequence[Draw]) -> Tensor:
+    """Window of each sphere, shape (n,)."""
+    counts = torch.tensor([sources[draw.source].count for draw in draws])
+    return torch.repeat_interleave(torch.arange(len(draws)), counts)
+
+
+def angles_of(draws: Sequence[Draw]) -> Tensor | None:
+    """Angle of each window [rad], shape (windows,); None where they are not turned."""
+    angles = [draw.angle for draw in draws if draw.angle is not None]
+    return torch.from_numpy(np.array(angles, dtype=np.float32)) if angles else None
 
 
 def rotate_batch(batch: Batch, angles: Tensor, config: GNSConfig) -> Batch:
     """Turn every window about the z axis by its angle [rad], shape (windows,)."""
-    if not config.mask_pose:
-        raise ValueError('rotate needs mask_pose: absolute poses in the features do not turn along')
     graph = batch.graph
     node = angles[batch.owner]
 
-    def turn(values: Tensor, angle: Tensor, vectors: int) -> Tensor:
-        """Turn the first `vectors` triples of each row."""
-        block = values[:, : 3 * vectors].reshape(-1, vectors, 3)
-        cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
-        x, y = block[..., 0], block[..., 1]
-        turned = torch.stack([cosine * x - sine * y, sine * x + cosine * y, block[..., 2]], dim=-1)
-        return torch.cat([turned.flatten(1), values[:, 3 * vectors :]], dim=1)
-
     graph = graph._replace(
-        nodes=turn(graph.nodes, node, 2 * (config.history + 1)),
-        edges=turn(graph.edges, node[graph.receivers], 1),
-        surface_edges=turn(graph.surface_edges, node[graph.surface_receivers], 3),
-        motion=turn(graph.motion, node, 2),
+        nodes=turned(graph.nodes, node, 2 * (config.history + 1)),
+        edges=turned(graph.edges, node[graph.receivers], 1),
+        surface_edges=turned(graph.surface_edges, node[graph.surface_receivers], 3),
+        motion=turned(graph.motion, node, 2),
     )
-    return batch._replace(graph=graph, next_motion=turn(batch.next_motion, node, 2))
+    return batch._replace(graph=graph, next_motion=turned(batch.next_motion, node, 2))
 
 
-def _noisy(motion: Motion, std: float, radius: float, rng: np.random.Generator) -> Motion:
-    def draw(like: Array, scale: float) -> Array:
-        return rng.normal(0.0, scale, like.shape)
-
-    return Motion(
-        motion.positions + draw(motion.positions, std * radius),
-        rotate_quaternions(motion.quaternions, draw(motion.positions, std)),
-        motion.velocities + draw(motion.velocities, std * radius),
-        motion.angular_velocities + draw(motion.angular_velocities, std),
-    )
+def turned(values: Tensor, angle: Tensor, vectors: int) -> Tensor:
+    """Rows with their first `vectors` triples turned about the z axis by each row's angle [rad]."""
+    block = values[:, : 3 * vectors].reshape(-1, vectors, 3)
+    cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
+    x, y = block[..., 0], block[..., 1]
+    block = torch.stack([cosine * x - sine * y, sine * x + cosine * y, block[..., 2]], dim=-1)
+    return torch.cat([block.flatten(1), values[:, 3 * vectors :]], dim=1)

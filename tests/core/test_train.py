@@ -144,7 +144,7 @@ def test_a_signal_within_a_step_leaves_whole_steps(tmp_path, number):
 def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
     learner = GNSLearner(CONFIG, [source], UNITS)
-    batch = learner.batch(0, 3, Noise(std=0.0))
+    batch = learner.batch(learner.draw(0, 3, Noise(std=0.0)))
     motion = batch.graph.motion
     predicted = motion.clone()
     predicted[:, 2] = 0.0  # level flight: no potential energy is won
@@ -163,7 +163,7 @@ def test_free_flight_gains_no_energy():
     # backward differences make E[k+1] - E[k] = -m g^2 dt^2 / 2 in free flight: never a gain
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
     learner = GNSLearner(CONFIG, [source], UNITS)
-    batch = learner.batch(0, 3, Noise(std=0.0))
+    batch = learner.batch(learner.draw(0, 3, Noise(std=0.0)))
     assert learner.energy_gain(batch.next_motion, batch).item() < 1e-5  # float32 of 9.81 * 40
 
 

@@ -9,7 +9,7 @@ from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.stepping import backward_velocities, difference, integrate
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State, Trajectory
-from rigid_gns_core.windows import Noise, Source, draw_batch, rotate_batch
+from rigid_gns_core.windows import Draw, Noise, Source, draw_windows, one_step_batch, rotate_batch
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)
 SILENT = Noise(std=0.0)
@@ -34,6 +34,11 @@ def ballistic(steps=20, count=4, seed=0):
         angular_velocities=np.broadcast_to(spin, positions.shape),
         dt=DT,
     )
+
+
+def draw_batch(sources, size, config, noise, rng, **options):
+    draws = draw_windows(sources, size, config, noise, rng, **options)
+    return one_step_batch(sources, draws, config, noise.corrects_target)
 
 
 def test_integrate_is_the_inverse_of_difference():
@@ -90,22 +95,24 @@ def test_history_is_newest_first_and_repeats_its_oldest_where_it_ends():
 def test_noise_has_the_stated_size_and_leaves_the_target():
     source = Source.of(ballistic(count=400), Scene(surfaces=()))
     rng = np.random.default_rng(1)
-    clean, target = source.window(5, CONFIG, SILENT, rng)
-    noisy, noisy_target = source.window(5, CONFIG, Noise(0.05), rng)
-    torch.testing.assert_close(noisy_target, target)
-    spread = (noisy.nodes - clean.nodes).std().item()
+    draw = Draw(0, 5, None, None, None)
+    noise = Noise(0.05).draw(400, CONFIG.history, 1.0, rng)
+    clean = one_step_batch([source], [draw], CONFIG, False)
+    noisy = one_step_batch([source], [draw._replace(shifts=noise)], CONFIG, False)
+    torch.testing.assert_close(noisy.next_motion, clean.next_motion, rtol=0, atol=0)
+    spread = (noisy.graph.nodes - clean.graph.nodes).std().item()
     # 7200 draws: the standard error of a standard deviation is 0.05 / sqrt(14400) = 0.0004
     assert spread == pytest.approx(0.05, abs=0.002)
 
 
 def test_corrected_target_leads_from_the_noisy_to_the_true_pose():
     source = Source.of(ballistic(), Scene(surfaces=()))
-    motion_before = source.positions[5]
-    rng, twin = np.random.default_rng(2), np.random.default_rng(2)
-    _, target = source.window(5, CONFIG, Noise(0.05, corrects_target=True), rng)
-    shift = twin.normal(0.0, 0.05, motion_before.shape)
+    noise = Noise(0.05).draw(4, CONFIG.history, 1.0, np.random.default_rng(2))
+    batch = one_step_batch([source], [Draw(0, 5, None, noise, None)], CONFIG, True)
+    start = source.positions[5] + noise.positions
+    assert np.abs(noise.positions).max() > 0.02
     np.testing.assert_allclose(
-        motion_before + shift + DT * target[:, :3].numpy(), source.positions[6], atol=1e-5
+        start + DT * batch.next_motion[:, :3].numpy(), source.positions[6], atol=1e-5
     )
 
 

@@ -1,0 +1,215 @@
+"""What tracked poses teach: errors on further bags before and after learning from some.
+
+    python benchmarks/learn_from_tracks.py --work runs/tracks \
+        --json docs/model/learn_from_tracks.json
+
+Bullet throws spheres of a material that the GNS has not seen into boxes; bags of their poses, with
+a tracker's noise and lost frames, are imported; the contact model's materials are fitted, the GNS
+is fine-tuned, and both predict further bags from tracked starts, as the node does. Errors are to
+Bullet's own poses, without noise. Needs pybullet and torch; docs/learn_from_tracks.md has the
+table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import time
+import warnings
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from learn_from_tracks_bags import BELIEVED, FINE, STEP, TRACKED, TRUE, Lab, tracked, write_bag
+
+from rigid_gns_core.calibrate import calibrate
+from rigid_gns_core.dataset import Dataset, Record
+from rigid_gns_core.evaluate import read_json, write_json
+from rigid_gns_core.fine_tune import StartingPoint
+from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.state import Array, State, Trajectory
+from rigid_gns_core.train import Trainer, load_recipe
+from rigid_gns_ros.import_bag import import_bags
+from rigid_gns_ros.velocity import estimate_velocities
+
+HORIZONS = (0.1, 0.3, 1.0, 3.0)  # s
+STARTS = (0.6, 1.6, 2.6)  # s, in each of the further bags
+WINDOW = 5  # tracked frames from which a start's velocities are estimated
+
+
+class Further(NamedTuple):
+    """A start from tracked poses, and the truth at the model's steps after it."""
+
+    scene: Scene
+    start: State
+    truth: Array
+
+
+def further(truth: list[tuple[Scene, Trajectory]], noise: float, seed: int) -> list[Further]:
+    """Starts from the frames that a tracker with noise saw last."""
+    found = []
+    steps = round(HORIZONS[-1] / (FINE * STEP))
+    for index, (scene, trajectory) in enumerate(truth):
+        poses = tracked(trajectory, noise, np.random.default_rng([seed, index]))
+        for begin in STARTS:
+            last = round(begin / FINE)
+            frames = np.arange(last - TRACKED * (WINDOW - 1), last + 1, TRACKED)
+            seen = poses[frames]
+            velocities, spins = estimate_velocities(
+                FINE * frames, seen[..., :3], seen[..., 3:], scene.gravity
+            )
+            start = State(
+                positions=seen[-1, :, :3],
+                quaternions=seen[-1, :, 3:],
+                velocities=velocities,
+                angular_velocities=spins,
+            )
+            after = slice(last, last + steps * STEP + 1, STEP)
+            found.append(Further(scene, start, trajectory.positions[after]))
+    return found
+
+
+def errors(simulator: Simulator, starts: list[Further], values: dict[str, float]) -> list[float]:
+    """Mean over starts and spheres of the distance to the truth at each horizon [m]."""
+    steps = [round(time / (FINE * STEP)) for time in HORIZONS]
+    means = []
+    for scene, start, truth in starts:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # the GNS says that it does not know the material
+            predicted = simulator.rollout(
+                replace(scene, **values),
+                start.positions,
+                start.velocities,
+                start.angular_velocities,
+                steps[-1],
+                quaternions=start.quaternions,
+            )
+        off = np.linalg.norm(predicted.positions - truth, axis=-1).mean(axis=1)
+        means.append(off[steps])
+    return np.mean(means, axis=0).tolist()
+
+
+def fine_tuned(records: list[Record], folder: Path, seed: int, steps: int | None) -> Simulator:
+    """The shipped GNS, gone on with on records."""
+    shutil.rmtree(folder, ignore_errors=True)
+    config = replace(load_recipe('gns_finetune'), seed=seed)
+    config = config if steps is None else replace(config, steps=steps)
+    point = StartingPoint.of('gns')
+    trainer = Trainer(config, point.records(records), [], folder, f'tracks from {point.name}')
+    point.load(trainer.learner)
+    trainer.run()
+    return load_simulator(folder / 'best')
+
+
+def case(
+    labs: tuple[list[tuple[Scene, Trajectory]], list[tuple[Scene, Trajectory]]],
+    lab: Lab,
+    noise: float,
+    seed: int,
+    work: Path,
+    steps: int | None,
+) -> dict[str, Any]:
+    """One noise and one seed: import, fit, fine-tune, predict."""
+    folder = work / f'{1e3 * noise:g}mm_{seed}'
+    shutil.rmtree(folder, ignore_errors=True)
+    taught, others = labs
+    bags = [
+        write_bag(folder / f'bag_{index}', scene, trajectory, noise, lab.lost, seed + 10 * index)
+        for index, (scene, trajectory) in enumerate(taught)
+    ]
+    reports = import_bags(bags, folder / 'data')
+    records = list(Dataset(folder / 'data'))
+    contact, gns = load_simulator('contact'), load_simulator('gns')
+    begin = time.perf_counter()
+    fit = calibrate(contact, records, seed=seed)
+    fitted_after = time.perf_counter() - begin
+    starts = further(others, noise, seed)
+    result: dict[str, Any] = {
+        'noise': noise,
+        'seed': seed,
+        'imported': {
+            'records': sum(len(report['records']) for report in reports),
+            'noise_m': float(np.mean([report['noise_m'] for report in reports])),
+            'noise_rad': float(np.mean([report['noise_rad'] for report in reports])),
+        },
+        'fit': asdict(fit),
+        'fit_seconds': fitted_after,
+        'errors': {
+            'contact, believed materials': errors(contact, starts, BELIEVED),
+            'contact, fitted materials': errors(contact, starts, fit.values),
+            'contact, true materials': errors(contact, starts, TRUE),
+            'GNS as shipped': errors(gns, starts, BELIEVED),
+        },
+    }
+    begin = time.perf_counter()
+    tuned = fine_tuned(records, folder / 'run', seed, steps)
+    result['fine_tune_seconds'] = time.perf_counter() - begin
+    result['errors']['GNS fine-tuned'] = errors(tuned, starts, BELIEVED)
+    return result
+
+
+def table(report: dict[str, Any]) -> str:
+    """Mean ± standard deviation over seeds, as Markdown."""
+    cases = report['cases']
+    heads = ' | '.join(f'{time:g} s' for time in report['horizons'])
+    lines = [f'| noise | model | {heads} |', '|---|---|' + '---|' * len(report['horizons'])]
+    for noise in sorted({one['noise'] for one in cases}):
+        own = [one['errors'] for one in cases if one['noise'] == noise]
+        for name in own[0]:
+            values = np.array([errors[name] for errors in own])
+            cells = [
+                f'{mean:.2g} ± {std:.1g}' if len(own) > 1 else f'{mean:.2g}'
+                for mean, std in zip(values.mean(axis=0), values.std(axis=0), strict=True)
+            ]
+            lines.append(f'| {1e3 * noise:g} mm | {name} | ' + ' | '.join(cells) + ' |')
+    lines += ['', '| noise | material | true | fitted, by seed | its own standard errors |']
+    lines += ['|---|---|---|---|---|']
+    for noise in sorted({one['noise'] for one in cases}):
+        fits = [one['fit']['materials'] for one in cases if one['noise'] == noise]
+        for name, true in report['true'].items():
+            values = ', '.join(f'{fit[name]["value"]:.4f}' for fit in fits)
+            spread = ', '.join(
+                f'{fit[name]["error"]:.1g}' if fit[name]['told'] else 'not told' for fit in fits
+            )
+            lines.append(f'| {1e3 * noise:g} mm | {name} | {true} | {values} | {spread} |')
+    return '\n'.join(lines) + '\n'
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--work', required=True, type=Path, help='folder for bags, data and runs')
+    parser.add_argument('--json', required=True, type=Path, metavar='FILE')
+    parser.add_argument('--noise', nargs='+', type=float, default=[1e-3, 1e-4, 5e-3], help='[m]')
+    parser.add_argument('--seeds', nargs='+', type=int, default=[0, 1, 2])
+    parser.add_argument('--bags', type=int, default=8, help='to learn from (default 8, of 8 s)')
+    parser.add_argument('--further', type=int, default=6, help='to predict (default 6, of 6 s)')
+    parser.add_argument('--steps', type=int, help="of fine-tuning instead of the recipe's")
+    arguments = parser.parse_args()
+    report: dict[str, Any] = {'cases': []}
+    if arguments.json.is_file():  # goes on where it was
+        report = read_json(arguments.json)
+    report |= {'true': TRUE, 'believed': BELIEVED, 'horizons': HORIZONS, 'starts': STARTS}
+    report |= {'bags': arguments.bags, 'further': arguments.further, 'radius': 1.0}
+    done = {(one['noise'], one['seed']) for one in report['cases']}
+    labs: dict[int, Any] = {}
+    for noise in arguments.noise:
+        for seed in arguments.seeds:
+            if (noise, seed) in done:
+                continue
+            lab = Lab(arguments.bags, 8.0, seed=1000 + seed)
+            if seed not in labs:
+                labs[seed] = lab.truth(), Lab(arguments.further, 6.0, seed=2000 + seed).truth()
+            report['cases'].append(
+                case(labs[seed], lab, noise, seed, arguments.work, arguments.steps)
+            )
+            write_json(arguments.json, report)
+            print(table(report), flush=True)
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,103 @@
+"""Bags of tracked poses whose truth is known, as tracker and recorder of this project make them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rigid_gns_core.recipe import DataRecipe
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.state import Array, Trajectory, rotate_quaternions
+from rigid_gns_core.teacher import TeacherSettings, simulate
+from rigid_gns_ros.bag import BagWriter
+from rigid_gns_ros.messages import PoseArrayCodec, encode_string
+
+STAMP = 1_700_000_000_000_000_000
+TOPIC = '/lab/tracked_poses'
+# the teacher's frames [s]; every second is tracked (25 a second), every fifth is a model's step
+FINE, TRACKED, STEP = 0.02, 2, 5
+# of the lab, far from what the GNS was trained on
+TRUE = {'restitution': 0.64, 'friction': 0.3, 'rolling_friction': 0.06}
+# what the simulator of the lab believes, which is what the GNS was trained on
+BELIEVED = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
+
+
+@dataclass(frozen=True)
+class Lab:
+    """Bullet trajectories and how they are tracked.
+
+    Args:
+        trajectories: Number of them.
+        seconds: Of each.
+        seed: Of starts, noise and lost frames.
+        spheres: Lowest and highest number of spheres.
+        lost: Share of frames that are lost.
+    """
+
+    trajectories: int
+    seconds: float
+    seed: int
+    spheres: tuple[int, int] = (30, 60)
+    lost: float = 0.02
+
+    @property
+    def recipe(self) -> DataRecipe:
+        """Boxes into which the spheres fall."""
+        return DataRecipe(
+            trajectories=self.trajectories,
+            seed=self.seed,
+            steps=round(self.seconds / FINE),
+            dt=FINE,
+            spheres=self.spheres,
+            height=(1.0, 25.0),
+            box_side=(16.0, 30.0),
+            speed=(0.0, 8.0),
+            spin=(0.0, 4.0),
+            **TRUE,
+        )
+
+    def truth(self) -> list[tuple[Scene, Trajectory]]:
+        """Scene and Bullet's trajectory, 50 frames a second, of each."""
+        # substeps of 0.83 ms, as 120 in 0.1 s
+        settings = TeacherSettings(substeps=24, rolling_updates=3)
+        made = []
+        for index in range(self.trajectories):
+            scene, start = self.recipe.draw(index)
+            made.append((scene, simulate(scene, start, self.recipe.steps, FINE, settings)))
+        return made
+
+
+def tracked(trajectory: Trajectory, noise: float, rng: np.random.Generator) -> Array:
+    """Poses with noise of `noise` [m] in positions and noise / r [rad] in rotations, r = 1 m."""
+    shape = trajectory.positions.shape
+    places = trajectory.positions + rng.normal(0.0, noise, shape)
+    turns = rotate_quaternions(trajectory.quaternions, rng.normal(0.0, noise, shape))
+    return np.concatenate([places, turns], axis=-1)
+
+
+def write_bag(
+    folder: Path, scene: Scene, trajectory: Trajectory, noise: float, lost: float, seed: int
+) -> Path:
+    """A bag of tracked poses and the simulator's scene, which believes in other materials."""
+    rng = np.random.default_rng(seed)
+    poses = tracked(trajectory, noise, rng)
+    kept = rng.random(len(poses)) >= lost
+    kept[[0, -1]] = True
+    codec = PoseArrayCodec('world', trajectory.count)
+    said = {
+        'scene': replace(scene, **BELIEVED).to_mapping(),
+        'model': 'contact',
+        'topics': {'tracked': TOPIC},
+    }
+    with BagWriter(folder) as bag:
+        bag.add_topic(TOPIC, 'geometry_msgs/msg/PoseArray', 'sensor_data')
+        bag.add_topic('/lab/simulator/scene', 'std_msgs/msg/String', 'latched')
+        bag.write('/lab/simulator/scene', encode_string(json.dumps(said)), STAMP)
+        for index in range(0, len(poses), TRACKED):
+            if kept[index]:
+                stamp = STAMP + round(index * FINE * 1e9)
+                bag.write(TOPIC, codec.encode(poses[index], stamp), stamp)
+    return folder

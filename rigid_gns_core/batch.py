@@ -1,0 +1,59 @@
+"""Many rollouts at once: which scene each start has, and the threads that run them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from numpy.typing import ArrayLike, NDArray
+
+from .scene import Scene
+from .state import State
+
+Work = TypeVar('Work')
+Result = TypeVar('Result')
+
+
+def paired(
+    scenes: Scene | Sequence[Scene], starts: Sequence[State | ArrayLike] | NDArray[Any]
+) -> Iterator[tuple[Scene, State | ArrayLike]]:
+    """Each start with its scene; one scene serves all.
+
+    Raises:
+        ValueError: There are not as many scenes as starts.
+    """
+    if isinstance(starts, State):
+        raise ValueError('starts is one State, expected several; for one there is rollout')
+    if isinstance(scenes, Scene):
+        scenes = [scenes] * len(starts)
+    if len(scenes) != len(starts):
+        raise ValueError(
+            f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '
+            'one per start'
+        )
+    return zip(scenes, starts, strict=True)
+
+
+def in_threads(
+    function: Callable[[Work], Result], items: Sequence[Work], workers: int
+) -> list[Result]:
+    """Results in the order of the items, from at most `workers` threads; 1: from this one."""
+    workers = min(workers, len(items))
+    if workers <= 1:
+        return [function(item) for item in items]
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(function, item) for item in items]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:  # also Ctrl-C: what runs ends, what waits does not begin
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

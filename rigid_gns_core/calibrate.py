@@ -1,0 +1,241 @@
+"""`rigid-gns calibrate`: materials under which short rollouts meet tracked poses best.
+
+From a start of tracked poses, the contact model predicts some steps; the errors, in units of what
+the tracker's noise explains, are made least by Gauss-Newton steps (`scipy.optimize.least_squares`),
+under a loss that grows with the logarithm, since a missed collision says nothing of materials.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from .calibration_windows import Window, deviations, noise_of, windows_of, with_materials
+from .config import positive
+from .dataset import Dataset, Record
+from .material_fit import MATERIALS, MaterialFit, most_evaluations
+from .progress import Progress
+from .rollout import Simulator, load_simulator
+from .scene import Scene
+
+DEFAULT = ('restitution', 'friction', 'rolling_friction')
+# every so many windows are held out, to judge by
+_HELD_OUT = 5
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One material.
+
+    Args:
+        value: The fitted one; the scene's where the data cannot tell it.
+        error: Standard error, of the data and not of the model; None where the data cannot tell.
+        before: The scene's.
+        told: Whether the data tell it.
+    """
+
+    value: float
+    error: float | None
+    before: float
+    told: bool
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Fitted materials.
+
+    Args:
+        materials: By name.
+        windows: Number of windows that were fitted, and held out.
+        steps: Steps of a window.
+        noise: Of the poses: position [m], rotation [rad] or None.
+        position_error: Mean error after `steps` in held-out windows, of spheres whose start can be
+            trusted, with the scene's materials and with the fitted ones [m].
+    """
+
+    materials: dict[str, Fitted]
+    windows: tuple[int, int]
+    steps: int
+    noise: dict[str, float | None]
+    position_error: tuple[float, float]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Value of each material."""
+        return {name: found.value for name, found in self.materials.items()}
+
+
+def calibrate(
+    simulator: Simulator,
+    records: Sequence[Record],
+    *,
+    names: Sequence[str] = DEFAULT,
+    steps: int = 6,
+    most: int = 300,
+    seed: int = 0,
+) -> Calibration:
+    """Fit materials to tracked poses.
+
+    Args:
+        simulator: A model that takes materials.
+        records: Tracked poses at the model's time step.
+        names: What to fit, of `MATERIALS`.
+        steps: Steps of a window: few, as errors grow with each collision.
+        most: Largest number of windows; more are drawn from.
+        seed: Of that draw.
+
+    Raises:
+        ValueError: The model has no materials, a name is unknown, or the records do not serve.
+    """
+    _check(simulator, records, names, steps)
+    windows = windows_of(records, steps)
+    if len(windows) > most:
+        chosen = np.random.default_rng(seed).choice(len(windows), most, replace=False)
+        windows = [windows[index] for index in np.sort(chosen)]
+    held = windows[_HELD_OUT - 1 :: _HELD_OUT]
+    fitted = [w for index, w in enumerate(windows) if (index + 1) % _HELD_OUT]
+    before = {name: _of_scene(records[0].scene, name) for name in names}
+    with Progress(most_evaluations(names), 'calibrate', unit='evaluation') as progress:
+        problem = MaterialFit(simulator, fitted, before, progress)
+        start = problem.scan()
+        told = problem.told(start)
+        values = problem.solve({k: v for k, v in start.items() if k in told})
+        errors = problem.errors(values)
+        for name in [name for name in told if errors[name] > MATERIALS[name].known]:
+            told.remove(name)
+            values = problem.solve({k: v for k, v in values.items() if k in told})
+            errors = problem.errors(values)
+    materials = {
+        name: Fitted(
+            value=values.get(name, before[name]),
+            error=errors.get(name),
+            before=before[name],
+            told=name in told,
+        )
+        for name in names
+    }
+    after = {name: found.value for name, found in materials.items()}
+    noise = noise_of(records)
+    judged = held or fitted
+    return Calibration(
+        materials=materials,
+        windows=(len(fitted), len(held)),
+        steps=steps,
+        noise=asdict(noise),
+        position_error=(
+            _mean_error(simulator, judged, before),
+            _mean_error(simulator, judged, after),
+        ),
+    )
+
+
+def _check(
+    simulator: Simulator, records: Sequence[Record], names: Sequence[str], steps: int
+) -> None:
+    if simulator.kind != 'contact':
+        raise ValueError(
+            f'model {simulator.name!r} is a {simulator.kind}, which takes no materials; fit those '
+            'of a contact model, or fine-tune its weights: rigid-gns train --from'
+        )
+    if unknown := sorted(set(names) - set(MATERIALS)):
+        raise ValueError(f'unknown material {unknown[0]!r}, allowed: {", ".join(MATERIALS)}')
+    if not names or not records or steps < 2:
+        raise ValueError(
+            f'{len(names)} materials, {len(records)} records, windows of {steps} steps: expected '
+            'at least one material, one record and two steps'
+        )
+    for record in records:
+        native = simulator.native_dt(record.scene)
+        if abs(record.trajectory.dt - native) > 1e-3 * native:
+            raise ValueError(
+                f'record {record.name!r} has a time step of {record.trajectory.dt:.4g} s, but the '
+                f'model has {native:.4g} s for its radius and gravity; import it without --dt'
+            )
+
+
+def _of_scene(scene: Scene, name: str) -> float:
+    if name.startswith('surface_'):
+        return float(np.mean(scene.surface_values(name.removeprefix('surface_'))))
+    return float(np.mean(getattr(scene, name)))
+
+
+def _mean_error(simulator: Simulator, windows: Sequence[Window], values: dict[str, float]) -> float:
+    ends = []
+    for window in windows:
+        places, _ = deviations(simulator, window, values)
+        ends.append(np.linalg.norm(places[-1], axis=-1)[window.place_weights[-1] > 0])
+    return float(np.mean(np.concatenate(ends)))
+
+
+def format_calibration(found: Calibration) -> str:
+    """The fitted materials as a table, with what they are for pairs of two such things."""
+    lines = [f'{"material":20} {"before":>8} {"fitted":>8} {"error":>8}']
+    for name, one in found.materials.items():
+        error = f'{one.error:8.2g}' if one.told and one.error is not None else '       -'
+        lines.append(
+            f'{name:20} {one.before:8.4g} {one.value:8.4g} {error}'
+            + ('' if one.told else '  the data cannot tell it: kept')
+        )
+    values = found.values
+    for name in ('restitution', 'friction'):
+        if name in values:
+            surface = values.get(f'surface_{name}', values[name])
+            lines.append(
+                f'{name} of two spheres {values[name] ** 2:.3g}, of a sphere and a surface '
+                f'{values[name] * surface:.3g}'
+            )
+    before, after = found.position_error
+    lines.append(
+        f'mean position error after {found.steps} steps in {found.windows[1] or found.windows[0]} '
+        f'windows{" held out" if found.windows[1] else ""}: {before:.4g} m before, {after:.4g} m '
+        'after'
+    )
+    return '\n'.join(lines)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns calibrate`."""
+    parser.add_argument(
+        '--data', required=True, type=Path, nargs='+', help='folders made by import'
+    )
+    parser.add_argument('--model', default='', help='contact model: a shipped name or a path')
+    parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write all numbers')
+    parser.add_argument(
+        '--fit', nargs='+', choices=tuple(MATERIALS), default=DEFAULT, help='materials to fit'
+    )
+    parser.add_argument('--steps', type=positive, default=6, help='of a window (default 6)')
+    parser.add_argument(
+        '--windows', type=positive, default=300, help='largest number of windows (default 300)'
+    )
+    parser.epilog = (
+        'example:\n  rigid-gns calibrate --data data/lab --out lab.yaml\n'
+        '  rigid-gns import bags/first --scene lab.yaml --out data/lab_fitted'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `rigid-gns calibrate`."""
+    for path in (arguments.out, arguments.json):
+        if path is not None and path.exists():
+            raise FileExistsError(f'{path} exists; remove it or give another name')
+    simulator = load_simulator(arguments.model)
+    records = [record for folder in arguments.data for record in Dataset(folder)]
+    found = calibrate(
+        simulator, records, names=arguments.fit, steps=arguments.steps, most=arguments.windows
+    )
+    print(format_calibration(found))
+    scene = with_materials(records[0].scene, found.values).to_mapping()
+    head = f'# Materials fitted by `rigid-gns calibrate` to {arguments.data[0].name}\n'
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    arguments.out.write_text(head + yaml.safe_dump({'scene': scene}, sort_keys=False), 'utf-8')
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(asdict(found), indent=1) + '\n', 'utf-8')
+    print(f'scene: {arguments.out}')
+    return 0

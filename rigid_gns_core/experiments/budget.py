@@ -1,0 +1,116 @@
+"""How much work an experiment may be: data, steps, width, rollouts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from ..config import ConfigError, find_config, from_mapping, load_yaml
+from ..gns_learner import GNSTrainConfig
+
+OOD_SCENES = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
+
+
+@dataclass(frozen=True)
+class Data:
+    """Data sets, by name in config/data; the scenes by name in config/scenes.
+
+    Args:
+        train: Training set.
+        test: Starts and references of the rollouts.
+        half: The same starts at half the teacher's substeps, for the floor of chaos.
+        twice: The same at twice the substeps.
+        ood: Scenes unlike the training set.
+        ood_steps: Steps of their references.
+        ood_substeps: The teacher's substeps for them, even.
+    """
+
+    train: str
+    test: str
+    half: str
+    twice: str
+    ood: tuple[str, ...] = OOD_SCENES
+    ood_steps: int = 2000
+    ood_substeps: int = 24
+
+
+@dataclass(frozen=True)
+class Budget:
+    """A budget; config/budgets has the shipped ones.
+
+    Args:
+        words: What it is, in words, for every table.
+        seeds: Seeds of each variant.
+        data: Data sets.
+        recipe: Training recipe, a name in config/train.
+        changes: What differs from that recipe.
+        trajectories: Of the test set that are rolled out.
+        steps: Of each rollout.
+        long_steps: Of the rollouts of the base variant, which are scored after `steps` too.
+        speed_width: Width of the networks whose speed is measured.
+        speed_frames: Frames of each trajectory that are timed.
+        device: Where networks are trained and rolled out: cpu, cuda, or auto, which is cuda where
+            there is one.
+        name: Of its file.
+    """
+
+    words: str
+    seeds: tuple[int, ...]
+    data: Data
+    recipe: str = 'gns'
+    changes: dict[str, Any] = field(default_factory=dict)
+    trajectories: int = 10
+    steps: int = 500
+    long_steps: int = 2000
+    speed_width: int = 128
+    speed_frames: int = 100
+    device: Literal['cpu', 'cuda', 'auto'] = 'cpu'
+    name: str = ''
+
+    def __post_init__(self) -> None:
+        for name in ('trajectories', 'steps', 'speed_width', 'speed_frames'):
+            if getattr(self, name) < 1:
+                raise ConfigError(f'{name} is {getattr(self, name)}, expected at least 1')
+        if self.long_steps < self.steps:
+            raise ConfigError(f'long_steps is {self.long_steps}, expected at least {self.steps}')
+        if not self.seeds or min(self.seeds) < 0:
+            raise ConfigError(f'seeds is {list(self.seeds)}, expected at least one, none negative')
+
+    def training(self, changes: Mapping[str, Any], seed: int) -> GNSTrainConfig:
+        """Training recipe of a variant.
+
+        A window of K steps (closed loop) costs as much as K windows of one, so that there are as
+        many fewer of them and variants compare at equal cost.
+
+        Raises:
+            ConfigError: `changes` name an unknown key; the allowed ones are listed.
+        """
+        path = find_config('train', self.recipe)
+        mapping = load_yaml(path)
+        if (kind := mapping.pop('kind', None)) != 'gns':
+            raise ConfigError(f'{path}: kind is {kind!r}, but the experiments train a gns')
+        mapping = merged(merged(mapping, self.changes), {**changes, 'seed': seed})
+        config = from_mapping(GNSTrainConfig, mapping, f'{path} with {dict(changes)}')
+        return replace(config, batch=max(1, config.batch // config.closed_loop_steps))
+
+
+def load_budget(name: str | Path) -> Budget:
+    """Budget of a YAML file, or of a shipped name in config/budgets.
+
+    Raises:
+        ConfigError: No such budget (the shipped ones are listed), or a wrong key or value.
+    """
+    path = find_config('budgets', name)
+    return from_mapping(Budget, {'name': path.stem, **load_yaml(path)}, str(path))
+
+
+def merged(mapping: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`mapping` with the values of `changes`, mappings within it merged too."""
+    result = dict(mapping)
+    for key, value in changes.items():
+        old = result.get(key)
+        both = isinstance(value, Mapping) and isinstance(old, Mapping)
+        result[key] = merged(old, value) if both else value  # type: ignore[arg-type]
+    return result

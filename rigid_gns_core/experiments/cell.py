@@ -1,0 +1,129 @@
+"""A cell: one variant with one seed. What determines it is its key, so it never runs twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from functools import cache, cached_property
+from typing import Any
+
+from ..generate import resolve
+from ..recipe import load_recipe, recipe_hash
+from ..sampling import load_scene
+from .budget import Budget
+from .study import Experiment, Kind, Variant
+
+VERSION = 1
+"""Raised where the same configuration gives other numbers than before, so that cells run again."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Work for one process, and the name under which its result is kept.
+
+    Args:
+        kind: 'train', 'teacher' or 'speed'.
+        name: Of the variant, or of the set that is measured.
+        seed: Of training; 0 where nothing is drawn.
+        budget: Data, steps and rollouts.
+        changes: Of the variant.
+    """
+
+    kind: Kind
+    name: str
+    seed: int
+    budget: Budget
+    changes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """Lengths at which rollouts are scored, ascending; the base is stable for longer."""
+        budget = self.budget
+        whole = self.kind == 'teacher' or not self.changes
+        return tuple(sorted({budget.steps, budget.long_steps} if whole else {budget.steps}))
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of all that determines the result: recipes, scenes, steps; not of names."""
+        text = json.dumps(self._determinants(), sort_keys=True, default=list)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @property
+    def file_name(self) -> str:
+        """Of the result."""
+        return f'{self.kind}_{self.name}_{self.seed}_{self.key}.json'
+
+    def _determinants(self) -> dict[str, Any]:
+        budget, data = self.budget, self.budget.data
+        what: dict[str, Any] = {'version': VERSION, 'kind': self.kind}
+        test = [_set_hash(data.test), budget.trajectories]
+        if self.kind == 'speed':
+            model = budget.training(self.changes, self.seed).model
+            what |= {'model': differing(model), 'width': budget.speed_width}
+            return what | {'frames': budget.speed_frames, 'test': test}
+        scenes = [_scene_hash(scene) for scene in data.ood]
+        ood = [scenes, data.ood_steps, data.ood_substeps]
+        what |= {'steps': self.steps}
+        if self.kind == 'teacher':
+            others = [_set_hash(data.half), _set_hash(data.twice)]
+            return what | {'data': [test, others] if self.name == 'test' else ood}
+        train = load_recipe(data.train)
+        return what | {
+            'recipe': differing(budget.training(self.changes, self.seed)),
+            'train': [recipe_hash(resolve(train)), train.trajectories],
+            'test': test,
+            'ood': ood,
+        }
+
+
+def cells_of(
+    experiment: Experiment, budget: Budget, variants: Sequence[Variant], seeds: Sequence[int]
+) -> list[Cell]:
+    """Cells of an experiment; the teacher's first, whose floor the tables need."""
+    if experiment.kind == 'speed':
+        return [Cell('speed', v.name, 0, budget, v.changes) for v in variants]
+    cells = teacher_cells(budget)
+    if experiment.kind == 'train':
+        # seed by seed, so that all variants can be compared before the last seed has run
+        cells += [Cell('train', v.name, s, budget, v.changes) for s in seeds for v in variants]
+    return cells
+
+
+def teacher_cells(budget: Budget) -> list[Cell]:
+    """The reference itself, on the test set and on the scenes unlike the training set."""
+    names = ['test', *(['ood'] if budget.data.ood else [])]
+    return [Cell('teacher', name, 0, budget) for name in names]
+
+
+def differing(config: Any) -> dict[str, Any]:
+    """What of a configuration differs from its defaults.
+
+    A switch that is added later then leaves the keys of old cells as they are.
+    """
+    result = {}
+    for entry in fields(config):
+        value = getattr(config, entry.name)
+        default = entry.default
+        if entry.default_factory is not MISSING:
+            default = entry.default_factory()
+        if is_dataclass(value):
+            value = differing(value)
+            if value:
+                result[entry.name] = value
+        elif value != default:
+            result[entry.name] = value
+    return result
+
+
+@cache
+def _set_hash(name: str) -> str:
+    return recipe_hash(resolve(load_recipe(name)))
+
+
+@cache
+def _scene_hash(name: str) -> str:
+    scene, start = load_scene(name)
+    text = json.dumps([scene.to_mapping(), asdict(start)], sort_keys=True, default=list)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,110 @@
+"""`rigid-gns experiment`: run an experiment of the thesis, write its table and figure."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from pathlib import Path
+
+from ..workers import add_worker_arguments, chosen_workers
+from .budget import load_budget
+from .cell import cells_of
+from .chart import write_chart
+from .page import write_page
+from .runner import Folders, run_cells
+from .store import Store, write_compact
+from .study import Experiment, load_experiment, shipped_experiments
+from .table import make_table
+from .text import format_table
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns experiment`."""
+    parser.add_argument(
+        'names', nargs='*', metavar='NAME', help='experiments: shipped names or YAML files; or all'
+    )
+    parser.add_argument('--list', action='store_true', help='name all experiments and stop')
+    parser.add_argument(
+        '--budget', default='cpu', metavar='NAME', help='cpu (default), smoke, full, or a YAML file'
+    )
+    parser.add_argument('--seeds', type=int, nargs='+', help="seeds instead of the budget's")
+    parser.add_argument('--only', nargs='+', metavar='VARIANT', help='only these variants')
+    parser.add_argument(
+        '--data', type=Path, default=Path('data'), help='data sets, made where absent (data)'
+    )
+    parser.add_argument(
+        '--runs', type=Path, default=Path('runs/thesis'), help='checkpoints (runs/thesis)'
+    )
+    parser.add_argument(
+        '--out', type=Path, default=Path('docs/thesis'), help='results (docs/thesis)'
+    )
+    parser.add_argument(
+        '--page',
+        type=Path,
+        metavar='MD',
+        nargs='?',
+        const=Path('docs/thesis.md'),
+        help='run nothing; fill the tables of this page (docs/thesis.md) from --out',
+    )
+    add_worker_arguments(parser)
+    parser.epilog = (
+        'examples:\n'
+        '  rigid-gns experiment --list\n'
+        '  rigid-gns experiment history --budget smoke --out smoke\n'
+        '  rigid-gns experiment ablation --only base no_noise --workers 2\n'
+        '  rigid-gns experiment all --backend dask --scheduler tcp://host:8786\n\n'
+        'A run that was stopped goes on where it was: give the same command again. A variant that '
+        'several\nexperiments share is trained once.'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `rigid-gns experiment`; 1 where a cell failed."""
+    if arguments.list:
+        for name, experiment in shipped_experiments().items():
+            print(f'{name:16} {experiment.title} ({experiment.source})')
+        return 0
+    budget = load_budget(arguments.budget)
+    out = arguments.out / budget.name
+    if arguments.page is not None:
+        write_page(arguments.page, out)
+        print(f'page: {arguments.page}')
+        return 0
+    experiments = _chosen(arguments.names)
+    seeds = tuple(dict.fromkeys(arguments.seeds or budget.seeds))
+    if min(seeds) < 0:
+        raise ValueError(f'--seeds is {min(seeds)}, expected at least 0')
+    chosen = {e.name: e.only(arguments.only) for e in experiments}
+    cells = {
+        cell.key: cell for e in experiments for cell in cells_of(e, budget, chosen[e.name], seeds)
+    }
+    # all variants with the first seed before any with the next
+    order = sorted(cells.values(), key=lambda cell: (cell.kind != 'teacher', cell.seed))
+    folders = Folders(arguments.data, arguments.runs, out)
+    store = Store(out / 'cells')
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
+    try:
+        failed = run_cells(order, budget, folders, store, chosen_workers(arguments))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    for experiment in experiments:
+        table = make_table(experiment, budget, seeds, store)
+        write_compact(out / f'{experiment.name}.json', table)
+        figure = write_chart(out / f'{experiment.name}.png', table)
+        print(f'{experiment.title}\n{budget.words}\n\n{format_table(table)}')
+        print(f'numbers: {out / experiment.name}.json')
+        if figure is not None:
+            print(f'figure:  {figure}')
+        print()
+    for line in failed:
+        print(f'failed: {line}')
+    return int(bool(failed))
+
+
+def _chosen(names: list[str]) -> list[Experiment]:
+    if not names:
+        known = ', '.join(shipped_experiments())
+        raise ValueError(f'name an experiment, or all; allowed: {known}')
+    if names == ['all']:
+        return list(shipped_experiments().values())
+    return [load_experiment(name) for name in dict.fromkeys(names)]

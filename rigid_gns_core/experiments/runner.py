@@ -1,0 +1,71 @@
+"""Runs the cells that have no result yet, side by side or on a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..progress import Progress
+from ..workers import Workers
+from .budget import Budget
+from .cell import Cell
+from .sets import make_sets
+from .store import Store
+from .work import run_cell
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Where things lie.
+
+    Args:
+        data: Data sets, which are made where they are absent.
+        runs: Checkpoints of cells that are being trained.
+        out: Results.
+    """
+
+    data: Path
+    runs: Path
+    out: Path
+
+
+def run_cells(
+    cells: Sequence[Cell], budget: Budget, folders: Folders, store: Store, workers: Workers
+) -> list[str]:
+    """Run what is missing; returns a line for each cell that failed.
+
+    A cell that was stopped goes on from its last checkpoint. Timings run one at a time, after all
+    else, in this process.
+    """
+    missing = [cell for cell in cells if store.find(cell) is None]
+    if not missing:
+        return []
+    make_sets(budget, folders.data, sorted({cell.kind for cell in missing}), workers)
+    side_by_side = [cell for cell in missing if cell.kind != 'speed']
+    timed = [cell for cell in missing if cell.kind == 'speed']
+    failed = []
+    with Progress(
+        len(cells), 'cells', unit='cell', initial=len(cells) - len(missing), interval=0.0
+    ) as progress:
+        for group, by in ((side_by_side, workers), (timed, Workers(1))):
+            alone = by.here and by.processes(len(group)) == 1
+            calls = [(cell, folders.data, folders.runs, not alone) for cell in group]
+            for cell, result in by.run(_run, calls, len(calls)):
+                if 'error' in result:
+                    failed.append(f'{cell.name}, seed {cell.seed}: {_last_line(result["error"])}')
+                    progress.line(f'{cell.name}, seed {cell.seed} failed:\n{result["error"]}')
+                else:
+                    store.write(cell, result)
+                minutes = result.get('seconds', {}).get('all', 0.0) / 60
+                progress.update(cell=f'{cell.name}/{cell.seed}', minutes=minutes)
+    return failed
+
+
+def _run(cell: Cell, data: Path, runs: Path, quiet: bool) -> tuple[Cell, dict[str, Any]]:
+    return cell, run_cell(cell, data, runs, quiet=quiet)
+
+
+def _last_line(text: str) -> str:
+    return text.strip().splitlines()[-1]

@@ -1,0 +1,86 @@
+"""Frames per second of a variant (thesis section 4.3.5), with random weights."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..benchmark.machine import cpu_name, load_average
+from ..config import to_mapping
+from ..dataset import Record
+from ..graph import build_graph
+from ..simulators import GNSSimulator
+from ..training_set import common_scene
+from .cell import Cell
+from .measure import describe
+
+REPEATS = 3
+
+
+def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
+    """Time single steps from states of the reference, so that weights do not shape the graphs.
+
+    Frames are evenly spaced over each trajectory; a step is graph, features, network and
+    integration, in one thread. Of several repeats the fastest counts, since others may use the
+    machine too.
+
+    Returns:
+        `frames_per_second`, `seconds_per_frame`, `edges` (of spheres, one direction) and
+        `surface_edges`, one value for each record, means over its frames; `cpu` and `load`.
+    """
+    import torch
+    from threadpoolctl import threadpool_limits
+
+    from ..models.features import Motion
+    from ..models.gns import GNS
+    from ..windows import Source
+
+    model = cell.budget.training(cell.changes, cell.seed).model
+    model = replace(model, width=cell.budget.speed_width)
+    torch.manual_seed(cell.seed)
+    tensors = {name: value.numpy() for name, value in GNS(model).state_dict().items()}
+    units, materials = common_scene(records)
+    card = {'config': to_mapping(model), 'units': to_mapping(units), 'materials': materials}
+    simulator = GNSSimulator(tensors, card, cell.name)
+    rows = []
+    for record in records:
+        source = Source.of(record.trajectory, record.scene)
+        last = source.steps - 1
+        frames = np.unique(np.linspace(0, last, cell.budget.speed_frames).round().astype(int))
+        motions: list[Motion] = [source.motion(int(frame), model.history) for frame in frames]
+        stepper: Any = simulator.stepper(record.scene, record.trajectory[0])
+        best = float('inf')
+        with threadpool_limits(1):
+            stepper.step()  # what is made once is not timed
+            for _ in range(REPEATS):
+                seconds = 0.0
+                for motion in motions:
+                    stepper.motion = motion
+                    begin = time.perf_counter()
+                    stepper.step()
+                    seconds += time.perf_counter() - begin
+                best = min(best, seconds / len(motions))
+        graphs = [
+            build_graph(
+                motion.positions, motion.velocities[0], record.scene, source.dt, model.reach()
+            )
+            for motion in motions
+        ]
+        rows.append(
+            {
+                'seconds_per_frame': best,
+                'frames_per_second': 1.0 / best,
+                'edges': float(np.mean([len(graph.senders) / 2 for graph in graphs])),
+                'surface_edges': float(np.mean([len(graph.surface_senders) for graph in graphs])),
+            }
+        )
+    return {
+        **describe(records),
+        'values': {name: [row[name] for row in rows] for name in rows[0]},
+        'cpu': cpu_name(),
+        'load': load_average(),
+    }

@@ -1,0 +1,199 @@
+"""From cells to a table: mean and standard deviation over seeds, and what diverged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .budget import Budget
+from .cell import Cell, cells_of, teacher_cells
+from .store import Store
+from .study import SETS, Experiment, Variant
+
+Result = Mapping[str, Any]
+Statistic = dict[str, float | int | None]
+
+
+def make_table(
+    experiment: Experiment, budget: Budget, seeds: Sequence[int], store: Store
+) -> dict[str, Any]:
+    """Table of an experiment from the cells that are there.
+
+    Returns:
+        `rows`, one for each variant, with `missing` seeds and, by set and steps, `diverged` of
+        `rollouts` and `metrics` with `mean` and `std` over seeds (n - 1) of the means over the
+        rollouts that did not diverge; with `floor`, the teacher at other substeps.
+    """
+    table: dict[str, Any] = {
+        'experiment': experiment.name,
+        'title': experiment.title,
+        'source': experiment.source,
+        'claim': experiment.claim,
+        'kind': experiment.kind,
+        'axis': experiment.axis,
+        'metrics': list(experiment.metrics),
+        'budget': {'name': budget.name, 'words': budget.words},
+        'seeds': list(seeds),
+    }
+    if experiment.kind == 'speed':
+        return table | {'rows': _speed_rows(experiment, budget, store)}
+    teachers = {cell.name: store.read(cell) for cell in teacher_cells(budget)}
+    if experiment.kind == 'teacher':
+        rows = [_teacher_row(v, teachers.get(v.name)) for v in experiment.variants]
+        return table | {'rows': rows}
+    floors = {name: None if t is None else t['floor'] for name, t in teachers.items()}
+    rows = [_row(v, cells, floors, store) for v, cells in _by_variant(experiment, budget, seeds)]
+    floor = {name: _floor_row(value) for name, value in floors.items() if value is not None}
+    return table | {'rows': rows, 'floor': floor}
+
+
+def _by_variant(
+    experiment: Experiment, budget: Budget, seeds: Sequence[int]
+) -> list[tuple[Variant, list[Cell]]]:
+    return [
+        (v, [c for c in cells_of(experiment, budget, [v], seeds) if c.kind == 'train'])
+        for v in experiment.variants
+    ]
+
+
+def _row(
+    variant: Variant, cells: Sequence[Cell], floors: Mapping[str, Any], store: Store
+) -> dict[str, Any]:
+    results = {cell.seed: store.read(cell) for cell in cells}
+    done = {seed: result for seed, result in results.items() if result is not None}
+    trained = [r for r in done.values() if r['training']['failed'] is None]
+    sets: dict[str, Any] = {}
+    for which in SETS:
+        if which not in floors:
+            continue
+        for steps in sorted({str(s) for cell in cells for s in cell.steps}, key=int):
+            measured = [r['measures'][which][steps] for r in trained if which in r['measures']]
+            if measured:
+                floor = floors[which][steps] if floors[which] is not None else None
+                sets.setdefault(which, {})[steps] = _score(measured, floor)
+    return {
+        'variant': variant.name,
+        'label': variant.label,
+        'x': variant.x,
+        'seeds': sorted(done),
+        'missing': sorted(set(results) - set(done)),
+        'untrainable': len(done) - len(trained),
+        'keys': [cell.key for cell in cells],
+        'minutes': _mean([r['seconds']['all'] / 60 for r in done.values()]),
+        'sets': sets,
+        'thesis': variant.thesis,
+    }
+
+
+def _score(measured: Sequence[Result], floor: Result | None) -> dict[str, Any]:
+    """Statistics over seeds of columns of rollouts, and of their ratios to the floor."""
+    lost = [step for columns in measured for step in columns['diverged_at']]
+    names = [name for name in measured[0] if name != 'diverged_at']
+    metrics = {name: _statistic([c[name] for c in measured]) for name in names}
+    for name in names:
+        if floor is not None and f'least_{name}' in floor:
+            bound = _larger(floor[name], floor[f'least_{name}'])
+            ratios = [_divided(columns[name], bound) for columns in measured]
+            metrics[f'{name}_ratio'] = _statistic(ratios)
+    known = {name: value for name, value in metrics.items() if value is not None}
+    return {
+        'diverged': sum(step is not None for step in lost),
+        'rollouts': len(lost),
+        'metrics': known,
+    }
+
+
+def _statistic(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
+    """Over seeds, of the means over rollouts that are finite; None: there are no values at all."""
+    known = [[v for v in values if v is not None] for values in seeds]
+    finite = [[v for v in values if np.isfinite(v)] for values in known]
+    if not any(known):
+        return None
+    means = [float(np.mean(values)) for values in finite if values]
+    return {
+        'mean': float(np.mean(means)) if means else None,
+        'std': float(np.std(means, ddof=1)) if len(means) > 1 else None,
+        'seeds': len(means),
+        'infinite': sum(len(k) - len(f) for k, f in zip(known, finite, strict=True)),
+    }
+
+
+def _floor_row(floor: Result) -> dict[str, Any]:
+    """Mean of the floor over rollouts, by steps."""
+    rows = {}
+    for steps, columns in floor.items():
+        if steps.isdecimal():
+            means = {k: _statistic([v]) for k, v in columns.items()}
+            rows[steps] = {k: v['mean'] for k, v in means.items() if v is not None}
+    return rows
+
+
+def _teacher_row(variant: Variant, result: Result | None) -> dict[str, Any]:
+    """Laws of a set: mean and std over trajectories, by velocities."""
+    row: dict[str, Any] = {
+        'variant': variant.name,
+        'label': variant.label,
+        'missing': [0] if result is None else [],
+        'thesis': variant.thesis,
+        'laws': {},
+    }
+    if result is not None:
+        for velocities, measured in result['laws'].items():
+            steps = max((key for key in measured if key.isdecimal()), key=int)
+            columns = measured[steps]
+            row['steps'] = int(steps)
+            row['laws'][velocities] = {
+                name: _over_rollouts(values)
+                for name, values in columns.items()
+                if name != 'diverged_at' and any(v is not None for v in values)
+            }
+        row['spheres'] = result['laws']['poses']['spheres']
+    return row
+
+
+def _speed_rows(experiment: Experiment, budget: Budget, store: Store) -> list[dict[str, Any]]:
+    rows = []
+    for variant in experiment.variants:
+        (cell,) = cells_of(experiment, budget, [variant], [0])
+        result = store.read(cell)
+        row = {
+            'variant': variant.name,
+            'label': variant.label,
+            'x': variant.x,
+            'missing': [0] if result is None else [],
+            'thesis': variant.thesis,
+        }
+        if result is not None:
+            row |= {
+                'width': budget.speed_width,
+                'spheres': float(np.mean(result['spheres'])),
+                'cpu': result['cpu'],
+                'values': {k: _over_rollouts(v) for k, v in result['values'].items()},
+            }
+        rows.append(row)
+    return rows
+
+
+def _over_rollouts(values: Sequence[float | None]) -> Statistic:
+    finite = [v for v in values if v is not None and np.isfinite(v)]
+    return {
+        'mean': float(np.mean(finite)) if finite else None,
+        'std': float(np.std(finite, ddof=1)) if len(finite) > 1 else None,
+        'count': len(finite),
+    }
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
+
+
+def _larger(values: Sequence[float | None], bounds: Sequence[float | None]) -> list[float | None]:
+    pairs = zip(values, bounds, strict=True)
+    return [None if v is None or b is None else max(v, b) for v, b in pairs]
+
+
+def _divided(values: Sequence[float | None], by: Sequence[float | None]) -> list[float | None]:
+    pairs = zip(values, by, strict=True)
+    return [None if v is None or b is None else v / b for v, b in pairs]

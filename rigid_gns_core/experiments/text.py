@@ -1,0 +1,170 @@
+"""Tables of experiments as Markdown, for the terminal and for docs/thesis.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..metrics.table import LAWS
+
+SET_NAMES = {'test': 'test set', 'ood': 'unseen scenes'}
+# key: head of its column; a unit in brackets
+LONG = {
+    'energy_gain': 'energy gain',
+    'mse': 'MSE [m²]',
+    'mse_ratio': 'MSE / floor',
+    'chamfer': 'Chamfer [m²]',
+    'chamfer_ratio': 'Chamfer / floor',
+    'depth_sphere': 'depth sphere [d]',
+    'depth_ground': 'depth ground [d]',
+    'depth_static': 'depth static [d]',
+    'intersections_sphere': 'spheres overlap [%]',
+    'escaped': 'escaped [%]',
+}
+SHORT = {
+    'predictability_time': 'predictable for [s]',
+    'position_error_10': 'error 10 steps [m]',
+    'position_error_30': '30 steps',
+    'position_error_50': '50 steps',
+    'position_error_100': '100 steps',
+    'position_error_30_ratio': '30 steps / floor',
+}
+PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
+_TRUTH = [key for key in LAWS if key != 'time_to_rest']
+
+
+def format_table(table: Mapping[str, Any]) -> str:
+    """All tables of an experiment, with a line on what is missing."""
+    if table['kind'] == 'teacher':
+        blocks = [_teacher_block(table)]
+    elif table['kind'] == 'speed':
+        blocks = [_speed_block(table)]
+    else:
+        blocks = list(_train_blocks(table))
+    missing = [row['label'] for row in table['rows'] if row['missing']]
+    if missing:
+        blocks.append(f'Not run yet, or not with all seeds: {", ".join(missing)}.')
+    return '\n\n'.join(block for block in blocks if block) + '\n'
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number of so many significant digits, as short as can be read."""
+    if value is None:
+        return ''
+    if value == 0 or not np.isfinite(value):
+        return f'{value:g}'
+    if 1e-3 <= abs(value) < 1e5:
+        places = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
+        text = f'{value:.{places}f}'
+        return text.rstrip('0').rstrip('.') if '.' in text else text
+    mantissa, exponent = f'{value:.{digits - 1}e}'.split('e')
+    return f'{mantissa}e{int(exponent)}'
+
+
+def spread(mean: float | None, std: float | None) -> str:
+    """`mean ± std`, or the mean alone."""
+    if mean is None:
+        return 'diverged'
+    return number(mean) if std is None else f'{number(mean)} ± {number(std, 2)}'
+
+
+def printed(value: Any) -> str:
+    """What the thesis prints: a number, [mean, std], a word, or nothing."""
+    if value is None:
+        return ''
+    if isinstance(value, str):
+        return value
+    parts = value if isinstance(value, list) else [value]
+    return spread(parts[0], parts[1] if len(parts) > 1 else None)
+
+
+def _train_blocks(table: Mapping[str, Any]) -> list[str]:
+    blocks = []
+    rows = [row for row in table['rows'] if row['sets']]
+    found = {(which, steps) for row in rows for which, by in row['sets'].items() for steps in by}
+    for which, steps in sorted(found, key=lambda pair: (pair[0] != 'test', int(pair[1]))):
+        own = [row for row in rows if steps in row['sets'].get(which, {})]
+        scores = [row['sets'][which][steps] for row in own]
+        floor = table['floor'].get(which, {}).get(steps, {})
+        title = f'**{SET_NAMES[which].capitalize()}, {steps} steps.**'
+        for columns in (LONG, SHORT):
+            keys = [key for key in columns if any(key in s['metrics'] for s in scores)]
+            words = [key for key in PRINTED if any(_thesis(row, which, key) for row in own)]
+            words = words if columns is LONG else []
+            head = ['variant', 'diverged', *(columns[key] for key in keys)]
+            lines = [head + [f'thesis: {PRINTED[key]}' for key in words]]
+            for row, score in zip(own, scores, strict=True):
+                cells = [_cell(score['metrics'].get(key)) for key in keys]
+                theirs = [_thesis(row, which, key) for key in words]
+                lost = f'{score["diverged"]} of {score["rollouts"]}'
+                if row['untrainable']:
+                    lost += f', {row["untrainable"]} seeds untrainable'
+                lines.append([row['label'], lost, *cells, *theirs])
+            if floor and any(key in floor for key in keys):
+                known = [number(floor.get(key)) for key in keys]
+                lines.append(['*Bullet against itself*', '', *known, *[''] * len(words)])
+            blocks.append(f'{title}\n\n{markdown(lines)}')
+            title = ''
+    for row in table['rows']:
+        if row['untrainable'] and not row['sets']:
+            blocks.append(f'{row["label"]}: the loss did not stay finite with any seed.')
+    return [block.strip() for block in blocks]
+
+
+def _teacher_block(table: Mapping[str, Any]) -> str:
+    rows = [row for row in table['rows'] if row['laws']]
+    if not rows:
+        return ''
+    head = ['metric']
+    for row in rows:
+        head += [f'thesis: {row["label"]}', f'ours, by differences of poses: {row["label"]}']
+        head += [f"ours, by Bullet's own velocities: {row['label']}"]
+    lines = [head]
+    names = LAWS | {'escaped': ('Escaped', '%')}
+    for key in (*_TRUTH, 'escaped'):
+        name, unit = names[key]
+        line = [f'{name} [{unit}]' if unit else name]
+        for row in rows:
+            line.append(_thesis(row, row['variant'], key))
+            line += [_cell(row['laws'][kind].get(key)) for kind in ('poses', 'given')]
+        lines.append(line)
+    steps = ', '.join(f'{row["label"]}: {row["steps"]} steps' for row in rows)
+    return f'{markdown(lines)}\n\nMean ± standard deviation over trajectories; {steps}.'
+
+
+def _speed_block(table: Mapping[str, Any]) -> str:
+    rows = [row for row in table['rows'] if 'values' in row]
+    if not rows:
+        return ''
+    lines = [
+        ['variant', 'frames per second', 'edges', 'surface edges', 'thesis: frames per second']
+    ]
+    for row in rows:
+        cells = [_cell(row['values'][k]) for k in ('frames_per_second', 'edges', 'surface_edges')]
+        lines.append([row['label'], *cells, _thesis(row, 'test', 'frames_per_second')])
+    note = (
+        f'Mean ± standard deviation over trajectories, {number(rows[0]["spheres"])} spheres on '
+        f'average, width {rows[0]["width"]}, one thread of {rows[0]["cpu"]}.'
+    )
+    return f'{markdown(lines)}\n\n{note}'
+
+
+def _thesis(row: Mapping[str, Any], which: str, key: str) -> str:
+    return printed(row['thesis'].get(which, {}).get(key))
+
+
+def _cell(statistic: Mapping[str, Any] | None) -> str:
+    return '' if statistic is None else spread(statistic['mean'], statistic['std'])
+
+
+def markdown(lines: Sequence[Sequence[str]]) -> str:
+    """A table whose first line is its head, columns as wide as they need."""
+    widths = [max(3, *(len(line[i]) for line in lines)) for i in range(len(lines[0]))]
+    rows = [
+        '| ' + ' | '.join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + ' |'
+        for line in lines
+    ]
+    rows.insert(1, '|' + '|'.join('-' * (width + 2) for width in widths) + '|')
+    return '\n'.join(rows)

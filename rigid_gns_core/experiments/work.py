@@ -1,0 +1,135 @@
+"""Runs a cell, in whatever process; returns what its JSON will hold."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..dataset import Record
+from ..evaluate import Velocities
+from ..metrics import LAW_KEYS
+from ..training_set import fingerprint
+from .cell import Cell
+from .measure import Values, columns, describe, floor_of, least_floor, measure, roll_outs
+from .sets import references, training_set
+from .speed import measure_speed
+
+LOG = 'output.txt'
+
+
+def run_cell(cell: Cell, data: Path, runs: Path, *, quiet: bool = False) -> dict[str, Any]:
+    """Do the work of a cell; what was trained before is not trained again.
+
+    Args:
+        cell: What to do.
+        data: Folder of the data sets, see `sets.make_sets`.
+        runs: Folder of checkpoints, one for each cell.
+        quiet: Write progress into `output.txt` of the run's folder, not to standard error.
+
+    Returns:
+        The result, with `seconds`; or `error` with a traceback, so that others go on.
+    """
+    import torch
+
+    torch.set_num_threads(1)  # cells run side by side
+    begin = time.monotonic()
+    folder = runs / cell.key
+    try:
+        with _redirected(folder / LOG) if quiet else contextlib.nullcontext():
+            if cell.kind == 'teacher':
+                result = _teacher(cell, data)
+            elif cell.kind == 'speed':
+                result = measure_speed(cell, references(cell.budget, data, 'test'))
+            else:
+                result = _train(cell, data, folder)
+    except Exception:
+        return {'error': traceback.format_exc()}
+    return {**result, 'seconds': {**result.get('seconds', {}), 'all': time.monotonic() - begin}}
+
+
+def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
+    """Train, then roll out on the test set and on the scenes unlike the training set."""
+    from ..learners import device_of
+    from ..rollout import load_simulator
+    from ..train import Trainer
+
+    config = cell.budget.training(cell.changes, cell.seed)
+    device = device_of(config, cell.budget.device)
+    records = training_set(cell.budget, data)
+    begin = time.monotonic()
+    trainer = Trainer(config, records, [], folder, cell.budget.data.train, device)
+    done = trainer.learner.step
+    failed = None
+    try:
+        trainer.run()
+    except FloatingPointError as error:  # a result too: this variant cannot be trained so
+        failed = str(error)
+    result: dict[str, Any] = {
+        'training': {
+            'data_sha256': fingerprint(records),
+            'steps': trainer.learner.step,
+            'device': device.type,
+            'failed': failed,
+            'parameters': sum(parameter.numel() for parameter in trainer.learner.parameters),
+        },
+        'seconds': {'training': time.monotonic() - begin, 'resumed_at_step': done},
+        'measures': {},
+    }
+    if failed is not None:
+        return result
+    del trainer, records
+    begin = time.monotonic()
+    on_gpu = device.type != 'cpu'
+    options = {'backend': 'torch', 'device': device.type} if on_gpu else {}
+    simulator = load_simulator(folder / 'best', **options)
+    for which in ('test', 'ood'):
+        held_out = references(cell.budget, data, which)
+        rows: dict[int, list[Values]] = {steps: [] for steps in cell.steps}
+        made = roll_outs(simulator, held_out, cell.steps[-1], at_once=on_gpu)
+        for record, predicted in zip(held_out, made, strict=True):
+            for steps in cell.steps:
+                rows[steps].append(measure(predicted, record, steps))
+        result['measures'][which] = _by_steps(held_out, rows)
+    result['seconds']['evaluation'] = time.monotonic() - begin
+    return result
+
+
+def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
+    """Laws of the reference by both kinds of velocities, and the floor of chaos."""
+    held_out = references(cell.budget, data, cell.name)
+    others = [references(cell.budget, data, cell.name, ending) for ending in ('half', 'twice')]
+    result: dict[str, Any] = {'laws': {}, 'floor': {}}
+    longest = cell.steps[-1]
+    kinds: tuple[Velocities, ...] = ('poses', 'given')
+    for velocities in kinds:
+        rows = [_laws(r, longest, velocities) for r in held_out]
+        result['laws'][velocities] = _by_steps(held_out, {longest: rows})
+    floors: dict[int, list[Values]] = {steps: [] for steps in cell.steps}
+    for record, *pair in zip(held_out, *others, strict=True):
+        for steps in cell.steps:
+            floor = floor_of(record, pair, steps)
+            bounds = {f'least_{key}': least_floor(key, record) for key in floor}
+            floors[steps].append(floor | {k: v for k, v in bounds.items() if v is not None})
+    result['floor'] = _by_steps(held_out, floors)
+    return result
+
+
+def _laws(record: Record, steps: int, velocities: Velocities) -> Values:
+    """Of the reference itself, which has no error."""
+    values = measure(record.trajectory, record, steps, velocities)
+    return {key: values[key] for key in (*LAW_KEYS, 'escaped', 'diverged_at')}
+
+
+def _by_steps(records: list[Record], rows: dict[int, list[Values]]) -> dict[str, Any]:
+    return {**describe(records), **{str(steps): columns(row) for steps, row in rows.items()}}
+
+
+@contextlib.contextmanager
+def _redirected(path: Path) -> Iterator[None]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, 'a', encoding='utf-8') as stream, contextlib.redirect_stderr(stream):
+        yield

@@ -1,0 +1,140 @@
+"""`rigid-gns train --from MODEL`: training that starts from the weights of a checkpoint.
+
+The normalisers of features and targets are part of the weights and stay as they are, so the records
+are brought to the units that the checkpoint was trained in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .checkpoint import CheckpointError, Tensors, find_model
+from .config import to_mapping
+from .dataset import Record
+from .rollout import load_simulator
+from .similarity import ModelUnits, Similarity
+from .state import Array, Trajectory
+
+if TYPE_CHECKING:
+    from .learner import Learner
+
+# time steps that differ by less are one
+_SAME_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class StartingPoint:
+    """A checkpoint to start from.
+
+    Args:
+        name: Of the model, for the card of what becomes of it.
+        kind: Of the model.
+        config: Of its network.
+        units: Radius, gravity and time step that it was trained with.
+        tensors: Its weights, with normalisers.
+    """
+
+    name: str
+    kind: str
+    config: dict[str, Any]
+    units: ModelUnits
+    tensors: Tensors
+
+    @classmethod
+    def of(cls, name: str | Path) -> StartingPoint:
+        """A shipped model by name, or any by path.
+
+        Raises:
+            CheckpointError: There is no such model, or its files are damaged.
+        """
+        simulator = load_simulator(name)
+        return cls(
+            f'{find_model(name).stem} {simulator.card["weights_sha256"][:12]}',
+            simulator.kind,
+            dict(simulator.card['config']),
+            simulator.units,
+            simulator.tensors,
+        )
+
+    def records(self, records: Sequence[Record]) -> list[Record]:
+        """Records in the checkpoint's units, and what is tracked with the velocity of its start.
+
+        Raises:
+            ValueError: A record's time step is not that of the model for its radius and gravity, or
+                it was tracked and the model learns from velocities of the instant.
+        """
+        return [self._record(record) for record in records]
+
+    def load(self, learner: Learner[Any]) -> None:
+        """Put the weights into a learner; not into one that has begun, as a resumed run has.
+
+        Raises:
+            CheckpointError: The recipe's network is another one.
+        """
+        if learner.step:
+            return
+        import torch
+
+        asked = to_mapping(learner.model)
+        differing = [key for key in asked if asked[key] != self.config.get(key)]
+        if learner.kind != self.kind or differing:
+            what = ', '.join(differing) if learner.kind == self.kind else 'kind'
+            raise CheckpointError(
+                f'model {self.name} ({self.kind}) differs from the recipe ({learner.kind}) in '
+                f'{what}; take a recipe with its model, as config/train/gns_finetune.yaml for gns'
+            )
+        learner.network.load_state_dict(
+            {name: torch.from_numpy(value) for name, value in self.tensors.items()}
+        )
+        with torch.no_grad():
+            torch._foreach_copy_(learner.averaged, learner.parameters)
+
+    def _record(self, record: Record) -> Record:
+        if tracked := record.teacher.get('engine') == 'tracker':
+            if self.kind == 'contact':
+                raise ValueError(
+                    f'record {record.name!r} holds tracked poses, but a contact model learns from '
+                    'velocities of the instant; fit its materials instead: rigid-gns calibrate'
+                )
+            record = replace(
+                record, trajectory=_with_start(record.trajectory, record.scene.gravity)
+            )
+        similarity = Similarity.between(record.scene, self.units)
+        native = self.units.dt * similarity.time
+        if abs(record.trajectory.dt - native) > _SAME_STEP * native:
+            remedy = 'import it without --dt' if tracked else 'generate it with this dt'
+            raise ValueError(
+                f'record {record.name!r} has a time step of {record.trajectory.dt:.4g} s, but '
+                f'model {self.name} has {native:.4g} s for its radius and gravity; {remedy}'
+            )
+        trajectory = Trajectory.from_states(
+            [similarity.to_model(state) for state in record.trajectory], self.units.dt
+        )
+        scene = similarity.scene(record.scene)
+        # what is the model's by construction should be exactly so, whatever the rounding
+        radius = np.asarray(scene.radius)
+        if np.ptp(radius) <= 1e-9 * radius.max():
+            scene = replace(scene, radius=self.units.radius)
+        scene = replace(scene, gravity=(0.0, 0.0, -self.units.gravity))
+        return replace(record, trajectory=trajectory, scene=scene)
+
+
+def _with_start(trajectory: Trajectory, gravity: Sequence[float]) -> Trajectory:
+    """The trajectory with the velocity of the instant in frame 0, where poses give a mean.
+
+    Backward differences repeat in frame 0 the mean velocity of the first step; a sphere that flies
+    was slower by g dt / 2 when it began.
+    """
+    if trajectory.steps < 2:
+        return trajectory
+    fall: Array = np.asarray(gravity, dtype=np.float64)
+    bent = np.diff(trajectory.positions[:3], 2, axis=0)[0]
+    flies = np.linalg.norm(bent - fall * trajectory.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
+    velocities = trajectory.velocities.copy()
+    velocities[0] -= flies[:, None] * 0.5 * trajectory.dt * fall
+    return replace(trajectory, velocities=velocities)

@@ -1,0 +1,62 @@
+"""Kinds of training: recipe, learner, and where each runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from .config import ConfigError, find_config, from_mapping, load_yaml
+from .contact_learner import ContactLearner, ContactTrainConfig
+from .dataset import Record
+from .distributed import find_device
+from .gns_learner import GNSLearner, GNSTrainConfig
+from .learner import Learner, Schedule
+
+RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig, 'contact': ContactTrainConfig}
+
+
+def load_recipe(name: str | Path) -> Schedule:
+    """Training recipe of a YAML file, or of a shipped name in config/train; `kind` is the model's.
+
+    Raises:
+        ConfigError: No such recipe, an unknown key, or a value out of range.
+    """
+    path = find_config('train', name)
+    mapping = load_yaml(path)
+    kind = mapping.pop('kind', None)
+    if kind not in RECIPES:
+        raise ConfigError(f'{path}: kind is {kind!r}, allowed: {", ".join(RECIPES)}')
+    return from_mapping(RECIPES[kind], mapping, str(path))
+
+
+def make_learner(
+    config: Schedule, records: Sequence[Record], device: torch.device | None = None
+) -> Learner[Any]:
+    """Learner of the recipe's kind of model.
+
+    Raises:
+        ValueError: The kind of model cannot learn from these records.
+    """
+    if isinstance(config, ContactTrainConfig):
+        return ContactLearner(config, records)
+    assert isinstance(config, GNSTrainConfig)
+    return GNSLearner.of(config, records, device)
+
+
+def device_of(config: Schedule, name: str) -> torch.device:
+    """Device that a recipe is trained on; `auto` is CUDA where it can be used.
+
+    Raises:
+        ValueError: This kind of model, or this machine, has no use for the device asked for.
+    """
+    if not isinstance(config, ContactTrainConfig):
+        return find_device(name)
+    if name == 'cuda':
+        raise ValueError(
+            'device is cuda, but the contact model is trained on the CPU: its steps are many and '
+            'small; use --device cpu, and torchrun for several cores'
+        )
+    return find_device('cpu')

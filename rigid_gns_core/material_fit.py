@@ -1,0 +1,164 @@
+"""Materials by least squares over short rollouts, under a loss that forgets outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .calibration_windows import Window, residuals
+from .progress import Progress
+from .rollout import Simulator
+from .state import Array
+
+
+class Bounds(NamedTuple):
+    """Range of a material, values tried first, a step for differences, and what counts as known."""
+
+    low: float
+    high: float
+    tried: tuple[float, ...]
+    step: float
+    known: float
+
+
+_RESTITUTION = Bounds(0.0, 1.0, (0.2, 0.4, 0.55, 0.7, 0.85, 0.95), 0.01, 0.1)
+_FRICTION = Bounds(0.0, 1.5, (0.05, 0.2, 0.4, 0.6, 0.9), 0.02, 0.15)
+MATERIALS = {
+    'restitution': _RESTITUTION,
+    'friction': _FRICTION,
+    'rolling_friction': Bounds(0.0, 0.3, (0.0, 0.02, 0.05, 0.1), 0.004, 0.02),
+    'surface_restitution': _RESTITUTION,
+    'surface_friction': _FRICTION,
+}
+# errors [standard deviations] that begin to count as outliers: wide at first, so that all pull
+SCALES = (30.0, 3.0)
+# most steps of a least-squares fit at one scale
+_MOST = 12
+# groups of windows that are fitted on their own, and the fewest windows of one
+_GROUPS, _LEAST = 8, 5
+
+
+def most_evaluations(names: Sequence[str]) -> int:
+    """At most how many times all windows are rolled out."""
+    scan = 1 + sum(len(MATERIALS[name].tried) for name in names)
+    slopes = 2 * len(names)
+    return scan + slopes + 2 * len(SCALES) * _MOST * (1 + slopes)
+
+
+class MaterialFit:
+    """Errors of all windows as a function of some materials; the others keep their values."""
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        windows: Sequence[Window],
+        values: dict[str, float],
+        progress: Progress,
+    ) -> None:
+        self.simulator, self.windows, self.given = simulator, windows, values
+        self.progress = progress
+
+    def all_residuals(self, values: dict[str, float]) -> list[Array]:
+        """Errors of each window."""
+        materials = self.given | values
+        self.progress.update(1, **{name: float(value) for name, value in materials.items()})
+        return [residuals(self.simulator, window, materials) for window in self.windows]
+
+    def scan(self) -> dict[str, float]:
+        """The best of the values tried, one material after another."""
+        best = dict(self.given)
+        cost = self._cost(best)
+        for name in best:
+            for value in MATERIALS[name].tried:
+                tried = self._cost(best | {name: value})
+                if tried < cost:
+                    cost, best = tried, best | {name: value}
+        return best
+
+    def told(self, values: dict[str, float]) -> list[str]:
+        """Materials on which the errors depend at all."""
+        slopes = np.concatenate(self._slopes(values))
+        size = np.linalg.norm(slopes, axis=0)
+        return [n for n, s in zip(values, size, strict=True) if s * MATERIALS[n].known > 1.0]
+
+    def solve(self, start: dict[str, float], scales: Sequence[float] = SCALES) -> dict[str, float]:
+        """Least squares from a start, under a loss that forgets outliers."""
+        from scipy.optimize import least_squares
+
+        if not start:
+            return {}
+        names = list(start)
+        low = np.array([MATERIALS[name].low for name in names])
+        high = np.array([MATERIALS[name].high for name in names])
+        point = np.array([start[name] for name in names])
+
+        def named(x: Array) -> dict[str, float]:
+            return dict(zip(names, x.tolist(), strict=True))
+
+        for scale in scales:
+            point = least_squares(
+                lambda x: np.concatenate(self.all_residuals(named(x))),
+                np.clip(point, low + 1e-6, high - 1e-6),  # a start must be inside
+                jac=lambda x: np.concatenate(self._slopes(named(x))),
+                bounds=(low, high),
+                x_scale=[MATERIALS[name].known for name in names],
+                loss='cauchy',
+                f_scale=scale,
+                xtol=1e-3,
+                ftol=1e-5,
+                max_nfev=_MOST,
+            ).x
+        return named(point)
+
+    def errors(self, values: dict[str, float]) -> dict[str, float]:
+        """Standard errors: the larger of two estimates, neither of which takes errors for alike.
+
+        One is from slopes (a sandwich with a window as its unit), one from fits to groups of
+        windows on their own, which also sees how rough the sum of errors is.
+        """
+        if not values:
+            return {}
+        slopes = self._by_slopes(values)
+        groups = self._by_groups(values)
+        return {name: max(slopes[name], groups[name]) for name in values}
+
+    def _by_slopes(self, values: dict[str, float]) -> dict[str, float]:
+        pulls, bend = [], np.zeros((len(values), len(values)))
+        for errors, slopes in zip(self.all_residuals(values), self._slopes(values), strict=True):
+            weight = 1.0 / (1.0 + (errors / SCALES[-1]) ** 2)
+            pulls.append(slopes.T @ (weight * errors))
+            bend += (slopes * weight[:, None]).T @ slopes
+        inverse = np.linalg.pinv(bend)
+        spread = np.stack(pulls)
+        covariance = inverse @ (spread.T @ spread) @ inverse
+        covariance *= len(pulls) / max(len(pulls) - len(values), 1)
+        return dict(zip(values, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+
+    def _by_groups(self, values: dict[str, float]) -> dict[str, float]:
+        groups = min(_GROUPS, len(self.windows) // _LEAST)
+        if groups < 2:
+            return dict.fromkeys(values, 0.0)
+        # every so many, so that each group has windows of all records
+        parts = [
+            MaterialFit(self.simulator, self.windows[index::groups], self.given, self.progress)
+            for index in range(groups)
+        ]
+        found = [list(part.solve(values, SCALES[-1:]).values()) for part in parts]
+        spread = np.std(found, axis=0, ddof=1) / np.sqrt(groups)
+        return dict(zip(values, spread.tolist(), strict=True))
+
+    def _cost(self, values: dict[str, float]) -> float:
+        scale = SCALES[-1]
+        return sum(float(np.log1p((e / scale) ** 2).sum()) for e in self.all_residuals(values))
+
+    def _slopes(self, values: dict[str, float]) -> list[Array]:
+        """Derivatives of the errors of each window, shape (errors, materials)."""
+        columns = []
+        for name, value in values.items():
+            low, high, _, step, _ = MATERIALS[name]
+            under, over = max(value - step, low), min(value + step, high)
+            ends = [self.all_residuals(values | {name: end}) for end in (under, over)]
+            columns.append([(b - a) / (over - under) for a, b in zip(*ends, strict=True)])
+        return [np.stack(parts, axis=1) for parts in zip(*columns, strict=True)]

@@ -1,0 +1,93 @@
+"""Rollouts on a GPU: scenes side by side in one batch of tensors. torch is imported when asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from .rollout import Outcome, Rollout
+from .state import Array, Trajectory
+
+if TYPE_CHECKING:
+    import torch
+
+    from .models.device_stepper import DeviceStepper
+
+# pairs of spheres in one batch: bounds its memory on the device, some GB at this
+_PAIRS = 2**22
+
+
+def known_device(name: str, backend: str) -> torch.device:
+    """The device of this name.
+
+    Raises:
+        ValueError: It is not there, or the backend cannot use it.
+    """
+    if backend != 'torch':
+        raise ValueError(
+            f"device is {name!r}, but backend {backend!r} runs on the CPU; give backend='torch' too"
+        )
+    import torch
+
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise ValueError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...") from error
+    if device.type not in ('cpu', 'cuda'):
+        # graphs are made in float64, which mps for instance does not have
+        raise ValueError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...")
+    present = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    if device.type == 'cuda' and (device.index or 0) >= present:
+        raise ValueError(
+            f'device is {name!r}, but torch {torch.__version__} finds {present} CUDA devices here; '
+            'leave device out to run on the CPU'
+        )
+    return device
+
+
+def run_on_device(rollouts: Sequence[Rollout], steps: int) -> list[Outcome]:
+    """Outcomes of rollouts that have just begun, whose steppers are `DeviceStepper`."""
+    from .models.device_stepper import blocks, side_by_side
+
+    outcomes: list[Outcome] = []
+    for some in _batches(rollouts):
+        together = side_by_side([cast('DeviceStepper', rollout.stepper) for rollout in some])
+        rows = [np.empty((0, *together.scenes.present.shape, 13)), *blocks(together, steps)]
+        whole = np.concatenate(rows)
+        outcomes += [
+            _outcome(rollout, whole[:, k, : len(rollout.state)], steps)
+            for k, rollout in enumerate(some)
+        ]
+    return outcomes
+
+
+def _batches(rollouts: Sequence[Rollout]) -> Iterator[list[Rollout]]:
+    """Rollouts in their order, as many at a time as memory allows."""
+    batch: list[Rollout] = []
+    most = 0
+    for rollout in rollouts:
+        most = max(most, len(rollout.state))
+        if batch and (len(batch) + 1) * most**2 > _PAIRS:
+            yield batch
+            batch, most = [], len(rollout.state)
+        batch.append(rollout)
+    if batch:
+        yield batch
+
+
+def _outcome(rollout: Rollout, rows: Array, steps: int) -> Outcome:
+    """Of [p, q, v, omega] in the model's units, shape (up to steps, n, 13)."""
+    from .models.device_stepper import DIVERGED, diverged, state_of
+
+    bad = diverged(rows)
+    sound = int(np.argmax(bad)) if bad.any() else len(rows)
+    states = rollout.similarity.to_world(state_of(rows[:sound]))
+    arrays = {}
+    for name, start in vars(rollout.state).items():
+        arrays[name] = np.full((steps + 1, *start.shape), np.nan)
+        arrays[name][0] = start
+        arrays[name][1 : sound + 1] = getattr(states, name)
+    error = f'{DIVERGED} (step {sound + 1} of {steps})' if bad.any() else ''
+    return Outcome(Trajectory(dt=rollout.dt, **arrays), error)

@@ -1,0 +1,129 @@
+"""Runs many calls of one function on processes of this machine, or on a user's Dask or Ray cluster.
+
+joblib does the work; functions and arguments must be picklable, and on a cluster the folders they
+name must be the same files for all workers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from .batch import usable_cores
+
+T = TypeVar('T')
+BACKENDS = ('loky', 'dask', 'ray')
+
+
+class WorkerDied(RuntimeError):
+    """A process was killed, by the system for want of memory perhaps."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the work.
+
+    Args:
+        count: Processes; None: one per usable core. With 1 on this machine, this process.
+        backend: 'loky': processes of this machine; 'dask' or 'ray': a cluster.
+        scheduler: Address of the cluster, such as tcp://host:8786; None: the one that is running
+            or configured for this process.
+    """
+
+    count: int | None = None
+    backend: str = 'loky'
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.count is not None and self.count < 1:
+            raise ValueError(f'workers is {self.count}, expected at least 1')
+        if self.backend not in BACKENDS:
+            raise ValueError(f'backend is {self.backend!r}, allowed: {", ".join(BACKENDS)}')
+        if self.scheduler is not None and self.backend == 'loky':
+            raise ValueError('a scheduler needs the backend dask or ray; give --backend')
+
+    @property
+    def here(self) -> bool:
+        """Whether the work is done on this machine."""
+        return self.backend == 'loky'
+
+    def processes(self, calls: int) -> int:
+        """How many processes so many calls take; -1: all that a cluster has."""
+        if not self.here:
+            return self.count or -1
+        return max(1, min(self.count or usable_cores(), calls))
+
+    def run(
+        self, function: Callable[..., T], calls: Iterable[Sequence[Any]], count: int
+    ) -> Iterator[T]:
+        """Results of `function(*call)`, in the order in which they are done.
+
+        On this machine a call is taken from `calls` when a process is free for it.
+
+        Args:
+            function: Importable by name.
+            calls: Arguments of each call.
+            count: How many calls there are.
+
+        Raises:
+            WorkerDied: A process was killed.
+            ModuleNotFoundError: The backend is not installed.
+        """
+        processes = self.processes(count)
+        if self.here and processes == 1:
+            for call in calls:
+                yield function(*call)
+            return
+        from joblib import Parallel, delayed, parallel_config
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+        with self._connected(), parallel_config(self.backend, n_jobs=processes):
+            parallel = Parallel(
+                return_as='generator_unordered',
+                batch_size=1,
+                pre_dispatch='n_jobs' if self.here else 'all',
+            )
+            try:
+                yield from parallel(delayed(function)(*call) for call in calls)
+            except TerminatedWorkerError as error:
+                raise WorkerDied(str(error)) from error
+
+    @contextlib.contextmanager
+    def _connected(self) -> Iterator[None]:
+        if self.backend == 'dask':
+            from distributed import Client
+
+            # without an address the client that this process has made before is taken
+            with Client(self.scheduler) if self.scheduler else contextlib.nullcontext():  # type: ignore[no-untyped-call,unused-ignore]
+                yield
+        elif self.backend == 'ray':
+            import ray
+            from ray.util.joblib import register_ray
+
+            ray.init(address=self.scheduler, ignore_reinit_error=True)
+            register_ray()
+            yield
+        else:
+            yield
+
+
+def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options that say who does the work."""
+    parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per core')
+    parser.add_argument(
+        '--backend',
+        choices=BACKENDS,
+        default='loky',
+        help='processes of this machine (loky, the default), or a cluster that shares the folders',
+    )
+    parser.add_argument(
+        '--scheduler', metavar='ADDRESS', help='of the cluster, such as tcp://host:8786'
+    )
+
+
+def chosen_workers(arguments: argparse.Namespace) -> Workers:
+    """Workers of the options of `add_worker_arguments`."""
+    return Workers(arguments.workers, arguments.backend, arguments.scheduler)

@@ -1,0 +1,162 @@
+"""Tracked poses at equal times, without a straight line through a bounce.
+
+Between two frames a sphere flies (a parabola), is carried by a surface (a straight line), or is
+struck. Which of these, its neighbours tell: a step that continues the one before or leads into the
+one after has no contact in it. In a step with a contact, the motion before it is continued to where
+it meets the motion after it, run backwards. Where the two do not meet, as after two contacts in one
+step, a straight line is left, and counted. Rotations go along the shorter arc throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigid_gns_core.state import Array, rotate_quaternions, rotation_between
+from rigid_gns_core.tracked_motion import SIGMAS
+
+# two stamps within this are one [s]
+_SAME = 1e-7
+# moments tried for a contact within a step
+_MOMENTS = 33
+# the largest distance between the motions before and after a contact, where they meet [radii]
+_MEET = 0.02
+_FLIGHT, _CARRIED, _STRUCK = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """Poses at equal times.
+
+    Args:
+        positions: Centres [m], shape (steps + 1, n, 3).
+        quaternions: Rotations (x, y, z, w), shape (steps + 1, n, 4).
+        counts: Number of poses by how they were found: `tracked` (a frame has that time), `flight`,
+            `carried`, `bounce` (from both sides of a contact) and `straight` (a guess).
+    """
+
+    positions: Array
+    quaternions: Array
+    counts: dict[str, int]
+
+
+def resample(
+    times: Array,
+    positions: Array,
+    quaternions: Array,
+    wanted: Array,
+    *,
+    gravity: Array,
+    noise: float,
+    radius: float,
+) -> Resampled:
+    """Poses at `wanted` times.
+
+    Args:
+        times: Times of the frames [s], rising, shape (k,), k at least 2.
+        positions: Centres [m], shape (k, n, 3).
+        quaternions: Rotations (x, y, z, w), shape (k, n, 4).
+        wanted: Times from the first to the last of `times` [s], shape (m,).
+        gravity: Acceleration of free flight [m/s^2], shape (3,).
+        noise: Standard deviation of each coordinate [m].
+        radius: Of the smallest sphere [m].
+    """
+    nearest = np.abs(wanted[:, None] - times).argmin(axis=1)
+    same = np.abs(wanted - times[nearest]) <= _SAME
+    step = np.clip(np.searchsorted(times, wanted, side='right') - 1, 0, len(times) - 2)
+    spans = np.diff(times)
+    kinds = _kinds(spans, positions, gravity, noise)
+    means = np.diff(positions, axis=0) / spans[:, None, None]
+    since = (wanted - times[step])[:, None, None]
+    until = (times[step + 1] - wanted)[:, None, None]
+    chord = positions[step] + since * means[step]
+    kind = np.where(same[:, None], -1, kinds[step])
+    parabola = chord - 0.5 * gravity * since * until
+    found = np.where((kind == _FLIGHT)[..., None], parabola, chord)
+    found[same] = positions[nearest[same]]
+    bounces = 0
+    for row, sphere in np.argwhere(kind == _STRUCK):
+        place = _through_contact(
+            step[row], sphere, wanted[row], times, positions, means, kinds, gravity, noise, radius
+        )
+        if place is not None:
+            found[row, sphere] = place
+            bounces += 1
+    turn = rotation_between(quaternions[step], quaternions[step + 1])
+    rotations = rotate_quaternions(quaternions[step], turn * since / spans[step][:, None, None])
+    rotations[same] = quaternions[nearest[same]]
+    struck = int((kind == _STRUCK).sum())
+    counts = {
+        'tracked': int((kind == -1).sum()),
+        'flight': int((kind == _FLIGHT).sum()),
+        'carried': int((kind == _CARRIED).sum()),
+        'bounce': bounces,
+        'straight': struck - bounces,
+    }
+    return Resampled(found, rotations, counts)
+
+
+def _kinds(spans: Array, positions: Array, gravity: Array, noise: float) -> NDArray[np.int_]:
+    """Flight, carried or struck, for each step and sphere, shape (k - 1, n)."""
+    means = np.diff(positions, axis=0) / spans[:, None, None]
+    before, after = spans[:-1, None, None], spans[1:, None, None]
+    change = np.diff(means, axis=0)
+    fall = 0.5 * gravity * (before + after)
+    jumps = np.linalg.norm(np.stack([change - fall, change]), axis=-1)  # as flight, as carried
+    spread = np.sqrt(before**-2 + (1 / before + 1 / after) ** 2 + after**-2)
+    allowed = SIGMAS * noise * spread + 0.05 * np.linalg.norm(gravity) * (before + after)
+    jumps = np.where(jumps <= allowed[..., 0], jumps, np.inf)
+    edge = np.full((2, 1, positions.shape[1]), np.inf)
+    # a step goes on from the one before it, or into the one after it
+    either = np.minimum(
+        np.concatenate([edge, jumps], axis=1), np.concatenate([jumps, edge], axis=1)
+    )
+    return np.where(np.isfinite(either).any(axis=0), either.argmin(axis=0), _STRUCK)
+
+
+def _through_contact(
+    step: int,
+    sphere: int,
+    wanted: float,
+    times: Array,
+    positions: Array,
+    means: Array,
+    kinds: NDArray[np.int_],
+    gravity: Array,
+    noise: float,
+    radius: float,
+) -> Array | None:
+    """Place in a step with a contact, shape (3,); None where its two sides do not meet."""
+    if step == 0 or step + 1 >= len(means):
+        return None
+    sides = kinds[step - 1, sphere], kinds[step + 1, sphere]
+    if _STRUCK in sides:
+        return None
+    start, end = times[step], times[step + 1]
+    falls = [gravity * (side == _FLIGHT) for side in sides]
+    spans = times[step] - times[step - 1], times[step + 2] - times[step + 1]
+    speeds = (
+        means[step - 1, sphere] + 0.5 * falls[0] * spans[0],
+        means[step + 1, sphere] - 0.5 * falls[1] * spans[1],
+    )
+
+    def forward(since: Array) -> Array:
+        return positions[step, sphere] + speeds[0] * since + 0.5 * falls[0] * since**2
+
+    def backward(until: Array) -> Array:
+        return positions[step + 1, sphere] - speeds[1] * until + 0.5 * falls[1] * until**2
+
+    moments = np.linspace(start, end, _MOMENTS)[:, None]
+    apart = np.linalg.norm(forward(moments - start) - backward(end - moments), axis=1)
+    met = int(apart.argmin())
+    # noise of both sides, carried on over this step
+    spread = noise * np.sqrt(2.0) * (1.0 + 2.0 * (end - start) / min(spans))
+    # and how far the sphere comes between two of the moments
+    coarse = float(np.linalg.norm(speeds[1] - speeds[0])) * (end - start) / _MOMENTS
+    if apart[met] > _MEET * radius + SIGMAS * spread + coarse:
+        return None
+    if wanted <= moments[met, 0]:
+        return forward(np.array([wanted - start]))
+    return backward(np.array([end - wanted]))

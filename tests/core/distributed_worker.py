@@ -1,0 +1,124 @@
+"""Run by torchrun in test_distributed.py: what each process finds, saved into a folder."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from rigid_gns_core.checkpoint import tensors_of
+from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
+from rigid_gns_core.dataset import Record
+from rigid_gns_core.distributed import Processes, started_by_torchrun
+from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
+from rigid_gns_core.models.configs import ContactConfig, GNSConfig
+from rigid_gns_core.models.contact.network import ContactNetwork
+from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.similarity import ModelUnits
+from rigid_gns_core.simulators import ContactSimulator
+from rigid_gns_core.state import Trajectory
+from rigid_gns_core.windows import Noise, Source
+
+SCENE = Scene(surfaces=Plane.box(20.0, 20.0))
+GNS = GNSTrainConfig(
+    model=GNSConfig(message_passing_steps=2, width=8),
+    batch=5,  # shares of 3 and 2 windows
+    noise=Noise(0.01, True),
+    energy_weight=0.1,
+)
+CONTACT = ContactTrainConfig(model=ContactConfig(substeps=2, rounds=2, width=8), batch=3)
+CARD = {
+    'kind': 'contact',
+    'config': {'substeps': 2, 'rounds': 2, 'width': 8, 'network': True, 'law': True},
+    'units': {'radius': 1.0, 'gravity': 9.81, 'dt': 0.1},
+    'materials': {'restitution': [0.0, 0.7]},
+    'training': {},
+    'validation': {},
+}
+
+
+def flying(count: int, steps: int = 8) -> Trajectory:
+    """Spheres on straight ways; trajectories of several counts, so that shares differ in weight."""
+    rng = np.random.default_rng(count)
+    positions = rng.uniform(-6, 6, (count, 3)) + [0, 0, 8]
+    velocities = rng.normal(size=(count, 3))
+    time = 0.1 * np.arange(steps + 1)[:, None, None]
+    return Trajectory(
+        positions=positions + time * velocities,
+        quaternions=np.tile([0.0, 0, 0, 1], (steps + 1, count, 1)),
+        velocities=np.ones_like(time) * velocities,
+        angular_velocities=np.zeros((steps + 1, count, 3)),
+        dt=0.1,
+    )
+
+
+def piled(side: int) -> Record:
+    """Spheres that fall on each other, by the laws of the model without its network."""
+    grid = 2.1 * np.stack(np.meshgrid(range(side), range(2), range(2)), -1).reshape(-1, 3)
+    start = grid + np.random.default_rng(side).uniform(-0.03, 0.03, grid.shape) + [0, 0, 1.2]
+    teacher = ContactSimulator(tensors_of(ContactNetwork(CONTACT.model)), CARD, 'teacher')
+    return Record(trajectory=teacher.rollout(SCENE, start, steps=6), scene=SCENE, seed=side)
+
+
+def learners() -> dict[str, GNSLearner | ContactLearner]:
+    """One of each kind of training."""
+    sources = [Source.of(flying(count), SCENE) for count in (2, 7, 25)]
+    units = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
+    return {
+        'one_step': GNSLearner(GNS, sources, units),
+        'closed_loop': GNSLearner(replace(GNS, closed_loop_steps=3), sources, units),
+        'contact': ContactLearner(CONTACT, [piled(side) for side in (2, 3)]),
+    }
+
+
+def in_shares(learner: ContactLearner, step: int) -> torch.Tensor:
+    """Loss of one process that simulates the shares of two after each other.
+
+    Windows of the contact model that are simulated together end their extra rounds together, so
+    that a batch in shares is not quite the batch as a whole.
+    """
+    processes, means = learner.processes, []
+    for processes.rank in (0, 1):
+        processes.size = 2
+        means += learner.means_at(step)
+    processes.rank, processes.size = 0, 1
+    return sum(mean.value * mean.weight for mean in means) / sum(mean.weight for mean in means)
+
+
+def gradients(steps: int = 2) -> dict[str, torch.Tensor]:
+    """Gradients of all parameters at some steps, and the loss of all processes."""
+    found = {}
+    for name, learner in learners().items():
+        processes = learner.processes
+        for step in range(steps):
+            learner.network.zero_grad()
+            if processes.size == 1 and isinstance(learner, ContactLearner):
+                loss = in_shares(learner, step)
+            else:
+                loss = learner.shared_loss(step)
+            loss.backward()
+            whole = processes.sum(loss.item()) / processes.size
+            found[f'{name}.{step}.loss'] = torch.tensor(whole, dtype=torch.float64)
+            for index, parameter in enumerate(learner.parameters):
+                if parameter.grad is not None:
+                    found[f'{name}.{step}.{index}'] = parameter.grad.clone()
+    return found
+
+
+def main() -> None:
+    """Save what this process finds."""
+    torch.set_num_threads(1)
+    with started_by_torchrun(torch.device('cpu')):
+        processes = Processes()
+        found = gradients()
+        with pytest.raises(ValueError, match='2 processes cannot share a batch of 1'):
+            processes.share([1])
+        found['stops'] = torch.tensor([processes.any(processes.rank == 1), processes.any(False)])
+        save_file(found, Path(sys.argv[1]) / f'{processes.rank}.safetensors')
+
+
+if __name__ == '__main__':
+    main()

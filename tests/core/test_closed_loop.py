@@ -1,0 +1,330 @@
+"""Training in closed loop: features with gradients, rollouts, what is lost, and the curriculum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from rigid_gns_core.closed_loop import connector, roll_out, stack_windows
+from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
+from rigid_gns_core.graph import build_graph
+from rigid_gns_core.models.configs import GNSConfig
+from rigid_gns_core.models.features import Motion, features_of
+from rigid_gns_core.models.gns import GNS
+from rigid_gns_core.models.rotations import rotation_between
+from rigid_gns_core.models.stepping import GNSStepper
+from rigid_gns_core.models.tensor_features import Links, TensorMotion, tensor_features
+from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.similarity import ModelUnits
+from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.state import rotation_between as rotation_between_arrays
+from rigid_gns_core.windows import Draw, Noise, Source
+
+DT = 0.1
+SCENE = Scene(surfaces=Plane.box(12.0, 12.0))
+MODEL = GNSConfig(message_passing_steps=2, width=16)
+UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=DT)
+CONFIG = GNSTrainConfig(model=MODEL, batch=4, steps=10, closed_loop_steps=3)
+SWITCHES = [
+    {},
+    {'history': 0},
+    {'mask_pose': False},
+    {'sphere_properties': True},
+    {'ground_edge': False},
+    {'target': 'acceleration'},
+    {'connectivity': 'epsilon'},
+    {'connectivity': 'vmax'},
+    {'connectivity': 'swept'},
+]
+
+
+def moving(seed, count=20, history=2):
+    rng = np.random.default_rng(seed)
+    quaternions = rng.normal(size=(count, 4))
+    return Motion(
+        rng.uniform(-5, 5, (count, 3)) + [0, 0, 6],
+        quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
+        rng.normal(size=(history + 1, count, 3)) * 5,
+        rng.normal(size=(history + 1, count, 3)),
+    )
+
+
+def source(seed=0, count=5, steps=12, scene=SCENE):
+    """Spheres on straight ways, which turn."""
+    rng = np.random.default_rng(seed)
+    time = (np.arange(steps + 1) * DT)[:, None, None]
+    velocity, spin = rng.normal(size=(2, count, 3))
+    positions = rng.uniform(-4, 4, (count, 3)) + [0, 0, 6] + time * velocity
+    speed = np.linalg.norm(spin, axis=1, keepdims=True)
+    half = 0.5 * time * speed
+    quaternions = np.concatenate([np.sin(half) * spin / speed, np.cos(half)], axis=-1)
+    full = np.ones_like(time)
+    trajectory = Trajectory(
+        positions=positions,
+        quaternions=quaternions,
+        velocities=full * velocity,
+        angular_velocities=full * spin,
+        dt=DT,
+    )
+    return Source.of(trajectory, scene)
+
+
+def network(config=MODEL, seed=0):
+    torch.manual_seed(seed)
+    made = GNS(config)
+    made.target_normaliser.fit(torch.zeros(6), torch.full((6,), 2.0))
+    return made
+
+
+def frames(net, sources, draws, steps, corrects_target=False):
+    windows = stack_windows(sources, draws, net.config, steps, corrects_target)
+    connect = connector(sources, draws, net.config)
+    return windows, list(roll_out(net, windows, connect, corrects_target))
+
+
+def plain(source=0, step=3, **changes):
+    return Draw(source, step, None, None, None)._replace(**changes)
+
+
+@pytest.mark.parametrize('switch', SWITCHES, ids=str)
+def test_features_with_gradients_are_those_of_prediction(switch):
+    config = replace(MODEL, **switch)
+    scenes = [replace(SCENE, mass=2.0), Scene(surfaces=()), SCENE]
+    motions = [moving(s, count, config.history) for s, count in ((0, 40), (1, 3), (2, 9))]
+    graphs = [
+        build_graph(m.positions, m.velocities[0], s, DT, config.reach())
+        for m, s in zip(motions, scenes, strict=True)
+    ]
+    expected = [features_of(config, m, s, DT) for m, s in zip(motions, scenes, strict=True)]
+    counts = [len(motion.positions) for motion in motions]
+    properties = np.concatenate(
+        [
+            np.stack([s.per_sphere(p, n) for p in ('radius', 'mass')], 1)
+            for s, n in zip(scenes, counts, strict=True)
+        ]
+    )
+    found = tensor_features(
+        config,
+        TensorMotion.of(motions),
+        Links.of(graphs, scenes, counts),
+        torch.from_numpy(properties),
+    )
+    assert len(found.edges) > 20
+    for name in ('nodes', 'edges', 'surface_edges', 'motion'):
+        array = np.concatenate([getattr(features, name) for features in expected])
+        # one rounding to float32 each, of float64 values that may differ in their last bits
+        np.testing.assert_allclose(getattr(found, name).numpy(), array, rtol=2**-23, atol=1e-12)
+    edges = np.cumsum([0] + [len(features.edges) for features in expected])
+    spheres = np.cumsum([0, *counts])
+    for name, offsets in (
+        ('senders', spheres),
+        ('receivers', spheres),
+        ('surface_receivers', spheres),
+        ('reverse', edges),
+    ):
+        parts = [getattr(f, name) + o for f, o in zip(expected, offsets[:-1], strict=True)]
+        np.testing.assert_array_equal(getattr(found, name).numpy(), np.concatenate(parts))
+
+
+def test_gradients_of_features_are_those_of_finite_differences():
+    config = replace(MODEL, mask_pose=False)
+    motion = moving(3, count=8)
+    graph = build_graph(motion.positions, motion.velocities[0], SCENE, DT, config.reach())
+    links = Links.of([graph], [SCENE], [8])
+    rng = np.random.default_rng(0)
+    weights = None
+
+    def value(by):
+        start = TensorMotion.of([motion])
+        shifted = start._replace(
+            positions=start.positions + by[:, :3], velocities=start.velocities + by[:, 3:6]
+        ).advanced(by, DT)
+        found = tensor_features(config, shifted, links, torch.ones(8, 2))
+        nonlocal weights
+        parts = [found.nodes.double(), found.edges.double(), found.surface_edges.double()]
+        if weights is None:
+            weights = [torch.from_numpy(rng.normal(size=part.shape)) for part in parts]
+        return sum((part * weight).sum() for part, weight in zip(parts, weights, strict=True))
+
+    by = torch.zeros(8, 6, dtype=torch.float64, requires_grad=True)
+    value(by).backward()
+    direction = torch.from_numpy(rng.normal(size=(8, 6)))
+    step = 1e-2
+    with torch.no_grad():
+        slope = (value(step * direction) - value(-step * direction)) / (2 * step)
+    # float32 of values up to 15 gives 1e-6 each; over 2e-2 and some hundred of them, about 1e-3;
+    # the curvature of norms and quaternions adds step^2 = 1e-4 of the whole
+    exact = (by.grad * direction).sum()
+    assert float(slope) == pytest.approx(float(exact), rel=2e-3, abs=1e-2)
+
+
+def test_rotation_between_is_that_of_arrays_and_has_a_gradient_at_rest():
+    before, after = moving(0).quaternions, moving(1).quaternions
+    found = rotation_between(torch.from_numpy(before), torch.from_numpy(after))
+    # float64: a few roundings of angles up to pi
+    np.testing.assert_allclose(found.numpy(), rotation_between_arrays(before, after), atol=1e-13)
+    same = torch.from_numpy(before).requires_grad_()
+    rotation_between(torch.from_numpy(before), same).sum().backward()
+    assert torch.isfinite(same.grad).all()
+
+
+@pytest.mark.parametrize('target', ['velocity', 'acceleration'])
+def test_the_closed_loop_is_a_rollout(target):
+    net = network(replace(MODEL, target=target))
+    own = source()
+    with torch.no_grad():
+        windows, steps = frames(net, [own], [plain(step=0, known=0)], 4)
+        stepper = GNSStepper(net.predict, net.config, SCENE, State(positions=own.positions[0]), DT)
+        stepper.motion = own.motion(0, 2, 0)
+        for step in steps:
+            np.testing.assert_allclose(
+                step.batch.graph.nodes[:, :3], stepper.motion.velocities[0], atol=1e-5
+            )
+            stepper.step()
+    assert len(steps) == 4
+    assert windows.targets.shape == (4, 5, 6)
+
+
+def test_turned_windows_are_windows_of_the_turned_world():
+    net = network()
+    own = source()
+    angle = 0.8
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
+    planes = tuple(
+        replace(
+            plane,
+            point=tuple(turn @ plane.point),
+            normal=tuple(turn @ plane.normal),
+            direction=tuple(turn @ plane.axes[0]),
+        )
+        for plane in SCENE.surfaces
+    )
+    other = replace(
+        own,
+        scene=replace(SCENE, surfaces=planes),
+        positions=own.positions @ turn.T,
+        velocities=own.velocities @ turn.T,
+        angular_velocities=own.angular_velocities @ turn.T,
+    )
+    with torch.no_grad():
+        _, one = frames(net, [own], [plain(angle=angle)], 3, True)
+        _, two = frames(net, [other], [plain()], 3, True)
+    for a, b in zip(one, two, strict=True):
+        # angles and features in float32, three steps of predicted speeds of order one
+        torch.testing.assert_close(a.output, b.output, rtol=0, atol=2e-5)
+        torch.testing.assert_close(a.batch.next_motion, b.batch.next_motion, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize('corrects', [False, True])
+def test_one_step_in_closed_loop_is_the_one_step_loss(corrects):
+    config = replace(
+        CONFIG,
+        closed_loop_steps=1,
+        noise=Noise(0.02, corrects),
+        energy_weight=0.1,
+        start_fraction=0.5,
+    )
+    learner = GNSLearner(config, [source(seed, count) for seed, count in ((0, 5), (1, 9))], UNITS)
+    draws = learner.draw(0, 6, config.noise)
+    one = learner.one_step(learner.batch(draws))
+    several = learner.closed_loop(draws)
+    assert [mean.weight for mean in one] == [mean.weight for mean in several]
+    for a, b in zip(one, several, strict=True):
+        torch.testing.assert_close(a.value, b.value, rtol=1e-5, atol=1e-6)  # float32 sums
+
+
+def test_corrected_targets_lead_from_the_predicted_to_the_true_pose():
+    net, own = network(), source()
+    with torch.no_grad():
+        windows, steps = frames(net, [own], [plain()], 3, True)
+        predicted = windows.start.positions
+        for k, step in enumerate(steps):
+            reached = predicted + DT * step.batch.next_motion[:, :3].double()
+            # float32 of velocities up to 10 m/s, times dt
+            torch.testing.assert_close(reached, windows.positions[k], rtol=0, atol=1e-6)
+            predicted = predicted + DT * net.decode(step.output, step.batch.graph.motion)[:, :3]
+
+
+def test_gradients_run_through_all_steps():
+    net, own = network(), source()
+    _, steps = frames(net, [own], [plain()], 3)
+    (start,) = torch.autograd.grad(steps[2].output.sum(), steps[0].output, retain_graph=True)
+    assert start.abs().max() > 1e-3
+    _, corrected = frames(net, [own], [plain()], 2, True)
+    # the way back from what was predicted: the target of step 2 moves with the output of step 1
+    (start,) = torch.autograd.grad(corrected[1].batch.next_motion[:, 0].sum(), corrected[0].output)
+    torch.testing.assert_close(start[:, 0], torch.full((5,), -2.0))  # - scale of the target
+
+
+def test_lost_spheres_no_longer_count():
+    net, own = network(), source()
+    with torch.no_grad():
+        net.decoder.last.weight.zero_()
+        net.decoder.last.bias.zero_()
+    positions = np.repeat(own.positions[:1], len(own.positions), axis=0)
+    positions[:, 2, 0] += 0.3 * np.arange(len(positions))  # radii a step
+    moved = replace(own, positions=positions)
+    with torch.no_grad():
+        _, steps = frames(net, [moved], [plain(step=0)], 4)
+    expected = [True, True, False, True, True]
+    assert [step.counted.tolist() for step in steps] == [[True] * 5] * 2 + [expected] * 2
+
+
+def test_the_loss_falls_along_its_gradient_and_follows_from_the_seed():
+    config = replace(CONFIG, noise=Noise(0.005, True), energy_weight=0.01)
+    learner, twin = (GNSLearner(config, [source(0), source(1)], UNITS) for _ in range(2))
+    assert learner.advance() == twin.advance()
+    before = learner.loss_at(5)
+    gradients = torch.autograd.grad(before, learner.parameters)
+    with torch.no_grad():
+        for parameter, gradient in zip(learner.parameters, gradients, strict=True):
+            parameter -= 1e-3 * gradient
+        assert learner.loss_at(5) < before
+        assert twin.loss_at(5) == before
+
+
+def test_what_diverges_is_named():
+    net = network()
+    with torch.no_grad():
+        net.decoder.last.bias.fill_(float('inf'))
+    with pytest.raises(FloatingPointError, match='closed_loop_steps 1 first'):
+        frames(net, [source()], [plain()], 2)
+
+
+def test_the_curriculum_grows_from_the_fewest_spheres_to_all():
+    config = replace(CONFIG, curriculum=0.5, steps=100, batch=64)
+    sources = [source(seed, count) for seed, count in enumerate((20, 2, 11))]
+    learner = GNSLearner(config, sources, UNITS)
+    drawn = {
+        step: {sources[d.source].count for d in learner.draw(step, 64, config.noise)}
+        for step in (0, 24, 25, 49, 50, 99)
+    }
+    few, some, every = {2}, {2, 11}, {2, 11, 20}
+    assert drawn == {0: few, 24: few, 25: some, 49: some, 50: every, 99: every}
+
+
+def test_windows_end_before_their_trajectory_does():
+    learner = GNSLearner(CONFIG, [source(steps=4), source(steps=2)], UNITS)
+    draws = learner.draw(0, 200, CONFIG.noise)
+    assert {(d.source, d.step) for d in draws} == {(0, 0), (0, 1)}
+
+
+def test_trajectories_that_are_too_short_are_named():
+    with pytest.raises(ValueError, match='3 steps .closed_loop_steps., the longest has 2'):
+        GNSLearner(CONFIG, [source(steps=2)], UNITS)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'bound'),
+    [
+        ('closed_loop_steps', 0, 'at least 1'),
+        ('curriculum', -0.1, 'at least 0'),
+        ('curriculum', 1.5, 'at most 1'),
+    ],
+)
+def test_values_out_of_range_are_named(name, value, bound):
+    with pytest.raises(ValueError, match=f'{name} is {value}, expected {bound}'):
+        replace(CONFIG, **{name: value})

@@ -1,0 +1,203 @@
+"""Experiments as they are configured: what a cell is, and what tables make of results."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rigid_gns_core.cli import main
+from rigid_gns_core.config import ConfigError
+from rigid_gns_core.evaluate import read_json
+from rigid_gns_core.experiments.budget import Budget, load_budget, merged
+from rigid_gns_core.experiments.cell import Cell, cells_of, teacher_cells
+from rigid_gns_core.experiments.chart import write_chart
+from rigid_gns_core.experiments.points import panels_of
+from rigid_gns_core.experiments.store import Store, write_compact
+from rigid_gns_core.experiments.study import (
+    Experiment,
+    Variant,
+    load_experiment,
+    shipped_experiments,
+)
+from rigid_gns_core.experiments.table import make_table
+from rigid_gns_core.experiments.text import format_table, number, printed, spread
+
+pytest.importorskip('pybullet', reason="a cell's key holds the teacher's defaults")
+BUDGET = load_budget('cpu')
+BASE = Cell('train', 'base', 0, BUDGET)
+
+
+@pytest.mark.parametrize('budget', ['smoke', 'cpu', 'full'])
+def test_every_variant_of_every_experiment_is_a_valid_recipe(budget: str) -> None:
+    loaded = load_budget(budget)
+    names: dict[str, set[str]] = {}
+    for experiment in shipped_experiments().values():
+        for cell in cells_of(experiment, loaded, experiment.variants, [0]):
+            names.setdefault(f'{cell.kind} {cell.name}', set()).add(cell.key)
+    # the same name is the same cell in all experiments, and another name another cell
+    keys = [key for found in names.values() for key in found]
+    assert len(keys) == len(set(keys)) == len(names)
+
+
+def test_the_thesis_numbers_are_the_same_in_all_experiments() -> None:
+    found: dict[tuple[str, str, str], Any] = {}
+    for experiment in shipped_experiments().values():
+        for variant in experiment.variants:
+            for which, values in variant.thesis.items():
+                for metric, value in values.items():
+                    known = found.setdefault((variant.name, which, metric), value)
+                    assert value == known, (experiment.name, variant.name, metric)
+    assert found['base', 'ood', 'chamfer'] == [1.25e6, 1.03e6]  # table 2
+
+
+def test_a_key_is_of_what_determines_the_result_alone() -> None:
+    same = [
+        Cell('train', 'another_name', 0, BUDGET, {'model': {'history': 2}, 'rotate': True}),
+        Cell('train', 'base', 0, replace(BUDGET, words='others', seeds=(5,), name='mine')),
+    ]
+    assert {replace(cell, changes={}).key for cell in same} == {BASE.key}
+    other = [
+        replace(BASE, seed=1),
+        replace(BASE, changes={'model': {'history': 1}}),
+        replace(BASE, budget=replace(BUDGET, steps=400)),
+        replace(BASE, budget=replace(BUDGET, changes=merged(BUDGET.changes, {'batch': 11}))),
+        replace(BASE, budget=replace(BUDGET, data=replace(BUDGET.data, train='gns_test'))),
+    ]
+    assert len({cell.key for cell in [BASE, *other]}) == 1 + len(other)
+
+
+def test_the_base_is_rolled_out_for_longer() -> None:
+    assert BASE.steps == (500, 2000)
+    assert replace(BASE, changes={'rotate': False}).steps == (500,)
+
+
+def test_a_closed_loop_costs_as_much_as_single_steps() -> None:
+    assert BUDGET.training({'closed_loop_steps': 4}, 0).batch == 3
+    assert load_budget('smoke').training({'closed_loop_steps': 4}, 0).batch == 1
+
+
+def test_wrong_names_are_answered_with_the_right_ones(capsys: pytest.CaptureFixture[str]) -> None:
+    for options, message in (
+        (['nothing'], 'ablation, connectivity, ground_truth, history'),
+        (['history', '--only', 'h_9'], "no variant 'h_9', allowed: h_0, h_1, base"),
+        (['history', '--budget', 'huge'], 'shipped: cpu, full, smoke'),
+        (['history', '--seeds', '-1'], '--seeds is -1'),
+        ([], 'name an experiment, or all'),
+    ):
+        assert main(['experiment', *options]) == 2
+        assert message in capsys.readouterr().err
+    with pytest.raises(ConfigError, match=r"unknown key 'historie', allowed: message_passing"):
+        BUDGET.training({'model': {'historie': 1}}, 0)
+
+
+def test_the_list_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['experiment', '--list']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(shipped_experiments())
+    assert lines[0].startswith('ground_truth') and 'table 1' in lines[0]
+
+
+def test_a_variant_is_checked() -> None:
+    with pytest.raises(ConfigError, match=r'YAML reads 1e6 as text'):
+        Variant('base', 'base', thesis={'ood': {'mse': '1e6'}})
+    with pytest.raises(ConfigError, match="the one without any is called 'base'"):
+        Experiment('', '', '', (Variant('h_2', 'H = 2'),))
+    with pytest.raises(ConfigError, match='each name once'):
+        Experiment('', '', '', (Variant('base', 'a'), Variant('base', 'b')))
+
+
+def fill(store: Store, cell: Cell, mse: list[Any], diverged: list[int | None]) -> None:
+    """Results of a cell, with two rollouts on each set."""
+    values = {'mse': mse, 'energy_gain': [0.1, 0.3], 'diverged_at': diverged}
+    which = {'records': ['0', '1'], 'spheres': [3, 3], '500': values, '2000': values}
+    measures = {'test': which, 'ood': which}
+    training = {'failed': None, 'steps': 3000}
+    store.write(cell, {'training': training, 'measures': measures, 'seconds': {'all': 60.0}})
+
+
+def results(folder: Path) -> tuple[Experiment, Store]:
+    """An experiment whose base has run with two seeds; with the second a rollout diverged."""
+    experiment, store = load_experiment('history'), Store(folder)
+    floor = {'mse': [1.0, 4.0], 'least_mse': [0.25, 0.25]}
+    for cell in teacher_cells(BUDGET):
+        floors = {'records': ['0', '1'], 'spheres': [3, 3], '500': floor, '2000': floor}
+        store.write(cell, {'floor': floors, 'laws': {}, 'seconds': {'all': 1.0}})
+    fill(store, BASE, [2.0, 4.0], [None, None])
+    fill(store, replace(BASE, seed=1), [6.0, float('inf')], [None, 123])
+    return experiment, store
+
+
+def test_divergence_is_counted_not_averaged(tmp_path: Path) -> None:
+    experiment, store = results(tmp_path)
+    table = make_table(experiment, BUDGET, (0, 1, 2), store)
+    row = next(row for row in table['rows'] if row['variant'] == 'base')
+    assert row['seeds'] == [0, 1] and row['missing'] == [2]
+    score = row['sets']['ood']['500']
+    assert (score['diverged'], score['rollouts']) == (1, 4)
+    mse = score['metrics']['mse']
+    # seeds have means 3 and 6 over their finite rollouts; std with n - 1
+    assert mse == {'mean': 4.5, 'std': pytest.approx(4.5**0.5), 'seeds': 2, 'infinite': 1}
+    # 2/1, 4/4 and 6/1: ratios of each rollout to its own floor
+    assert score['metrics']['mse_ratio']['mean'] == pytest.approx((1.5 + 6.0) / 2)
+    text = format_table(table)
+    assert '1 of 4' in text and '4.5 ± 2.1' in text and '3.36e5 ± 3.1e5' in text
+    assert 'Not run yet, or not with all seeds: H = 0, H = 1, H = 2, H = 3, H = 4.' in text
+    assert '2.5' in next(line for line in text.splitlines() if 'Bullet against itself' in line)
+
+
+def test_a_figure_shows_what_there_is(tmp_path: Path) -> None:
+    experiment, store = results(tmp_path)
+    table = make_table(experiment, BUDGET, (0, 1), store)
+    panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse')
+    assert panel.floor == 2.5 and panel.points[2].lost == 1
+    assert panel.limits[1] < 100, 'numbers of the thesis that are far off do not set the scale'
+    path = write_chart(tmp_path / 'history.png', table)
+    assert path is not None and path.read_bytes().startswith(b'\x89PNG')
+    nothing = make_table(experiment, replace(BUDGET, steps=7), (0,), store)
+    assert write_chart(tmp_path / 'nothing.png', nothing) is None
+
+
+def test_a_variant_that_cannot_be_trained_is_marked(tmp_path: Path) -> None:
+    experiment, store = results(tmp_path)
+    cell = Cell('train', 'h_1', 0, BUDGET, {'model': {'history': 1}})
+    training = {'failed': 'the loss is nan at step 7', 'steps': 7}
+    store.write(cell, {'training': training, 'measures': {}, 'seconds': {'all': 1.0}})
+    text = format_table(make_table(experiment, BUDGET, (0,), store))
+    assert 'H = 1: the loss did not stay finite with any seed.' in text
+
+
+def test_json_is_strict_and_short(tmp_path: Path) -> None:
+    path = tmp_path / 'one.json'
+    write_compact(path, {'a': [1.23456789, float('inf'), None], 'b': {'c': 1}, 'd': [{'e': 2}]})
+    assert len(path.read_text().splitlines()) == 11
+    assert read_json(path) == {'a': [1.23457, float('inf'), None], 'b': {'c': 1}, 'd': [{'e': 2}]}
+    with pytest.raises(ValueError, match='Out of range float'):
+        write_compact(path, {'a': float('nan')})
+
+
+def test_numbers_are_short() -> None:
+    assert [number(v) for v in (0.0, 1.0, 123.4, 0.01234, 3.36e5, 1e-7)] == [
+        '0',
+        '1',
+        '123',
+        '0.0123',
+        '3.36e5',
+        '1.00e-7',
+    ]
+    assert spread(None, None) == 'diverged' and spread(2.0, 0.25) == '2 ± 0.25'
+    assert [printed(v) for v in (None, 'diverged', 40, [1.0, 2.0])] == [
+        '',
+        'diverged',
+        '40',
+        '1 ± 2',
+    ]
+
+
+def test_a_budget_is_checked() -> None:
+    with pytest.raises(ConfigError, match='long_steps is 10, expected at least 500'):
+        replace(BUDGET, long_steps=10)
+    with pytest.raises(ConfigError, match='seeds is'):
+        Budget('words', (), BUDGET.data)

@@ -1,0 +1,59 @@
+"""Calls on processes and on a Dask cluster: the same results, whoever makes them."""
+
+from __future__ import annotations
+
+import operator
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rigid_gns_core.cli import main
+from rigid_gns_core.dataset import record_path
+from rigid_gns_core.workers import Workers
+
+
+@pytest.mark.parametrize('workers', [Workers(1), Workers(2)])
+def test_calls_run_wherever(workers: Workers) -> None:
+    calls = [(number, 2) for number in range(5)]
+    assert sorted(workers.run(operator.pow, iter(calls), 5)) == [0, 1, 4, 9, 16]
+
+
+def test_a_wrong_choice_is_refused() -> None:
+    with pytest.raises(ValueError, match='workers is 0, expected at least 1'):
+        Workers(0)
+    with pytest.raises(ValueError, match="backend is 'threads', allowed: loky, dask, ray"):
+        Workers(backend='threads')
+    with pytest.raises(ValueError, match='a scheduler needs the backend dask or ray'):
+        Workers(scheduler='tcp://localhost:1')
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_takes_cells_and_trajectories(tmp_path: Path) -> None:
+    pytest.importorskip('pybullet', reason='generation runs Bullet')
+    distributed = pytest.importorskip('distributed', reason='the cluster is one of Dask')
+    options = {'n_workers': 2, 'threads_per_worker': 1, 'processes': True}
+    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+        on_dask = ['--backend', 'dask', '--scheduler', cluster.scheduler_address]
+        command = ['generate', '--config', 'experiment_smoke', '--trajectories', '3']
+        assert main([*command, '--out', str(tmp_path / 'dask'), *on_dask]) == 0
+        assert main([*command, '--out', str(tmp_path / 'here'), '--workers', '1']) == 0
+        for index in range(3):
+            one, other = (record_path(tmp_path / where, index) for where in ('dask', 'here'))
+            assert one.read_bytes() == other.read_bytes()
+        folders = [f'--{name}={tmp_path / name}' for name in ('data', 'runs', 'out')]
+        experiment = ['experiment', 'connectivity', '--budget', 'smoke', '--only', 'base', 'vmax']
+        assert main([*experiment, *folders, *on_dask]) == 0
+    names = [path.name for path in (tmp_path / 'out' / 'smoke' / 'cells').iterdir()]
+    kinds = sorted(name.rsplit('_', 2)[0] for name in names)
+    assert kinds == ['teacher_ood', 'teacher_test', 'train_base', 'train_vmax']
+
+
+def test_no_cluster_is_needed_to_import_this() -> None:
+    code = (
+        'import sys, rigid_gns_core.generate, rigid_gns_core.workers\n'
+        "print({'joblib', 'distributed', 'dask', 'ray'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == 'set()'
