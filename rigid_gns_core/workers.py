@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
+import threading
+import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -80,16 +84,24 @@ class Workers:
         from joblib import Parallel, delayed, parallel_config
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        with self._connected(), parallel_config(self.backend, n_jobs=processes):
-            parallel = Parallel(
-                return_as='generator_unordered',
-                batch_size=1,
-                pre_dispatch='n_jobs' if self.here else 'all',
-            )
+        with self._connected():
+            own = {'initializer': _leave_with_parent} if self.here else {}
+            with parallel_config(self.backend, n_jobs=processes, **own):
+                parallel = Parallel(
+                    return_as='generator_unordered',
+                    batch_size=1,
+                    pre_dispatch='n_jobs' if self.here else 'all',
+                )
+            results = parallel(delayed(function)(*call) for call in calls)
             try:
-                yield from parallel(delayed(function)(*call) for call in calls)
+                for result in results:  # noqa: UP028, which would close it with a warning
+                    yield result
             except TerminatedWorkerError as error:
                 raise WorkerDied(str(error)) from error
+            finally:
+                with warnings.catch_warnings():
+                    warnings.simplefilter('ignore')  # that a stopped run was stopped
+                    results.close()
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[None]:
@@ -127,3 +139,15 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
 def chosen_workers(arguments: argparse.Namespace) -> Workers:
     """Workers of the options of `add_worker_arguments`."""
     return Workers(arguments.workers, arguments.backend, arguments.scheduler)
+
+
+def _leave_with_parent() -> None:
+    """End this process when the one that started it was killed, not only after its work."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import signal
+import sys
 from pathlib import Path
 
 from ..workers import add_worker_arguments, chosen_workers
-from .budget import load_budget
-from .cell import cells_of
+from .budget import Budget, load_budget
+from .cell import Cell, cells_of
 from .chart import write_chart
 from .page import write_page
 from .runner import Folders, run_cells
@@ -37,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--out', type=Path, default=Path('docs/thesis'), help='results (docs/thesis)'
+    )
+    parser.add_argument(
+        '--no-run', action='store_true', help='only tables and figures, of the cells that are there'
     )
     parser.add_argument(
         '--page',
@@ -82,11 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
     order = sorted(cells.values(), key=lambda cell: (cell.kind != 'teacher', cell.seed))
     folders = Folders(arguments.data, arguments.runs, out)
     store = Store(out / 'cells')
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
-    try:
-        failed = run_cells(order, budget, folders, store, chosen_workers(arguments))
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    failed = [] if arguments.no_run else _run_cells(order, budget, folders, store, arguments)
     for experiment in experiments:
         table = make_table(experiment, budget, seeds, store)
         write_compact(out / f'{experiment.name}.json', table)
@@ -99,6 +99,25 @@ def run(arguments: argparse.Namespace) -> int:
     for line in failed:
         print(f'failed: {line}')
     return int(bool(failed))
+
+
+def _run_cells(
+    cells: list[Cell], budget: Budget, folders: Folders, store: Store, arguments: argparse.Namespace
+) -> list[str]:
+    """Lines on what failed."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
+    try:
+        return run_cells(cells, budget, folders, store, chosen_workers(arguments))
+    except KeyboardInterrupt:
+        done = sum(store.find(cell) is not None for cell in cells)
+        print(
+            f'\nstopped: {done} of {len(cells)} cells are done in {store.folder}; give the same '
+            'command again to go on',
+            file=sys.stderr,
+        )
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _chosen(names: list[str]) -> list[Experiment]:

@@ -94,11 +94,11 @@ def printed_numbers(value: Any) -> list[float]:
 def _points(table: Mapping[str, Any], which: str, metric: str) -> list[Point]:
     if table['kind'] == 'teacher':
         return _truth_points(table, which, metric)
-    points = []
+    points, steps = [], str(table['steps'])
     for index, row in enumerate(table['rows']):
         score: Mapping[str, Any] = {}
         if table['kind'] == 'train':
-            score = _shortest(row['sets'].get(which, {}))
+            score = row['sets'].get(which, {}).get(steps, {})
             values = score.get('metrics', {})
         else:
             values = row.get('values', {}) if which == 'test' else {}
@@ -132,11 +132,7 @@ def _floor(table: Mapping[str, Any], which: str, metric: str) -> float | None:
     """Mean of the floor; none of a metric that has no reference, such as a law."""
     if table['kind'] != 'train':
         return None
-    floor = _shortest(table['floor'].get(which, {}))
+    floor = table['floor'].get(which, {}).get(str(table['steps']), {})
     known: Sequence[float | None] = [floor.get(metric), floor.get(f'least_{metric}')]
     values = [value for value in known if value is not None]
     return max(values) if values else None
-
-
-def _shortest(by_steps: Mapping[str, Any]) -> Mapping[str, Any]:
-    return by_steps[min(by_steps, key=int)] if by_steps else {}

@@ -13,7 +13,7 @@ from .budget import Budget
 from .cell import Cell
 from .sets import make_sets
 from .store import Store
-from .work import run_cell
+from .work import LOG, run_cell
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,8 @@ def run_cells(
     ) as progress:
         for group, by in ((side_by_side, workers), (timed, Workers(1))):
             alone = by.here and by.processes(len(group)) == 1
+            if group and not alone:
+                progress.line(f'what each cell does: {folders.runs / "*" / LOG}')
             calls = [(cell, folders.data, folders.runs, not alone) for cell in group]
             for cell, result in by.run(_run, calls, len(calls)):
                 if 'error' in result:

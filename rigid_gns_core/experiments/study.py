@@ -61,7 +61,8 @@ class Experiment:
         kind: 'train': each variant is trained and rolled out; 'teacher': the reference data are
             measured; 'speed': frames per second with random weights.
         axis: What `Variant.x` counts; empty: variants are named.
-        metrics: Of the figure, in the order of its panels; see `table.METRICS`.
+        metrics: Of the figure, in the order of its panels; names as in docs/metrics.md.
+        long: Show rollouts of `Budget.long_steps`, which the base has; else of `Budget.steps`.
         name: Of its file.
     """
 
@@ -72,6 +73,7 @@ class Experiment:
     kind: Kind = 'train'
     axis: str = ''
     metrics: tuple[str, ...] = ('chamfer', 'mse', 'energy_gain')
+    long: bool = False
     name: str = ''
 
     def __post_init__(self) -> None:
@@ -113,7 +115,15 @@ def load_experiment(name: str | Path) -> Experiment:
 def shipped_experiments() -> dict[str, Experiment]:
     """All shipped experiments by name, in the order of the thesis."""
     names = [path.stem for path in (config_folder() / 'experiments').glob('*.yaml')]
-    order = ('ground_truth', 'history', 'message_passing', 'connectivity', 'speed', 'ablation')
+    order: tuple[str, ...] = (
+        'ground_truth',
+        'history',
+        'message_passing',
+        'connectivity',
+        'speed',
+        'ablation',
+    )
+    order += ('stability',)
 
     def place(name: str) -> tuple[int, str]:
         return order.index(name) if name in order else len(order), name

@@ -34,6 +34,7 @@ def make_table(
         'kind': experiment.kind,
         'axis': experiment.axis,
         'metrics': list(experiment.metrics),
+        'steps': budget.long_steps if experiment.long else budget.steps,
         'budget': {'name': budget.name, 'words': budget.words},
         'seeds': list(seeds),
     }

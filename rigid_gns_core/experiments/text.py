@@ -31,6 +31,12 @@ SHORT = {
     'position_error_100': '100 steps',
     'position_error_30_ratio': '30 steps / floor',
 }
+LATE = {
+    'energy_left': 'energy left',
+    'final_speed': 'speed at the end [m/s]',
+    'final_speed_max': 'of the fastest [m/s]',
+    'resting_drift': 'drift of spheres at rest [m]',
+}
 PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
 _TRUTH = [key for key in LAWS if key != 'time_to_rest']
 
@@ -81,36 +87,43 @@ def printed(value: Any) -> str:
 
 
 def _train_blocks(table: Mapping[str, Any]) -> list[str]:
-    blocks = []
-    rows = [row for row in table['rows'] if row['sets']]
-    found = {(which, steps) for row in rows for which, by in row['sets'].items() for steps in by}
-    for which, steps in sorted(found, key=lambda pair: (pair[0] != 'test', int(pair[1]))):
-        own = [row for row in rows if steps in row['sets'].get(which, {})]
-        scores = [row['sets'][which][steps] for row in own]
+    blocks, steps = [], str(table['steps'])
+    for which, name in SET_NAMES.items():
+        rows = [row for row in table['rows'] if steps in row['sets'].get(which, {})]
         floor = table['floor'].get(which, {}).get(steps, {})
-        title = f'**{SET_NAMES[which].capitalize()}, {steps} steps.**'
-        for columns in (LONG, SHORT):
-            keys = [key for key in columns if any(key in s['metrics'] for s in scores)]
-            words = [key for key in PRINTED if any(_thesis(row, which, key) for row in own)]
-            words = words if columns is LONG else []
-            head = ['variant', 'diverged', *(columns[key] for key in keys)]
-            lines = [head + [f'thesis: {PRINTED[key]}' for key in words]]
-            for row, score in zip(own, scores, strict=True):
-                cells = [_cell(score['metrics'].get(key)) for key in keys]
-                theirs = [_thesis(row, which, key) for key in words]
-                lost = f'{score["diverged"]} of {score["rollouts"]}'
-                if row['untrainable']:
-                    lost += f', {row["untrainable"]} seeds untrainable'
-                lines.append([row['label'], lost, *cells, *theirs])
-            if floor and any(key in floor for key in keys):
-                known = [number(floor.get(key)) for key in keys]
-                lines.append(['*Bullet against itself*', '', *known, *[''] * len(words)])
-            blocks.append(f'{title}\n\n{markdown(lines)}')
+        title = f'**{name.capitalize()}, {steps} steps.**\n\n'
+        for columns in (LONG, SHORT, LATE) if rows else ():
+            blocks.append(title + _block(rows, which, steps, columns, floor))
             title = ''
     for row in table['rows']:
         if row['untrainable'] and not row['sets']:
             blocks.append(f'{row["label"]}: the loss did not stay finite with any seed.')
-    return [block.strip() for block in blocks]
+    return blocks
+
+
+def _block(
+    rows: Sequence[Mapping[str, Any]],
+    which: str,
+    steps: str,
+    columns: Mapping[str, str],
+    floor: Mapping[str, Any],
+) -> str:
+    """A line for each variant, and one for the floor where a column has one."""
+    scores = [row['sets'][which][steps] for row in rows]
+    keys = [key for key in columns if any(key in s['metrics'] for s in scores)]
+    words = [key for key in PRINTED if key in columns and any(_thesis(r, which, key) for r in rows)]
+    head = ['variant', 'diverged', *(columns[key] for key in keys)]
+    lines = [head + [f'thesis: {PRINTED[key]}' for key in words]]
+    for row, score in zip(rows, scores, strict=True):
+        lost = f'{score["diverged"]} of {score["rollouts"]}'
+        if row['untrainable']:
+            lost += f', {row["untrainable"]} seeds untrainable'
+        cells = [_cell(score['metrics'].get(key)) for key in keys]
+        lines.append([row['label'], lost, *cells, *(_thesis(row, which, key) for key in words)])
+    if any(key in floor for key in keys):
+        known = [number(floor.get(key)) for key in keys]
+        lines.append(['*Bullet against itself*', '', *known, *[''] * len(words)])
+    return markdown(lines)
 
 
 def _teacher_block(table: Mapping[str, Any]) -> str:

@@ -71,6 +71,17 @@ def test_what_has_run_does_not_run_again(done: Path, tmp_path: Path) -> None:
     assert json.loads(lost.read_text())['measures'] == old['measures']
 
 
+def test_tables_are_made_of_what_is_there(done: Path, tmp_path: Path) -> None:
+    cells = done / 'out' / 'smoke' / 'cells'
+    shutil.copytree(cells, tmp_path / 'out' / 'smoke' / 'cells')
+    next((tmp_path / 'out' / 'smoke' / 'cells').glob('train_h_1_0_*.json')).unlink()
+    assert main([*command(tmp_path, 'history'), '--no-run']) == 0
+    table = json.loads((tmp_path / 'out' / 'smoke' / 'history.json').read_text())
+    missing = {row['variant']: row['missing'] for row in table['rows']}
+    assert missing == {'h_0': [], 'h_1': [0], 'base': [], 'h_3': [], 'h_4': []}
+    assert not (tmp_path / 'runs').exists() and not (tmp_path / 'data').exists()
+
+
 def test_a_cell_that_was_stopped_goes_on(done: Path, tmp_path: Path) -> None:
     from rigid_gns_core.train import Trainer
 
