@@ -17,14 +17,14 @@ from torch import Tensor
 from .graph import build_graph
 from .models.configs import GNSConfig
 from .models.gns import GNS
-from .models.tensor_features import Links, TensorMotion, tensor_features
+from .models.tensor_features import TensorGraph, TensorMotion, tensor_features
 from .windows import Batch, Draw, Source, angles_of, owners, rotate_batch, turned
 
 # radii from the truth beyond which a sphere is lost to chaos and teaches nothing any more
 LOST = 0.5
 
 # connections of a step from positions and velocities, which have no gradient, shape (n, 3) each
-Connect = Callable[[Tensor, Tensor], Links]
+Connect = Callable[[Tensor, Tensor], TensorGraph]
 
 
 class Windows(NamedTuple):
@@ -91,13 +91,13 @@ def connector(sources: Sequence[Source], draws: Sequence[Draw], config: GNSConfi
     ends = np.cumsum([0, *(source.count for source in own)])
     spheres = [slice(*pair) for pair in pairwise(ends)]
 
-    def connect(positions: Tensor, velocities: Tensor) -> Links:
+    def connect(positions: Tensor, velocities: Tensor) -> TensorGraph:
         p, v = positions.numpy(), velocities.numpy()
         graphs = [
             build_graph(p[part], v[part], s.scene, s.dt, config.reach(s.radius))
             for s, part in zip(own, spheres, strict=True)
         ]
-        return Links.of(graphs, [s.scene for s in own], [s.count for s in own])
+        return TensorGraph.of(graphs, [s.scene for s in own], [s.count for s in own])
 
     return connect
 

@@ -151,7 +151,7 @@ class ContactLearner(Learner[ContactNetwork]):
         )
 
     def means_at(self, step: int) -> tuple[Mean]:
-        """Loss of this process' share of the windows of a step."""
+        """Loss of this process' share of a step; windows of a share end extra rounds together."""
         rng = np.random.default_rng([self.config.seed, step])
         frames = self.config.frames
         windows = [_draw(self.sources, rng, frames) for _ in range(self.config.batch)]

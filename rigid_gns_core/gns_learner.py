@@ -181,7 +181,7 @@ class GNSLearner(Learner[GNS]):
             connect = connector(self.sources, draws, config.model)
         else:
             windows = self.resident.windows(draws, steps, corrects)
-            connect = self.resident.connector(draws, windows)
+            connect = self.resident.connector(draws)
         errors, gains = [], []
         for batch, output, counted in roll_out(network, windows, connect, corrects):
             motion = batch.graph.motion

@@ -117,7 +117,6 @@ class Learner(ABC, Generic[N]):
         if self.processes.size > 1:
             self.shared_loss = nn.parallel.DistributedDataParallel(
                 _LossAt(network, self.loss_at),
-                broadcast_buffers=False,  # statistics follow from the seed
                 find_unused_parameters=True,  # a share may have no contacts
             )
 

@@ -11,9 +11,10 @@ from torch import Tensor
 
 from .closed_loop import Connect, Windows
 from .models.configs import GNSConfig
+from .models.device_graph import DeviceScenes
 from .models.rotations import rotate_quaternions, rotation_between
-from .models.tensor_features import Links, TensorMotion
-from .models.tensor_graph import SceneTensors, Spheres, connect
+from .models.tensor_features import TensorGraph, TensorMotion
+from .models.tensor_graph import Spheres, connect
 from .windows import Draw, Source, angles_of
 
 Index = NDArray[np.int64]
@@ -23,7 +24,7 @@ class Resident:
     """All trajectories on a device, a row for each sphere at each step; 104 bytes a row.
 
     Args:
-        sources: Training trajectories.
+        sources: Training trajectories, of spheres of one radius.
         config: The network's.
         device: Where they stay.
     """
@@ -38,8 +39,10 @@ class Resident:
         self.positions, self.quaternions = rows('positions'), rows('quaternions')
         self.velocities, self.angular_velocities = rows('velocities'), rows('angular_velocities')
         self.properties = rows('properties')
-        self.scenes = SceneTensors.of([source.scene for source in sources], config, device)
         self.counts = np.array([source.count for source in sources])
+        scenes = [source.scene for source in sources]
+        self.scenes = DeviceScenes.of(scenes, self.counts.tolist(), device)
+        self.reach = config.reach(max(source.radius for source in sources))
         frames = np.array([source.steps + 1 for source in sources])
         self.first_row = np.cumsum([0, *(self.counts * frames)])[:-1]
         self.first_sphere = np.cumsum([0, *self.counts])[:-1]
@@ -80,22 +83,25 @@ class Resident:
             dt=self.dt,
         )
 
-    def connector(self, draws: Sequence[Draw], windows: Windows) -> Connect:
+    def connector(self, draws: Sequence[Draw]) -> Connect:
         """Connections of windows, found on the device."""
         source = np.array([draw.source for draw in draws])
         counts = self.counts[source]
-        scenes = self.scenes.take(self._index(source))
-        spheres = Spheres(
-            windows.owner,
-            self._index(np.cumsum([0, *counts])[:-1]),
-            int(counts.max()),
-            windows.properties[:, 0],
+        scenes = DeviceScenes(*(values[self._index(source)] for values in self.scenes))
+        most = int(counts.max())  # of these, not of all trajectories: the curriculum is fast
+        scenes = scenes._replace(
+            present=scenes.present[:, :most],
+            radius=scenes.radius[:, :most],
+            mass=scenes.mass[:, :most],
         )
+        owner, place = self._spheres(source)
+        first = np.cumsum([0, *counts])[:-1]
+        spheres = Spheres(self._index(owner), self._index(place), self._index(first))
 
-        def links(positions: Tensor, velocities: Tensor) -> Links:
-            return connect(self.config, scenes, spheres, positions, velocities, self.dt)
+        def graph(positions: Tensor, velocities: Tensor) -> TensorGraph:
+            return connect(scenes, spheres, positions, velocities, self.dt, self.reach)
 
-        return links
+        return graph
 
     def _spheres(self, source: Index) -> tuple[Index, Index]:
         """Window of each sphere, and its number within it; shape (n,) each."""

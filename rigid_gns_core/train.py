@@ -20,6 +20,7 @@ from .checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from .config import ConfigError, load_yaml, positive, to_mapping
 from .dataset import Dataset, Record
 from .distributed import started_by_torchrun
+from .fine_tune import StartingPoint
 from .interrupt import stop_on_signal
 from .learner import Schedule
 from .learners import device_of, load_recipe, make_learner
@@ -227,6 +228,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
     parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
+    parser.add_argument(
+        '--from', dest='start', metavar='MODEL', help='weights to start from: a name or a path'
+    )
     parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
     parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
@@ -234,7 +238,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--device',
         choices=('auto', 'cpu', 'cuda'),
         default='auto',
-        help='where the network is trained; auto: CUDA for a GNS where there is one (default)',
+        help='where the network is trained; auto: CUDA for a GNS where there is one (default). '
+        'The same seed gives the same bytes on the CPU; on CUDA sums have no fixed order',
     )
     parser.epilog = (
         'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
@@ -255,7 +260,12 @@ def run(arguments: argparse.Namespace) -> int:
         validation = list(Dataset(arguments.validation)) if arguments.validation else []
         records = [record for folder in arguments.data for record in Dataset(folder)]
         origin = ' '.join(folder.name for folder in arguments.data)
+        if start := StartingPoint.of(arguments.start) if arguments.start else None:
+            records, validation = start.records(records), start.records(validation)
+            origin += f' from {start.name}'
         trainer = Trainer(config, records, validation, arguments.out, origin, device)
+        if start:
+            start.load(trainer.learner)
         best = trainer.run()
         if trainer.processes.first:
             score = (

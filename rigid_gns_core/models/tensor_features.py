@@ -54,7 +54,7 @@ class TensorMotion(NamedTuple):
         )
 
 
-class Links(NamedTuple):
+class TensorGraph(NamedTuple):
     """`Graph` as tensors, of one scene or of several side by side.
 
     senders, receivers, reverse: shape (edges,); surface_receivers: shape (surface_edges,);
@@ -69,7 +69,9 @@ class Links(NamedTuple):
     surface_normals: Tensor
 
     @classmethod
-    def of(cls, graphs: Sequence[Graph], scenes: Sequence[Scene], counts: Sequence[int]) -> Links:
+    def of(
+        cls, graphs: Sequence[Graph], scenes: Sequence[Scene], counts: Sequence[int]
+    ) -> TensorGraph:
         """Graphs of scenes with `counts` spheres, side by side."""
         first = np.cumsum([0, *counts])
         edges = np.cumsum([0, *(len(graph.senders) for graph in graphs)])
@@ -93,14 +95,14 @@ class Links(NamedTuple):
 
 
 def tensor_features(
-    config: GNSConfig, motion: TensorMotion, links: Links, properties: Tensor
+    config: GNSConfig, motion: TensorMotion, graph: TensorGraph, properties: Tensor
 ) -> GraphInput:
     """Features of a graph that is given (thesis section 3.2.2).
 
     Args:
         config: The network's.
         motion: What the network sees of the spheres.
-        links: Who is connected.
+        graph: Who is connected.
         properties: Radius and mass of each sphere, shape (n, 2).
     """
     positions, velocity = motion.positions, motion.velocities[0]
@@ -109,19 +111,19 @@ def tensor_features(
         columns += [positions, motion.quaternions]
     if config.sphere_properties:
         columns.append(properties)
-    displacement = positions[links.receivers] - positions[links.senders]
+    displacement = positions[graph.receivers] - positions[graph.senders]
     distance = torch.linalg.vector_norm(displacement, dim=1, keepdim=True)
-    normal, spheres = links.surface_normals, links.surface_receivers
+    normal, spheres = graph.surface_normals, graph.surface_receivers
     # the closest point moves along the surface only: a constant here, and the gradient still exact
-    height = ((positions[spheres] - links.surface_points) * normal).sum(1, keepdim=True)
+    height = ((positions[spheres] - graph.surface_points) * normal).sum(1, keepdim=True)
     surface = [velocity[spheres], normal, height * normal, height.abs()]
     return GraphInput(
         nodes=torch.cat(columns, dim=1).float(),  # after differences, which are taken in float64
         edges=torch.cat([displacement, distance], dim=1).float(),
         surface_edges=torch.cat(surface, dim=1).float(),
-        senders=links.senders,
-        receivers=links.receivers,
-        reverse=links.reverse,
+        senders=graph.senders,
+        receivers=graph.receivers,
+        reverse=graph.reverse,
         surface_receivers=spheres,
         motion=torch.cat([velocity, motion.angular_velocities[0]], dim=1).float(),
     )

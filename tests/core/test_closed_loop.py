@@ -14,7 +14,7 @@ from rigid_gns_core.models.features import Motion, features_of
 from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.rotations import rotation_between
 from rigid_gns_core.models.stepping import GNSStepper
-from rigid_gns_core.models.tensor_features import Links, TensorMotion, tensor_features
+from rigid_gns_core.models.tensor_features import TensorGraph, TensorMotion, tensor_features
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import State, Trajectory
@@ -107,7 +107,7 @@ def test_features_with_gradients_are_those_of_prediction(switch):
     found = tensor_features(
         config,
         TensorMotion.of(motions),
-        Links.of(graphs, scenes, counts),
+        TensorGraph.of(graphs, scenes, counts),
         torch.from_numpy(properties),
     )
     assert len(found.edges) > 20
@@ -131,7 +131,7 @@ def test_gradients_of_features_are_those_of_finite_differences():
     config = replace(MODEL, mask_pose=False)
     motion = moving(3, count=8)
     graph = build_graph(motion.positions, motion.velocities[0], SCENE, DT, config.reach())
-    links = Links.of([graph], [SCENE], [8])
+    links = TensorGraph.of([graph], [SCENE], [8])
     rng = np.random.default_rng(0)
     weights = None
 
@@ -266,11 +266,12 @@ def test_lost_spheres_no_longer_count():
         net.decoder.last.bias.zero_()
     positions = np.repeat(own.positions[:1], len(own.positions), axis=0)
     positions[:, 2, 0] += 0.3 * np.arange(len(positions))  # radii a step
+    positions[2, 3, 1] += 0.6  # back in time, but lost is lost
     moved = replace(own, positions=positions)
     with torch.no_grad():
         _, steps = frames(net, [moved], [plain(step=0)], 4)
-    expected = [True, True, False, True, True]
-    assert [step.counted.tolist() for step in steps] == [[True] * 5] * 2 + [expected] * 2
+    every, lost = [True] * 5, [True, True, False, False, True]
+    assert [step.counted.tolist() for step in steps] == [every, every, lost, lost]
 
 
 def test_the_loss_falls_along_its_gradient_and_follows_from_the_seed():

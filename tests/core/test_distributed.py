@@ -47,6 +47,7 @@ def torchrun(*arguments):
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_two_processes_have_the_gradients_of_one(tmp_path, worker):
     code, output = torchrun(WORKER, tmp_path)
     assert code == 0, output
@@ -65,6 +66,7 @@ def test_two_processes_have_the_gradients_of_one(tmp_path, worker):
         assert torch.equal(shares[0][name], shares[1][name])
 
 
+@pytest.mark.slow
 def test_a_run_of_one_process_goes_on_with_two(tmp_path, worker):
     data = DataRecipe(trajectories=3, seed=0, steps=8)
     (tmp_path / 'data').mkdir()

@@ -10,8 +10,9 @@ from rigid_gns_core.closed_loop import connector, stack_windows
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.graph import build_graph
 from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.tensor_features import Links, tensor_features
-from rigid_gns_core.models.tensor_graph import SceneTensors, Spheres, connect
+from rigid_gns_core.models.device_graph import DeviceScenes
+from rigid_gns_core.models.tensor_features import TensorGraph, tensor_features
+from rigid_gns_core.models.tensor_graph import Spheres, connect
 from rigid_gns_core.resident import Resident
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
@@ -25,8 +26,8 @@ RAMP = Plane((1, 0, 4), (0, 0.6, 0.8), length_x=6.0, length_y=4.0)
 SCENES = [
     Scene(surfaces=Plane.box(12.0, 12.0), radius=0.7),
     Scene(surfaces=(), radius=0.7),
-    Scene(surfaces=(*Plane.box(9.0, 14.0, 5.0), RAMP), radius=0.5),
-    Scene(surfaces=(Plane((0, 0, -2)), RAMP, Plane()), gravity=(1.0, 0.0, -9.0)),
+    Scene(surfaces=(*Plane.box(9.0, 14.0, 5.0), RAMP), radius=0.7),
+    Scene(surfaces=(Plane((0, 0, -2)), RAMP, Plane()), radius=0.7, gravity=(0.0, 0.0, -5.0)),
 ]
 COUNTS = [60, 25, 40, 1]
 MODEL = GNSConfig(message_passing_steps=1, width=8)
@@ -56,24 +57,18 @@ def test_edges_are_those_of_build_graph(connectivity, ground_edge):
     for seed in range(3):
         states = [random_spheres(seed + k, count) for k, count in enumerate(COUNTS)]
         graphs = [
-            build_graph(*state, scene, DT, config.reach(float(scene.radius)))
+            build_graph(*state, scene, DT, config.reach(0.7))
             for state, scene in zip(states, SCENES, strict=True)
         ]
-        expected = Links.of(graphs, SCENES, COUNTS)
-        radius = np.concatenate(
-            [scene.per_sphere('radius', n) for scene, n in zip(SCENES, COUNTS, strict=True)]
-        )
-        spheres = Spheres(
-            torch.repeat_interleave(torch.arange(4), torch.tensor(COUNTS)),
-            torch.tensor([0, 60, 85, 125]),
-            60,
-            torch.from_numpy(radius),
-        )
+        expected = TensorGraph.of(graphs, SCENES, COUNTS)
+        owner = torch.repeat_interleave(torch.arange(4), torch.tensor(COUNTS))
+        first = torch.tensor([0, 60, 85, 125])
+        spheres = Spheres(owner, torch.arange(126) - first[owner], first)
         positions, velocities = (
             torch.from_numpy(np.concatenate([state[k] for state in states])) for k in (0, 1)
         )
-        scenes = SceneTensors.of(SCENES, config, CPU)
-        found = connect(config, scenes, spheres, positions, velocities, DT)
+        scenes = DeviceScenes.of(SCENES, COUNTS, CPU)
+        found = connect(scenes, spheres, positions, velocities, DT, config.reach(0.7))
         for ours, theirs in zip(edges(found), edges(expected), strict=True):
             np.testing.assert_allclose(ours, theirs, atol=1e-13)  # points, in float64
         assert torch.equal(found.senders[found.reverse], found.receivers)
@@ -123,7 +118,7 @@ def test_batches_are_those_of_arrays(switch, corrects):
     for ours, theirs in zip(found.start, expected.start, strict=True):
         torch.testing.assert_close(ours, theirs, rtol=1e-12, atol=1e-12)
     start = found.start.positions, found.start.velocities[0]
-    links = resident.connector(draws, found)(*start)
+    links = resident.connector(draws)(*start)
     for ours, theirs in zip(
         edges(links), edges(connector(own, draws, config)(*start)), strict=True
     ):
@@ -137,7 +132,7 @@ def test_a_batch_of_one_step_is_that_of_arrays():
     resident = Resident(own, config, CPU)
     windows = resident.windows(draws, 1, True)
     start = windows.start
-    links = resident.connector(draws, windows)(start.positions, start.velocities[0])
+    links = resident.connector(draws)(start.positions, start.velocities[0])
     graph = tensor_features(config, start, links, windows.properties)
     # float64 rounded to float32, once each
     for ours, theirs in (
