@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from .models.device_stepper import DeviceStepper
 
-# pairs of spheres in one batch: bounds its memory on the device, some GB at this
+# pairs of spheres in one batch, to bound its memory on the device
 _PAIRS = 2**22
 
 

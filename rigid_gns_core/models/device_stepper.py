@@ -215,6 +215,8 @@ def state_of(rows: Array) -> State:
 def side_by_side(steppers: Sequence[DeviceStepper]) -> DeviceStepper:
     """The scenes of several steppers, each at its start, as those of one."""
     first = steppers[0]
+    if len(steppers) == 1:
+        return first
     scenes = [scene for stepper in steppers for scene in stepper.given[0]]
     states = [state for stepper in steppers for state in stepper.given[1]]
     return DeviceStepper(first.network, scenes, states, first.dt, first.device)
