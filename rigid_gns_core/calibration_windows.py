@@ -13,12 +13,10 @@ from .dataset import Record
 from .rollout import Simulator
 from .scene import Scene
 from .state import Array, State, rotation_between
-from .tracked_motion import PoseNoise, estimate_noise, rotates, tracked_starts
+from .tracked_motion import HALF_TURN, PoseNoise, estimate_noise, rotates, tracked_starts
 
 # what the best materials leave of an error, in radii and radians: the model is not the world
 _MODEL_ERROR = 5e-3
-# a rotation of more than this in one step may have been tracked the other way round [rad]
-_HALF_TURN = 2.8
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Window:
 
     Args:
         scene: Of the record, with the materials it was recorded with.
-        start: Tracked poses, velocities from them and the two frames before.
+        start: Tracked poses, velocities from the frames before and after.
         positions: Tracked after the start [m], shape (steps, n, 3).
         quaternions: The same, shape (steps, n, 4).
         place_weights: One over the standard deviation of an error of position [1/m], shape (steps,
@@ -60,7 +58,7 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
         starts = tracked_starts(
             trajectory.positions, trajectory.quaternions, trajectory.dt, gravity, noise
         )
-        for frame in range(2, trajectory.steps - steps + 1, steps):
+        for frame in range(1, trajectory.steps - steps + 1, steps):
             if not starts.trusted[frame].any():
                 continue
             after = slice(frame + 1, frame + 1 + steps)
@@ -86,7 +84,7 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
         longest = max((record.trajectory.steps for record in records), default=0)
         raise ValueError(
             f'no window of {steps} steps can be made: the longest of {len(records)} records has '
-            f'{longest} steps, and a window needs {steps + 2}, two of them without contact; '
+            f'{longest} steps, and a window needs {steps + 1} and a start without contact; '
             'record for longer, or take shorter windows'
         )
     return found
@@ -160,5 +158,5 @@ def _weights(
         return trusted / place, np.zeros_like(trusted / place)
     turn = np.hypot(noise.rotation * growth, _MODEL_ERROR * passed)
     turned = np.linalg.norm(rotation_between(quaternions[:-1], quaternions[1:]), axis=-1)
-    slow = np.cumprod(turned < _HALF_TURN, axis=0)
+    slow = np.cumprod(turned < HALF_TURN, axis=0)
     return trusted / place, trusted * slow / turn

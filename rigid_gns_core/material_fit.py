@@ -34,6 +34,8 @@ MATERIALS = {
 }
 # errors [standard deviations] that begin to count as outliers: wide at first, so that all pull
 SCALES = (30.0, 3.0)
+# windows on which starting values are sought
+_SCANNED = 20
 # most steps of a least-squares fit at one scale
 _MOST = 12
 # groups of windows that are fitted on their own, and the fewest windows of one
@@ -44,7 +46,8 @@ def most_evaluations(names: Sequence[str]) -> int:
     """At most how many times all windows are rolled out."""
     scan = 1 + sum(len(MATERIALS[name].tried) for name in names)
     slopes = 2 * len(names)
-    return scan + slopes + 2 * len(SCALES) * _MOST * (1 + slopes)
+    fits = 2 * len(SCALES) + _GROUPS  # once more where a material drops out
+    return scan + slopes + fits * _MOST * (1 + slopes)
 
 
 class MaterialFit:
@@ -67,7 +70,11 @@ class MaterialFit:
         return [residuals(self.simulator, window, materials) for window in self.windows]
 
     def scan(self) -> dict[str, float]:
-        """The best of the values tried, one material after another."""
+        """The best of the values tried, one material after another, on some of the windows."""
+        if len(self.windows) > _SCANNED:
+            every = len(self.windows) // _SCANNED
+            some = self.windows[::every][:_SCANNED]
+            return MaterialFit(self.simulator, some, self.given, self.progress).scan()
         best = dict(self.given)
         cost = self._cost(best)
         for name in best:

@@ -18,6 +18,8 @@ from .state import Array, rotation_between
 _THIRD = float(np.sqrt(20.0))
 # a deviation of so many standard deviations is a contact, not noise
 SIGMAS = 5.0
+# a rotation of more than this in one step may have been tracked the other way round [rad]
+HALF_TURN = 2.8
 # what rolling friction and drag may do to a step, as a part of gravity
 _CARRIED = 0.1
 
@@ -37,13 +39,13 @@ class PoseNoise:
 
 @dataclass(frozen=True)
 class TrackedStarts:
-    """Velocities at each frame from it and the two frames before.
+    """Velocities at each frame from those before and after it.
 
     Args:
-        velocities: [m/s], shape (frames, n, 3); zero at the first two frames.
+        velocities: [m/s], shape (frames, n, 3); zero in the first frame and the last.
         angular_velocities: [rad/s], world frame, shape (frames, n, 3).
         trusted: Whether the three frames are those of one motion without contact, shape (frames,
-            n); False at the first two.
+            n); False in the first and the last.
     """
 
     velocities: Array
@@ -87,7 +89,8 @@ def tracked_starts(
 ) -> TrackedStarts:
     """Velocities from three frames each, and whether they can be trusted.
 
-    A velocity's noise is `noise.position` / (sqrt(2) dt), half of that of one backward difference.
+    They are right for every constant acceleration, of flight as of rolling. Their noise is
+    `noise.position` / (sqrt(2) dt), half of that of one backward difference.
 
     Args:
         positions: Centres [m], shape (frames, n, 3).
@@ -103,19 +106,17 @@ def tracked_starts(
     bent = np.diff(positions, 2, axis=0)
     fall = gravity * dt**2
     flying, carried = np.linalg.norm(bent - fall, axis=-1), np.linalg.norm(bent, axis=-1)
-    flies = flying < carried
-    velocities[2:] = (positions[2:] - positions[:-2]) / (2.0 * dt)
-    velocities[2:] += flies[..., None] * gravity * dt
+    velocities[1:-1] = (positions[2:] - positions[:-2]) / (2.0 * dt)
     allowed = SIGMAS * np.sqrt(6.0) * noise.position + _CARRIED * float(np.linalg.norm(fall))
-    trusted[2:] = np.minimum(flying, carried) <= allowed
+    trusted[1:-1] = np.minimum(flying, carried) <= allowed
     if noise.rotation is not None:
         turned = rotation_between(quaternions[:-1], quaternions[1:])
-        spins[2:] = 0.5 * (turned[1:] + turned[:-1]) / dt
+        spins[1:-1] = 0.5 * (turned[1:] + turned[:-1]) / dt
         change = np.linalg.norm(np.diff(turned, axis=0), axis=-1)
         # rolling friction slows a spin too; 0.02 rad is a tenth of what a bounce does
-        trusted[2:] &= change <= SIGMAS * np.sqrt(6.0) * noise.rotation + 0.02
+        trusted[1:-1] &= change <= SIGMAS * np.sqrt(6.0) * noise.rotation + 0.02
         # near half a turn in a step the way round is a guess
-        trusted[2:] &= np.maximum(*np.linalg.norm([turned[1:], turned[:-1]], axis=-1)) < 2.8
+        trusted[1:-1] &= np.maximum(*np.linalg.norm([turned[1:], turned[:-1]], axis=-1)) < HALF_TURN
     return TrackedStarts(velocities, spins, trusted)
 
 

@@ -23,6 +23,8 @@ _SAME = 1e-7
 _MOMENTS = 33
 # the largest distance between the motions before and after a contact, where they meet [radii]
 _MEET = 0.02
+# what rolling friction may change of a speed, as a part of what gravity does
+_BENT = 0.05
 _FLIGHT, _CARRIED, _STRUCK = 0, 1, 2
 
 
@@ -63,9 +65,9 @@ def resample(
         noise: Standard deviation of each coordinate [m].
         radius: Of the smallest sphere [m].
     """
-    nearest = np.abs(wanted[:, None] - times).argmin(axis=1)
-    same = np.abs(wanted - times[nearest]) <= _SAME
     step = np.clip(np.searchsorted(times, wanted, side='right') - 1, 0, len(times) - 2)
+    nearest = step + (times[step + 1] - wanted < wanted - times[step])
+    same = np.abs(wanted - times[nearest]) <= _SAME
     spans = np.diff(times)
     kinds = _kinds(spans, positions, gravity, noise)
     means = np.diff(positions, axis=0) / spans[:, None, None]
@@ -106,7 +108,7 @@ def _kinds(spans: Array, positions: Array, gravity: Array, noise: float) -> NDAr
     fall = 0.5 * gravity * (before + after)
     jumps = np.linalg.norm(np.stack([change - fall, change]), axis=-1)  # as flight, as carried
     spread = np.sqrt(before**-2 + (1 / before + 1 / after) ** 2 + after**-2)
-    allowed = SIGMAS * noise * spread + 0.05 * np.linalg.norm(gravity) * (before + after)
+    allowed = SIGMAS * noise * spread + _BENT * np.linalg.norm(gravity) * (before + after)
     jumps = np.where(jumps <= allowed[..., 0], jumps, np.inf)
     edge = np.full((2, 1, positions.shape[1]), np.inf)
     # a step goes on from the one before it, or into the one after it

@@ -1,0 +1,108 @@
+"""Training from a checkpoint: its weights, its units, and what cannot be started from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip('torch', reason='training needs torch')
+
+from rigid_gns_core.checkpoint import CheckpointError  # noqa: E402
+from rigid_gns_core.cli import main  # noqa: E402
+from rigid_gns_core.config import from_mapping  # noqa: E402
+from rigid_gns_core.dataset import Record, record_path, write_recipe, write_record  # noqa: E402
+from rigid_gns_core.fine_tune import StartingPoint  # noqa: E402
+from rigid_gns_core.learners import load_recipe, make_learner  # noqa: E402
+from rigid_gns_core.recipe import DataRecipe, recipe_hash  # noqa: E402
+from rigid_gns_core.rollout import load_simulator  # noqa: E402
+from rigid_gns_core.scene import Scene  # noqa: E402
+from rigid_gns_core.state import Trajectory  # noqa: E402
+
+STEPS = 12
+
+
+def tracked(radius: float = 1.0, dt: float = 0.1) -> Record:
+    """Four spheres in flight over a floor that they do not reach, by their poses."""
+    times = dt * np.arange(STEPS + 1)[:, None]
+    places = np.zeros((STEPS + 1, 4, 3))
+    places[..., 0] = radius * (4.0 * np.arange(4) + times / dt)
+    places[..., 2] = 20.0 * radius - 0.5 * 9.81 * times**2
+    quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (*places.shape[:2], 1))
+    return Record(
+        trajectory=Trajectory.from_poses(places, quaternions, dt),
+        scene=Scene(radius=radius, restitution=0.9),
+        seed=0,
+        teacher={'engine': 'tracker'},
+        name='flight',
+    )
+
+
+@pytest.fixture(scope='module')
+def point() -> StartingPoint:
+    return StartingPoint.of('gns')
+
+
+def test_a_learner_starts_with_the_weights_and_normalisers(point: StartingPoint) -> None:
+    learner = make_learner(load_recipe('gns_finetune'), point.records([tracked()]))
+    point.load(learner)
+    shipped = load_simulator('gns').tensors
+    for name, value in learner.network.state_dict().items():
+        np.testing.assert_array_equal(value.numpy(), shipped[name], err_msg=name)
+    assert any('normaliser' in name for name in shipped)
+    for average, parameter in zip(learner.averaged, learner.parameters, strict=True):
+        assert torch.equal(average, parameter)
+    learner.advance()
+    before = {name: value.clone() for name, value in learner.network.state_dict().items()}
+    point.load(learner)
+    for name, value in learner.network.state_dict().items():
+        assert torch.equal(value, before[name]), 'a run that has begun goes on'
+
+
+def test_records_of_small_spheres_come_in_the_units_of_the_model(point: StartingPoint) -> None:
+    (small,) = point.records([tracked(0.04, 0.02)])
+    (large,) = point.records([tracked()])
+    assert (small.scene.radius, small.trajectory.dt) == (1.0, 0.1)
+    assert small.scene.gravity == (0.0, 0.0, -9.81)
+    for name in ('positions', 'velocities'):
+        ours, theirs = getattr(small.trajectory, name), getattr(large.trajectory, name)
+        np.testing.assert_allclose(ours, theirs, atol=1e-9)  # roundings of numbers up to 20
+
+
+def test_tracked_flights_start_with_the_velocity_of_the_instant(point: StartingPoint) -> None:
+    (record,) = point.records([tracked()])
+    # differences of poses give the mean over the first step, g dt / 2 more
+    np.testing.assert_allclose(record.trajectory.velocities[0, :, 2], 0.0, atol=1e-9)
+    np.testing.assert_allclose(record.trajectory.velocities[1, :, 2], -0.4905, atol=1e-9)
+
+
+def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:
+    slow = replace(tracked(), trajectory=replace(tracked().trajectory, dt=0.2))
+    with pytest.raises(ValueError, match=r"'flight' has a time step of 0.2 s, .* 0.1 s .*--dt"):
+        point.records([slow])
+    with pytest.raises(ValueError, match="'flight' holds tracked poses, .* rigid-gns calibrate"):
+        StartingPoint.of('contact').records([tracked()])
+    recipe = load_recipe('gns_finetune')
+    other = replace(recipe, model=replace(recipe.model, width=16))
+    with pytest.raises(CheckpointError, match=r'differs from the recipe \(gns\) in width'):
+        point.load(make_learner(other, point.records([tracked()])))
+
+
+def test_the_command_trains_from_a_model(tmp_path: Path) -> None:
+    recipe = from_mapping(
+        DataRecipe,
+        {'trajectories': 1, 'seed': 0, 'steps': STEPS, 'spheres': [4, 4], 'box_side': [0, 100]},
+    )
+    record = replace(tracked(), recipe=recipe_hash(recipe))
+    write_record(record_path(tmp_path / 'data', 0), record, 'poses')
+    write_recipe(tmp_path / 'data', recipe)
+    words = ['train', '--config', 'gns_finetune', '--from', 'gns', '--steps', '1']
+    assert main([*words, '--data', str(tmp_path / 'data'), '--out', str(tmp_path / 'run')]) == 0
+    tuned, shipped = load_simulator(tmp_path / 'run' / 'best'), load_simulator('gns')
+    assert tuned.card['training']['data'].startswith('data from gns ')
+    assert tuned.card['materials']['restitution'] == 0.9
+    # one warm-up step of 4e-6 changes each weight by no more
+    for name, value in tuned.tensors.items():
+        np.testing.assert_allclose(value, shipped.tensors[name], atol=5e-6)
