@@ -1,53 +1,36 @@
-"""Recorded poses as arrays, and tracked poses at the times that were predicted for."""
+"""Tracked poses at the times that were predicted for."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_gns_core.state import Array, Trajectory, rotate_quaternions, rotation_between
+from rigid_gns_core.state import Trajectory
 
 from .bag_reader import Topic
 from .messages import MessageError, PoseArrayFrame, decode_pose_array
+from .pose_interpolation import Stamps, interpolate
+from .prediction_runs import AlignmentError, Run, longest_run
 from .tracking import RESTART_FRAMES
 
-Stamps = NDArray[np.int64]
+__all__ = [
+    'AlignmentError',
+    'Decoded',
+    'Run',
+    'align',
+    'covered',
+    'decode_topic',
+    'interpolate',
+    'longest_run',
+    'usable_frames',
+    'usable_passes',
+]
 
-# a stamp further off the grid than this part of a period belongs to another start
-RESTART_TOLERANCE = 0.01
-# more frames missing in a row than this end a run
-MAX_BRIDGED = 2
 # tracked frames further apart than this many of their median intervals are a gap
 MAX_GAP = 3.0
-
-
-class AlignmentError(ValueError):
-    """Predicted and tracked poses of a bag cannot be compared."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """Predictions at equal times.
-
-    Args:
-        stamps: Times predicted for [ns], those of bridged frames too, shape (frames,).
-        poses: Position [m] and quaternion (x, y, z, w), shape (frames, n, 7).
-        frame_id: Coordinate frame.
-        dt: Time between two frames [s].
-        bridged: Number of frames that were missing and are interpolated.
-        part: Which of the predictions these are.
-    """
-
-    stamps: Stamps
-    poses: Array
-    frame_id: str
-    dt: float
-    bridged: int
-    part: slice
 
 
 @dataclass(frozen=True)
@@ -79,80 +62,6 @@ def decode_topic(topic: Topic) -> Decoded:
     return Decoded(frames, topic.times[kept], topic.places[kept], len(topic) - len(frames))
 
 
-def longest_run(frames: list[PoseArrayFrame], *, every: bool) -> tuple[Run, dict[str, int]]:
-    """The longest stretch of predictions from one start.
-
-    A start is taken to be new where a stamp is not one period after the one before (the period is
-    the median), or where the number of spheres or the frame changes. Where one or two predictions
-    are missing, their poses are interpolated.
-
-    Args:
-        frames: Predictions in the order of recording.
-        every: Each prediction starts from a tracked frame of its own, so that stamps follow the
-            tracker's: only a step of more than half a period off ends a run.
-
-    Returns:
-        The run, and `restarts` and `missing` frames of the whole recording.
-
-    Raises:
-        AlignmentError: There are fewer than two predictions in a row.
-    """
-    stamps = np.array([frame.stamp_ns for frame in frames], dtype=np.int64)
-    steps = np.diff(stamps)
-    if not (steps > 0).any():
-        raise AlignmentError(
-            f'{len(frames)} predictions hold no two in a row; record for longer, '
-            'or see why the predictor was not started'
-        )
-    period = float(np.median(steps[steps > 0]))
-    advance = np.maximum(np.rint(steps / period), 1).astype(int)  # in periods
-    changed = np.array(
-        [
-            (before.frame_id, before.poses.shape) != (after.frame_id, after.poses.shape)
-            for before, after in pairwise(frames)
-        ]
-    )
-    off = np.abs(steps - advance * period)
-    restart = changed | (off > RESTART_TOLERANCE * period)
-    ends = (changed | (off > 0.5 * period) if every else restart) | (advance > 1 + MAX_BRIDGED)
-    bounds = [0, *(np.flatnonzero(ends) + 1), len(frames)]
-    lengths = np.diff(bounds)
-    start = bounds[int(np.argmax(lengths))]
-    part = slice(start, start + int(lengths.max()))
-    if lengths.max() < 2:
-        raise AlignmentError(
-            f'{len(frames)} predictions hold no two in a row that are one period of '
-            f'{period * 1e-9:.4g} s apart'
-        )
-    run = _bridge(
-        stamps[part],
-        np.stack([frame.poses for frame in frames[part]]),
-        advance[part.start : part.stop - 1],
-        frames[start].frame_id,
-        part,
-    )
-    missing = int((advance[~restart] - 1).sum())
-    return run, {'restarts': int(restart.sum()), 'missing': missing}
-
-
-def _bridge(
-    stamps: Stamps, poses: Array, advance: NDArray[np.int_], frame_id: str, part: slice
-) -> Run:
-    places = np.concatenate([[0], np.cumsum(advance)])
-    frames = np.arange(places[-1] + 1)
-    full_stamps = np.rint(np.interp(frames, places, (stamps - stamps[0]).astype(float)))
-    full_stamps = full_stamps.astype(np.int64) + stamps[0]
-    bridged = len(frames) - len(stamps)
-    return Run(
-        full_stamps,
-        interpolate(stamps, poses, full_stamps) if bridged else poses,
-        frame_id,
-        float(full_stamps[-1] - full_stamps[0]) * 1e-9 / (len(frames) - 1),
-        bridged,
-        part,
-    )
-
-
 def usable_frames(
     tracked: Decoded, frame_id: str, count: int, places: Stamps
 ) -> tuple[list[PoseArrayFrame], dict[str, int]]:
@@ -167,6 +76,35 @@ def usable_frames(
         count: Number of spheres of the predictions.
         places: Places of the predictions in the recording.
     """
+    return usable_passes(tracked, frame_id, count).beside(places)
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Usable tracked frames, cut where the tracker began anew.
+
+    Args:
+        frames: Of each pass, at least one.
+        starts: Places in the recording where the second and later ones begin.
+        dropped: Number of other frames, by reason.
+    """
+
+    frames: list[list[PoseArrayFrame]]
+    starts: Stamps
+    dropped: dict[str, int]
+
+    def beside(self, places: Stamps) -> tuple[list[PoseArrayFrame], dict[str, int]]:
+        """Frames of the pass with most of these places, and the number of all others."""
+        shares = np.bincount(
+            np.searchsorted(self.starts, places, side='right'), minlength=len(self.frames)
+        )
+        chosen = self.frames[int(np.argmax(shares))]
+        others = sum(map(len, self.frames)) - len(chosen)
+        return chosen, {**self.dropped, **({'pass': others} if others else {})}
+
+
+def usable_passes(tracked: Decoded, frame_id: str, count: int) -> Passes:
+    """Tracked frames that can be a reference; arguments as of `usable_frames`."""
     passes: list[list[tuple[int, PoseArrayFrame]]] = [[]]
     back: list[tuple[int, PoseArrayFrame]] = []
     dropped: Counter[str] = Counter()
@@ -192,11 +130,9 @@ def usable_frames(
         else:
             passes[-1].append(item)
             back = []
-    starts = np.array([*(part[0][0] for part in passes[1:])], dtype=np.int64)
-    shares = np.bincount(np.searchsorted(starts, places, side='right'), minlength=len(passes))
-    chosen = passes[int(np.argmax(shares))]
-    dropped['pass'] = sum(map(len, passes)) - len(chosen)
-    return [frame for _, frame in chosen], {key: n for key, n in dropped.items() if n}
+    starts = np.array([part[0][0] for part in passes[1:]], dtype=np.int64)
+    frames = [[frame for _, frame in part] for part in passes]
+    return Passes(frames, starts, {key: number for key, number in dropped.items() if number})
 
 
 def align(
@@ -249,44 +185,28 @@ def align(
     )
 
 
+def covered(wanted: Stamps, stamps: Stamps) -> NDArray[np.bool_]:
+    """Which times lie on or between frames without a gap, shape (m,).
+
+    Args:
+        wanted: Times [ns], shape (m,).
+        stamps: Times of the frames [ns], rising, shape (k,).
+    """
+    gap = MAX_GAP * float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+    inside = (wanted >= stamps[0]) & (wanted <= stamps[-1])
+    after = np.minimum(np.searchsorted(stamps, wanted, side='left'), len(stamps) - 1)
+    exact = stamps[after] == wanted
+    return exact | inside & (stamps[after] - stamps[np.maximum(after - 1, 0)] <= gap)
+
+
 def _longest_tracked(wanted: Stamps, stamps: Stamps) -> slice:
     """The longest part of `wanted` without one that lies in a gap between `stamps`."""
-    gap = MAX_GAP * float(np.median(np.diff(stamps)))
-    after = np.searchsorted(stamps, wanted, side='left')
-    exact = stamps[after] == wanted
-    covered = exact | (stamps[after] - stamps[np.maximum(after - 1, 0)] <= gap)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], covered, [0]])))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], covered(wanted, stamps), [0]])))
     if not len(edges):
         return slice(0, 0)
     starts, stops = edges[::2], edges[1::2]
     longest = int(np.argmax(stops - starts))
     return slice(int(starts[longest]), int(stops[longest]))
-
-
-def interpolate(stamps: Stamps, poses: Array, wanted: Stamps) -> Array:
-    """Poses at other times: linear in position, along the shorter arc in rotation.
-
-    Args:
-        stamps: Times [ns], rising, shape (k,).
-        poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7).
-        wanted: Times [ns] from the first to the last of `stamps`, shape (m,).
-
-    Returns:
-        Poses, shape (m, n, 7); exact where a time is one of `stamps`.
-    """
-    after = np.searchsorted(stamps, wanted, side='left')
-    before = np.maximum(after - 1, 0)
-    after = np.where(stamps[after] == wanted, after, np.maximum(after, 1))
-    exact = stamps[after] == wanted
-    before = np.where(exact, after, before)
-    # differences first: nanoseconds since 1970 do not fit into a float64
-    span = np.where(exact, 1, stamps[after] - stamps[before])
-    weight = ((wanted - stamps[before]) / span)[:, None, None]
-    start, end = poses[before], poses[after]
-    positions = start[..., :3] + weight * (end[..., :3] - start[..., :3])
-    turn = rotation_between(start[..., 3:], end[..., 3:])
-    rotations = rotate_quaternions(start[..., 3:], weight * turn)
-    return np.concatenate([positions, rotations], axis=-1)
 
 
 def _span(stamps: Stamps) -> str:

@@ -7,28 +7,19 @@ What rosbag2 of ROS 2 Jazzy writes is written here, key for key, so that `ros2 b
 from __future__ import annotations
 
 import atexit
-import io
-import os
+import math
 import queue
 import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
-
-from .bag_metadata import Qos, RecordedTopic, bag_information, qos_profiles, to_yaml
-from .definitions import full_text, type_hash
+from .bag_metadata import Qos, RecordedTopic, qos_profiles
+from .bag_splits import SplitBag
+from .definitions import type_hash
 
 FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
-_CHUNK_SIZE = 768 * 1024  # rosbag2's
-
-
-@dataclass
-class _Topic(RecordedTopic):
-    channel: int = 0  # of the MCAP file; 0: not there yet
 
 
 class BagWriter:
@@ -41,6 +32,8 @@ class BagWriter:
 
     Args:
         folder: Folder to make; must not exist.
+        max_size: Size of a file from which on the next one is begun [MB = 1e6 bytes]; 0: one file.
+        max_duration: Time from which on the next file is begun [s], by log times; 0: one file.
         queue_bytes: Most bytes that wait for the disk; messages beyond are counted in `lost`.
         on_error: Called from the recording thread with a sentence, once when recording has stopped
             and once when the first message was lost.
@@ -48,17 +41,22 @@ class BagWriter:
     Raises:
         FileExistsError: The folder exists already.
         OSError: The folder cannot be made.
+        ValueError: A limit is negative or not finite.
     """
 
     def __init__(
         self,
         folder: str | Path,
         *,
+        max_size: float = 0.0,
+        max_duration: float = 0.0,
         queue_bytes: int = 256 * 2**20,
         on_error: Callable[[str], None] | None = None,
     ) -> None:
+        for name, limit in (('max_size', max_size), ('max_duration', max_duration)):
+            if not (math.isfinite(limit) and limit >= 0):
+                raise ValueError(f'{name} is {limit}, expected 0 (no limit) or more')
         self.folder = Path(folder)
-        self.path = self.folder / f'{self.folder.resolve().name}_0.mcap'
         try:
             self.folder.mkdir(parents=True)
         except FileExistsError:
@@ -66,21 +64,16 @@ class BagWriter:
                 f'{self.folder} exists already and a bag is never overwritten; '
                 'choose another folder or remove it'
             ) from None
-        self._raw = open(self.path, 'xb', buffering=0)  # noqa: SIM115 - closed by the thread
-        self._writer = Writer(
-            io.BufferedWriter(self._raw),  # type: ignore[arg-type]
-            chunk_size=_CHUNK_SIZE,
-            compression=CompressionType.NONE,
+        self._bag = SplitBag(
+            self.folder, max_size=round(max_size * 1e6), max_duration_ns=round(max_duration * 1e9)
         )
-        self._queue: queue.SimpleQueue[tuple[_Topic, bytes, int] | _Topic | None]
+        self._queue: queue.SimpleQueue[tuple[RecordedTopic, bytes, int] | RecordedTopic | None]
         self._queue = queue.SimpleQueue()
         self._queue_bytes, self._waiting = queue_bytes, 0
         self._lock = threading.Lock()
         self._on_error = on_error
-        self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, int] = {}
-        self._times: tuple[int, int] | None = None  # first and last log time [ns]
-        self._lost, self._unflushed, self._loss_reported = 0, 0, False
+        self._topics: dict[str, RecordedTopic] = {}
+        self._lost, self._loss_reported = 0, False
         self._error: str | None = None
         self._closed = False
         self._thread = threading.Thread(target=self._record, name='bag writer', daemon=True)
@@ -100,7 +93,7 @@ class BagWriter:
     @property
     def topics(self) -> dict[str, int]:
         """Number of messages recorded so far of each topic."""
-        return {name: topic.count for name, topic in self._topics.items()}
+        return {name: topic.sequence for name, topic in self._topics.items()}
 
     def add_topic(self, name: str, type_name: str, qos: Qos) -> None:
         """Announce a topic.
@@ -123,7 +116,7 @@ class BagWriter:
         if known and (known.type_name, known.qos) != (type_name, qos):
             raise ValueError(f'topic {name} was added before, with {known.type_name}, {known.qos}')
         if not known:
-            self._topics[name] = topic = _Topic(name, type_name, qos)
+            self._topics[name] = topic = RecordedTopic(name, type_name, qos)
             self._queue.put(topic)
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
@@ -170,16 +163,17 @@ class BagWriter:
 
     def _record(self) -> None:
         try:
-            self._writer.start(profile='ros2', library='rigid_gns_ros')
+            self._bag.start()
             self._drain()
-            self._finish()
+            self._bag.finish()
+            self._report_loss()
         except Exception as error:  # the caller's work must go on whatever the recording meets
             with self._lock:
                 self._error = f'recording into {self.folder} has stopped: {error}'
-                self._lost += self._unflushed + self._discard()
+                self._lost += self._bag.unflushed + self._discard()
             self._report(self._error)
         finally:
-            self._raw.close()
+            self._bag.close()
 
     def _drain(self) -> None:
         flush_at = time.monotonic() + FLUSH_PERIOD
@@ -191,41 +185,16 @@ class BagWriter:
             else:
                 if item is None:
                     return
-                if isinstance(item, _Topic):
-                    self._register(item)
+                if isinstance(item, RecordedTopic):
+                    self._bag.register(item)
                 else:
-                    self._add(*item)
+                    with self._lock:
+                        self._waiting -= len(item[1])
+                    self._bag.add(*item)
             if time.monotonic() >= flush_at:
-                self._writer.flush()
-                self._unflushed = 0
+                self._bag.flush()
                 self._report_loss()
                 flush_at = time.monotonic() + FLUSH_PERIOD
-
-    def _register(self, topic: _Topic) -> None:
-        if topic.type_name not in self._schemas:
-            self._schemas[topic.type_name] = self._writer.register_schema(
-                topic.type_name, 'ros2msg', full_text(topic.type_name).encode()
-            )
-        topic.channel = self._writer.register_channel(
-            topic.name,
-            'cdr',
-            self._schemas[topic.type_name],
-            {
-                'offered_qos_profiles': to_yaml(qos_profiles(topic.qos)),
-                'topic_type_hash': type_hash(topic.type_name),
-            },
-        )
-
-    def _add(self, topic: _Topic, cdr: bytes, log_time_ns: int) -> None:
-        with self._lock:
-            self._waiting -= len(cdr)
-        self._unflushed += 1
-        self._writer.add_message(
-            topic.channel, log_time_ns, cdr, publish_time=log_time_ns, sequence=topic.count
-        )
-        topic.count += 1
-        first, last = self._times or (log_time_ns, log_time_ns)
-        self._times = min(first, log_time_ns), max(last, log_time_ns)
 
     def _discard(self) -> int:
         """Empty the queue; the number of messages that were in it."""
@@ -235,23 +204,6 @@ class BagWriter:
                 count += isinstance(self._queue.get_nowait(), tuple)
             except queue.Empty:
                 return count
-
-    def _finish(self) -> None:
-        topics = [topic for topic in list(self._topics.values()) if topic.channel]
-        information = bag_information(self.path.name, topics, *(self._times or (0, 0)))
-        self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
-        self._writer.finish()
-        self._writer.flush()
-        self._unflushed = 0
-        os.fsync(self._raw.fileno())
-        # whole or not at all: a bag with half a metadata.yaml is worse than one without
-        temporary = self.folder / 'metadata.yaml.tmp'
-        with open(temporary, 'w', encoding='utf-8') as file:
-            file.write(to_yaml({'rosbag2_bagfile_information': information}))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, self.folder / 'metadata.yaml')
-        self._report_loss()
 
     def _report_loss(self) -> None:
         if self._lost and not self._loss_reported:

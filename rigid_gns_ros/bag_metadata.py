@@ -21,12 +21,39 @@ _QOS: dict[str, tuple[int, str, str]] = {
 
 @dataclass
 class RecordedTopic:
-    """A topic of a bag and the number of its messages."""
+    """A topic of a bag.
+
+    Args:
+        name: Resolved name.
+        type_name: Type, as `std_msgs/msg/String`.
+        qos: Profile of its publisher.
+        count: Messages in the files of the bag, repeated ones too.
+        sequence: Number of the next message; repeated ones do not count.
+    """
 
     name: str
     type_name: str
     qos: Qos
     count: int = 0
+    sequence: int = 0
+
+
+@dataclass
+class RecordedFile:
+    """A file of a bag: its name within the folder, messages, first and last log time [ns]."""
+
+    name: str
+    count: int = 0
+    first_ns: int = 0  # 0 in an empty file
+    last_ns: int = 0
+
+    def take(self, log_time_ns: int) -> None:
+        """Count a message."""
+        if not self.count:
+            self.first_ns = self.last_ns = log_time_ns
+        self.first_ns = min(self.first_ns, log_time_ns)
+        self.last_ns = max(self.last_ns, log_time_ns)
+        self.count += 1
 
 
 def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
@@ -50,24 +77,18 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
 
 
 def bag_information(
-    file: str, topics: Sequence[RecordedTopic], first_ns: int, last_ns: int
+    files: Sequence[RecordedFile], topics: Sequence[RecordedTopic]
 ) -> dict[str, Any]:
-    """The content of `rosbag2_bagfile_information` for a bag of one MCAP file.
-
-    Args:
-        file: Name of the file within the folder.
-        topics: Topics with their numbers of messages.
-        first_ns: First log time [ns]; 0 in an empty bag.
-        last_ns: Last log time [ns].
-    """
-    count = sum(topic.count for topic in topics)
-
+    """The content of `rosbag2_bagfile_information` for a bag of MCAP files."""
+    used = [file for file in files if file.count]
+    first_ns = min((file.first_ns for file in used), default=0)
+    last_ns = max((file.last_ns for file in used), default=0)
     return {
         'version': 9,
         'storage_identifier': 'mcap',
         'duration': {'nanoseconds': last_ns - first_ns},
         'starting_time': {'nanoseconds_since_epoch': first_ns},
-        'message_count': count,
+        'message_count': sum(file.count for file in files),
         'topics_with_message_count': [
             {
                 'topic_metadata': {
@@ -83,14 +104,15 @@ def bag_information(
         ],
         'compression_format': '',
         'compression_mode': '',
-        'relative_file_paths': [file],
+        'relative_file_paths': [file.name for file in files],
         'files': [
             {
-                'path': file,
-                'starting_time': {'nanoseconds_since_epoch': first_ns},
-                'duration': {'nanoseconds': last_ns - first_ns},
-                'message_count': count,
+                'path': file.name,
+                'starting_time': {'nanoseconds_since_epoch': file.first_ns},
+                'duration': {'nanoseconds': file.last_ns - file.first_ns},
+                'message_count': file.count,
             }
+            for file in files
         ],
         'custom_data': None,
         'ros_distro': 'jazzy',

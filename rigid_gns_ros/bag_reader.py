@@ -1,36 +1,29 @@
 """Read bags: finished folders, single MCAP files, and what a killed recorder has left.
 
-No ROS needed. A file is read from its start, record by record, never through its index: a torn file
-has none, and every record that is whole is still there.
+No ROS needed.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
-import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import yaml
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Channel, Header, Schema
 from numpy.typing import NDArray
 
-_MAGIC = b'\x89MCAP0\r\n'
+from .bag_file import LIBRARY
+from .mcap_records import BagError, read_records, zstd_decompress
+
+__all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
+
 # log times that fall by more are of another pass of simulated time, and not merely unordered [ns]
 _PASS = 1_000_000_000
-_HEAD = struct.Struct('<BQ')  # opcode, length of the content
-
-
-class BagError(ValueError):
-    """A folder or file is not a bag that can be read."""
 
 
 @dataclass(frozen=True)
@@ -85,16 +78,17 @@ def read_bag(path: str | Path) -> Bag:
     unpack = _message_unpacker(information)
     gathered: dict[str, _Gathered] = {}
     place = itertools.count()
-    for file in files:
-        _read_file(file, gathered, place, warnings)
+    count = sum(_read_file(file, gathered, place, warnings) for file in files)
     topics = {}
     for name, found in gathered.items():
+        if found.missing:
+            warnings.append(f'{path}: {found.missing} messages of {name} are missing in between')
         times = np.array(found.times, dtype=np.int64)
         order = _order(times)
         messages = [unpack(found.messages[index]) for index in order]
         places = np.array(found.places, dtype=np.int64)[order]
         topics[name] = Topic(name, found.type_name, times[order], messages, places)
-    count, expected = sum(map(len, topics.values())), information.get('message_count')
+    expected = information.get('message_count')
     if expected is not None and count != expected:
         warnings.append(f'{path}: metadata.yaml counts {expected} messages, {count} were read')
     return Bag(path, topics, tuple(warnings))
@@ -124,8 +118,9 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
         if not files:
             raise BagError(f'{path}: holds neither metadata.yaml nor an .mcap file; not a bag')
         warnings.append(
-            f'{path}: no metadata.yaml, so the recorder did not finish; '
-            'reading what it had written (`ros2 bag reindex` makes the file anew)'
+            f'{path}: no metadata.yaml, so the recorder did not finish: what it had not yet '
+            'handed to the disk is lost (this package: at most the last second); all the rest is '
+            'read (`ros2 bag reindex` makes the file anew)'
         )
         return files, {}
     try:
@@ -156,13 +151,7 @@ def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
     """Function that undoes `ros2 bag record --compression-mode message`."""
     if str(information.get('compression_mode', '')).lower() != 'message':
         return lambda data: data
-    return _zstd_decompress
-
-
-def _zstd_decompress(data: bytes) -> bytes:
-    import zstandard
-
-    return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    return zstd_decompress
 
 
 @dataclass
@@ -171,17 +160,27 @@ class _Gathered:
     times: list[int] = field(default_factory=list)
     messages: list[bytes] = field(default_factory=list)
     places: list[int] = field(default_factory=list)
+    sequences: list[int] = field(default_factory=list)  # of our own recorder
+
+    @property
+    def missing(self) -> int:
+        """Messages that were recorded and are not there: their numbers are left out."""
+        numbers = set(self.sequences)
+        return max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
 
 
 def _read_file(
     file: Path, gathered: dict[str, _Gathered], place: Iterator[int], warnings: list[str]
-) -> None:
-    """Add the messages of one file to those of each topic."""
+) -> int:
+    """Add the messages of one file to those of each topic; their number, repeated ones too."""
     schemas: dict[int, str] = {}
     channels: dict[int, _Gathered | None] = {}  # None: not CDR
-    homeless = 0
-    for record in _records(file, warnings):
-        if isinstance(record, Schema):
+    homeless = count = 0
+    numbered = False
+    for record in read_records(file, warnings):
+        if isinstance(record, Header):
+            numbered = record.library == LIBRARY
+        elif isinstance(record, Schema):
             schemas[record.id] = record.name
         elif isinstance(record, Channel):
             channels[record.id] = None
@@ -196,6 +195,11 @@ def _read_file(
         elif record.channel_id not in channels:
             homeless += 1
         elif topic := channels[record.channel_id]:
+            count += 1
+            if numbered:
+                if record.sequence in topic.sequences[-1:]:
+                    continue  # a latched message, repeated at the start of a file
+                topic.sequences.append(record.sequence)
             topic.times.append(record.log_time)
             topic.messages.append(record.data)
             topic.places.append(next(place))
@@ -203,59 +207,4 @@ def _read_file(
         warnings.append(
             f'{file}: {homeless} messages are lost, as the record of their topic is damaged'
         )
-
-
-def _records(file: Path, warnings: list[str]) -> Iterator[Schema | Channel | Message]:
-    """Schemas, channels and messages of a file, with those in chunks, as far as they are whole."""
-    with _open(file) as stream:
-        size = stream.seek(0, 2)
-        stream.seek(0)
-        if stream.read(len(_MAGIC)) != _MAGIC:
-            raise BagError(f'{file}: does not start as an MCAP file')
-        while True:
-            start = stream.tell()
-            if start == size:
-                warnings.append(f'{file}: has no end, so the recorder did not finish')
-                return
-            # a damaged length may be huge: compare before reading
-            opcode, length = _HEAD.unpack(stream.read(_HEAD.size).ljust(_HEAD.size, b'\xff'))
-            if start + _HEAD.size + length > size:
-                warnings.append(
-                    f'{file}: torn, so the recorder did not finish; '
-                    f'its last {size - start} bytes are lost'
-                )
-                return
-            content = stream.read(length)
-            if opcode == Opcode.FOOTER:
-                if stream.read() != _MAGIC:
-                    warnings.append(f'{file}: torn in its last bytes; every message is read')
-                return
-            try:
-                records = _parse(opcode, content)
-            except Exception as error:  # anything may come out of a decompressor or parser here
-                warnings.append(f'{file}: {length} bytes at {start} are damaged and lost: {error}')
-            else:
-                yield from records
-
-
-def _open(file: Path) -> BinaryIO:
-    if file.suffix != '.zstd':
-        return open(file, 'rb')
-    try:  # `ros2 bag record --compression-mode file`
-        return BytesIO(_zstd_decompress(file.read_bytes()))
-    except Exception as error:
-        raise BagError(f'{file}: cannot be decompressed: {error}') from error
-
-
-def _parse(opcode: int, content: bytes) -> list[Schema | Channel | Message]:
-    stream = ReadDataStream(BytesIO(content))
-    if opcode == Opcode.SCHEMA:
-        return [Schema.read(stream)]
-    if opcode == Opcode.CHANNEL:
-        return [Channel.read(stream)]
-    if opcode == Opcode.MESSAGE:
-        return [Message.read(stream, len(content))]
-    if opcode == Opcode.CHUNK:
-        records = breakup_chunk(Chunk.read(stream), validate_crc=True)
-        return [r for r in records if isinstance(r, (Schema, Channel, Message))]
-    return []
+    return count

@@ -9,9 +9,10 @@ from typing import Any
 from .bag_reader import Bag, BagError, Topic
 from .messages import MessageError, decode_string
 
-_POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
+POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 _STRING = 'std_msgs/msg/String'
 _FLOAT64 = 'std_msgs/msg/Float64'
+_TRAJECTORY = 'trajectory_msgs/msg/MultiDOFJointTrajectory'
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,16 @@ class Topics:
         predicted: Predicted poses.
         step_time: Times of model steps; None where there are none.
         recorded: What the simulator said about itself on ~/scene; empty where there is nothing.
+        start: Starts of forecasts; None where there are none.
+        trajectory: Whole futures; None where there are none.
     """
 
     tracked: Topic
     predicted: Topic
     step_time: Topic | None
     recorded: dict[str, Any]
+    start: Topic | None = None
+    trajectory: Topic | None = None
 
 
 def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = None) -> Topics:
@@ -45,7 +50,7 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
     Raises:
         BagError: A topic is not there, is empty, or is one of several.
     """
-    said = [names for names in map(_names, _scenes(bag).values()) if names]
+    said = [names for names in map(said_names, recorded_scenes(bag).values()) if names]
     if predicted is not None:
         said = [names for names in said if names.get('predicted') == predicted]
     names = said[0] if len(said) == 1 else {}
@@ -53,10 +58,33 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
     if names.get('predicted') != ours.name:
         names = {}
     theirs = _find(bag, 'tracked_poses', tracked, names.get('tracked'), '--tracked')
-    step_time = bag.topics.get(names.get('step_time', ''))
-    if step_time is None or step_time.type_name != _FLOAT64 or not step_time.messages:
-        step_time = _beside(bag, ours, 'step_time', _FLOAT64)
-    return Topics(theirs, ours, step_time, _recorded(bag, ours))
+    said_or_beside = {
+        suffix: _of_type(bag.topics.get(names.get(suffix, '')), type_name)
+        or _beside(bag, ours, suffix, type_name)
+        for suffix, type_name in (('step_time', _FLOAT64), ('start', _STRING))
+    }
+    return Topics(
+        theirs,
+        ours,
+        said_or_beside['step_time'],
+        _recorded(bag, ours),
+        said_or_beside['start'],
+        _of_type(bag.topics.get(names.get('trajectory', '')), _TRAJECTORY),
+    )
+
+
+def holds_predictions(bag: Bag, predicted: str | None = None) -> bool:
+    """Whether there is a topic of predicted poses with messages, called `predicted` or found."""
+    arrays = [t for t in bag.topics.values() if t.type_name == POSE_ARRAY and t.messages]
+    said = {names.get('predicted') for names in map(said_names, recorded_scenes(bag).values())}
+    return any(
+        t.name == predicted or t.name in said or t.name.split('/')[-1] == 'predicted_poses'
+        for t in arrays
+    )
+
+
+def _of_type(topic: Topic | None, type_name: str) -> Topic | None:
+    return topic if topic and topic.messages and topic.type_name == type_name else None
 
 
 def listing(bag: Bag) -> str:
@@ -65,20 +93,22 @@ def listing(bag: Bag) -> str:
     return ', '.join(sorted(listed)) or 'no topics'
 
 
-def _scenes(bag: Bag) -> dict[str, dict[str, Any]]:
-    """What simulators said on their ~/scene, by topic."""
+def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
+    """What simulators said on their ~/scene, by topic; texts of others are left out."""
     scenes = {}
     for topic in bag.topics.values():
         if topic.type_name == _STRING and topic.name.endswith('/scene') and topic.messages:
             try:
                 content = json.loads(decode_string(topic.messages[-1]))
-            except (MessageError, json.JSONDecodeError) as error:
-                raise BagError(f'{bag.path}: {topic.name} holds no JSON: {error}') from error
-            scenes[topic.name] = content if isinstance(content, dict) else {}
+            except (MessageError, json.JSONDecodeError):
+                continue
+            if isinstance(content, dict):
+                scenes[topic.name] = content
     return scenes
 
 
-def _names(scene: dict[str, Any]) -> dict[str, str]:
+def said_names(scene: dict[str, Any]) -> dict[str, str]:
+    """Resolved names of topics, by what they are for, that a simulator said on ~/scene."""
     names = scene.get('topics')
     if not isinstance(names, dict):
         return {}
@@ -86,12 +116,12 @@ def _names(scene: dict[str, Any]) -> dict[str, str]:
 
 
 def _recorded(bag: Bag, predicted: Topic) -> dict[str, Any]:
-    scenes = _scenes(bag)
+    scenes = recorded_scenes(bag)
     for content in scenes.values():
-        if _names(content).get('predicted') == predicted.name:
+        if said_names(content).get('predicted') == predicted.name:
             return content
     topic = _beside(bag, predicted, 'scene', _STRING)
-    return scenes[topic.name] if topic else {}
+    return scenes.get(topic.name, {}) if topic else {}
 
 
 def _find(bag: Bag, suffix: str, name: str | None, said: str | None, option: str) -> Topic:
@@ -102,13 +132,14 @@ def _find(bag: Bag, suffix: str, name: str | None, said: str | None, option: str
         found = [topic for topic in bag.topics.values() if topic.name == name]
     else:
         found = [topic for topic in bag.topics.values() if topic.name.split('/')[-1] == suffix]
-    found = [topic for topic in found if topic.type_name == _POSE_ARRAY]
+    found = [topic for topic in found if topic.type_name == POSE_ARRAY]
     wanted = name or f'.../{suffix}'
     if len(found) != 1:
         problem = f'no topic {wanted}' if not found else f'{len(found)} topics {wanted}'
+        rollouts = '; a bag without predictions is scored with --topic and --scene, or with --model'
         raise BagError(
-            f'{bag.path}: {problem} of type {_POSE_ARRAY}; choose one with {option}. '
-            f'The bag holds {listing(bag)}'
+            f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with {option}. '
+            f'The bag holds {listing(bag)}' + (rollouts if option == '--predicted' else '')
         )
     if not found[0].messages:
         raise BagError(

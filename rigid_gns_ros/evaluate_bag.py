@@ -1,4 +1,4 @@
-"""`evaluate BAG`: score the predicted poses of a bag against its tracked poses. No ROS needed."""
+"""`evaluate BAG`: score predictions against the tracked poses of a bag. No ROS needed."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rigid_gns_core.evaluate import evaluate, format_table, write_json
+from rigid_gns_core.evaluate import format_table, write_json
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 
-from .alignment import AlignmentError, align, decode_topic, longest_run, usable_frames
 from .bag_reader import Bag, BagError, read_bag
-from .bag_topics import Topics, find_topics, listing
-from .messages import decode_float64
+from .bag_topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
+from .horizon_errors import format_horizons
+from .score_predictions import score_predictions
+from .tracked_segments import find_tracked
+
+_BY_HORIZON = {
+    'horizon_errors': 'Position error since a start [m]',
+    'future_errors': 'Position error of futures [m]',
+}
 
 
 def evaluate_bag(
@@ -28,87 +31,58 @@ def evaluate_bag(
     scene: str | Path | None = None,
     tracked: str | None = None,
     predicted: str | None = None,
+    model: str | None = None,
+    starts: int = 20,
     figure: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Score a bag.
+    """Score a bag: the predictions in it, or rollouts of a model from its tracked poses.
 
     Args:
         folder: Bag folder, or an .mcap file.
         scene: Shipped name or YAML file of the scene. None: the one that the simulator recorded.
         tracked: Topic of the tracked poses. None: that of the simulator, see `find_topics`.
         predicted: Topic of the predicted poses. None: the same.
+        model: Name or path of a model to roll out instead of reading predictions. None: only where
+            there are none, and then the shipped default.
+        starts: Number of these rollouts, evenly over the recording.
         figure: PNG to draw. None: none.
 
     Returns:
         What `rigid_gns_core.evaluate.evaluate` returns, and `recording` (what was compared),
-        `frames` (counts), `timing` (of publishing and of model steps) and `notes` (sentences that a
-        reader of the numbers needs).
+        `frames` (counts), `horizon_errors` and `future_errors` (by time since a start, of
+        predictions and of whole futures, see `HorizonErrors.report`),
+        `timing` (of messages and of model steps) and `notes` (sentences that a reader of the
+        numbers needs).
 
     Raises:
         ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
     bag = read_bag(folder)
-    topics = find_topics(bag, tracked, predicted)
-    predicted_topic, tracked_topic, recorded = topics.predicted, topics.tracked, topics.recorded
-    the_scene = _scene(bag, recorded, scene)
-    every = recorded.get('parameters', {}).get('start') == 'every'
+    if model is None and (predicted is not None or _predicts(bag, tracked, scene)):
+        topics = find_topics(bag, tracked, predicted)
+        return score_predictions(bag, topics, _scene(bag, topics.recorded, scene), figure)
+    # late: a model need not be there to score predictions
+    from .score_rollouts import RolloutOptions, score_rollouts
 
-    ours_all, theirs_all = decode_topic(predicted_topic), decode_topic(tracked_topic)
-    run, breaks = longest_run(ours_all.frames, every=every)
-    count = run.poses.shape[1]
-    places = ours_all.places[run.part]
-    usable, dropped = usable_frames(theirs_all, run.frame_id, count, places)
-    if theirs_all.damaged:
-        dropped['damaged'] = theirs_all.damaged
-    if not usable:
-        raise AlignmentError(
-            f'no frame of {tracked_topic.name} can be compared with {predicted_topic.name} '
-            f'({count} spheres in frame {run.frame_id!r}); refused: {_reasons(dropped) or "none"}'
-        )
-    ours, reference, alignment = align(run, usable)
-    report = evaluate(ours, reference, the_scene, velocities='poses')
-    report['recording'] = {
-        'bag': str(bag.path),
-        'predicted': predicted_topic.name,
-        'tracked': tracked_topic.name,
-        'model': str(recorded.get('model', 'unknown')),
-        'start': str(recorded.get('parameters', {}).get('start', 'unknown')),
-        'scene': the_scene.to_mapping(),
-    }
-    report['frames'] = {
-        'tracked': len(tracked_topic),
-        'tracked_refused': sum(dropped.values()),
-        'predicted': len(predicted_topic),
-        'predicted_damaged': ours_all.damaged,
-        'compared': len(ours),
-        'compared_s': ours.steps * ours.dt,
-        'restarts': breaks['restarts'],
-        'missing': breaks['missing'],
-        'bridged': run.bridged,
-        **alignment,
-    }
-    stamps = np.array([frame.stamp_ns for frame in ours_all.frames], dtype=np.int64)
-    report['timing'] = _timing(ours_all.times, stamps) | _step_times(topics)
-    report['notes'] = _notes(bag, report, dropped, every)
-    if figure is not None:
-        from rigid_gns_core.figure import write_figure
-
-        title = f'{bag.path.name}: {count} spheres, model {report["recording"]["model"]}'
-        write_figure(
-            figure, ours, reference, the_scene, title=title, names=('predicted', 'tracked')
-        )
-    return report
+    scenes = [one for one in recorded_scenes(bag).values() if 'scene' in one]
+    topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
+    own = [one for one in scenes if said_names(one).get('tracked') == topic.name] or scenes
+    recorded = own[0] if own else {}
+    options = RolloutOptions(model or '', starts, _window(recorded))
+    return score_rollouts(bag, topic, _scene(bag, recorded, scene), options, figure)
 
 
 def format_report(report: dict[str, Any]) -> str:
-    """The table of a report with its notes."""
+    """The tables of a report with its notes."""
+    shown = {key: value for key, value in report.items() if key not in _BY_HORIZON}
     notes = [
         textwrap.fill(
             note, 100, initial_indent='- ', subsequent_indent='  ', break_long_words=False
         )
         for note in report['notes']
     ]
-    return '\n'.join([format_table(report), *notes, ''])
+    tables = [format_horizons(report.get(key, {}), name) for key, name in _BY_HORIZON.items()]
+    return '\n'.join([format_table(shown), *filter(None, tables), *notes, ''])
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,8 +104,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--scene', metavar='NAME|FILE', help='scene, where the bag holds none or a wrong one'
     )
-    parser.add_argument('--tracked', metavar='TOPIC', help='topic of the tracked poses')
+    parser.add_argument(
+        '--tracked', '--topic', metavar='TOPIC', dest='tracked', help='topic of the tracked poses'
+    )
     parser.add_argument('--predicted', metavar='TOPIC', help='topic of the predicted poses')
+    parser.add_argument(
+        '--model',
+        metavar='NAME|FILE',
+        help='model to roll out from tracked poses instead of reading predictions (default: only '
+        'where the bag holds none, the shipped one)',
+    )
+    parser.add_argument(
+        '--starts', type=int, default=20, help='number of these rollouts (default 20)'
+    )
+    parser.add_argument(
+        '--reproduce',
+        action='store_true',
+        help='compute every prediction again instead, and compare bytes (exit code 1: some differ)',
+    )
 
 
 def default_output(bag: str | Path, suffix: str) -> Path:
@@ -141,7 +131,10 @@ def default_output(bag: str | Path, suffix: str) -> Path:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Evaluate, print the table and the paths of what was written."""
+    """Evaluate, print the table and the paths of what was written; returns the exit code."""
+    model = getattr(arguments, 'model', None)
+    if getattr(arguments, 'reproduce', False):
+        return _reproduce(arguments, model)
     target = arguments.json or default_output(arguments.bag, '.json')
     figure = None
     if not arguments.no_figure:
@@ -157,6 +150,8 @@ def run(arguments: argparse.Namespace) -> int:
         scene=arguments.scene,
         tracked=arguments.tracked,
         predicted=arguments.predicted,
+        model=model,
+        starts=getattr(arguments, 'starts', 20),
         figure=figure,
     )
     print(format_report(report))
@@ -168,10 +163,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `evaluate`; returns the exit code: 0 done, 2 bad input."""
+    """Entry point of `evaluate`; returns the exit code: 0 done, 1 a difference, 2 bad input."""
     parser = argparse.ArgumentParser(
         prog='evaluate',
-        description='Score the predicted poses of a recorded bag against its tracked poses.',
+        description='Score predictions against the tracked poses of a recorded bag: those in it, '
+        'or rollouts of a model.',
+        epilog='examples:\n'
+        '  evaluate bags/first\n'
+        '  evaluate bags/first --reproduce\n'
+        '  evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model contact',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_arguments(parser)
     arguments = parser.parse_args(argv)
@@ -180,6 +181,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f'evaluate: error: {error}', file=sys.stderr)
         return 2
+
+
+def _reproduce(arguments: argparse.Namespace, model: str | None) -> int:
+    from .reproduce import reproduce
+
+    bag = read_bag(arguments.bag)
+    result = reproduce(bag, find_topics(bag, arguments.tracked, arguments.predicted), model)
+    print('\n'.join([str(result), *bag.warnings]))
+    if arguments.json is not None:
+        write_json(arguments.json, vars(result))
+        print(f'numbers: {arguments.json}')
+    return 1 if result.different else 0
+
+
+def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:
+    """Whether predictions are to be scored; also where only they are missing from our own bag."""
+    return holds_predictions(bag) or (tracked is None and scene is None)
+
+
+def _window(recorded: dict[str, Any]) -> int:
+    """Tracked frames of a start, as the simulator had it."""
+    return int(recorded.get('parameters', {}).get('velocity_window', 3))
 
 
 def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scene:
@@ -191,73 +214,3 @@ def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scen
             f'The bag holds {listing(bag)}'
         )
     return Scene.from_mapping(recorded['scene'], 'scene of the bag')
-
-
-def _timing(log_times: NDArray[np.int64], stamps: NDArray[np.int64]) -> dict[str, float]:
-    periods = np.diff(log_times) * 1e-6
-    lateness = (log_times - stamps) * 1e-6
-    return {
-        'publishing_rate_hz': 1e3 / float(periods.mean()) if periods.mean() > 0 else float('inf'),
-        'period_mean_ms': float(periods.mean()),
-        'period_std_ms': float(periods.std()),
-        **_quantiles('lateness', lateness),
-    }
-
-
-def _step_times(topics: Topics) -> dict[str, float]:
-    topic, recorded = topics.step_time, topics.recorded
-    dt = {'model_dt_ms': 1e3 * float(recorded['dt'])} if 'dt' in recorded else {}
-    if topic is None:
-        return dt
-    seconds = np.array([decode_float64(message) for message in topic.messages])
-    return _quantiles('step', 1e3 * seconds) | {'steps_timed': len(seconds)} | dt
-
-
-def _quantiles(name: str, milliseconds: NDArray[np.floating]) -> dict[str, float]:
-    return {
-        f'{name}_p50_ms': float(np.median(milliseconds)),
-        f'{name}_p99_ms': float(np.quantile(milliseconds, 0.99)),
-        f'{name}_max_ms': float(milliseconds.max()),
-    }
-
-
-def _reasons(dropped: dict[str, int]) -> str:
-    return ', '.join(f'{number} for their {reason}' for reason, number in dropped.items())
-
-
-def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: bool) -> list[str]:
-    frames = report['frames']
-    noise = (
-        'Tracked poses are measured: the column of the reference holds the noise of the tracker, '
-        'as energy gain and penetration above all. Noise of 1 mm is '
-        f'{1.4e-3 / report["dt"]:.2g} m/s in velocities over {1e3 * report["dt"]:.4g} ms.'
-    )
-    notes = [noise, 'Lateness is the log time minus the stamp; a stamp is the time predicted for.']
-    if every:
-        notes.append(
-            'Each prediction starts from the newest frame: errors are about one period ahead.'
-        )
-    if frames['restarts'] and not every:
-        notes.append(
-            f'The prediction started anew {frames["restarts"]} times; the longest stretch, '
-            f'{frames["compared_s"]:.1f} s, is compared.'
-        )
-    if frames['bridged']:
-        notes.append(f'{frames["bridged"]} predictions are missing and were interpolated.')
-    if frames['interpolated']:
-        notes.append(
-            f'{frames["interpolated"]} of {frames["compared"]} tracked poses are interpolated '
-            f'between frames up to {frames["tracked_interval_s"]:.3g} s apart.'
-        )
-    if frames['untracked']:
-        notes.append(
-            f'{frames["untracked"]} predictions are left out, as tracked frames are missing there '
-            'for more than three of their median intervals; the longest part without is compared.'
-        )
-    if dropped:
-        notes.append(f'Tracked frames refused: {_reasons(dropped)}.')
-    if abs(report['timing']['lateness_p50_ms']) > 1e3:
-        notes.append(
-            'Lateness over a second: the clocks of tracker and recorder differ, or it was paused.'
-        )
-    return notes + list(bag.warnings)

@@ -12,12 +12,11 @@ import pytest
 from rigid_gns_core.evaluate import read_json
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import rotate_quaternions
-from rigid_gns_ros.alignment import interpolate
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
 from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
@@ -120,22 +119,6 @@ def test_tracked_poses_between_the_predicted_times_are_interpolated(tmp_path):
     assert report['errors']['position_error'] == pytest.approx(9.81 * 0.1**2 / 8, rel=1e-6)
     assert report['errors']['rotation_error'] == pytest.approx(0.0, abs=1e-7)
     assert any('20 of 20 tracked poses are interpolated' in note for note in report['notes'])
-
-
-def test_interpolation_is_exact_on_frames_and_halves_rotations():
-    stamps = np.array([START, START + 10, START + 30])
-    turns = np.zeros((3, 1, 3))
-    turns[:, 0, 2] = [0.0, 1.0, 3.0]
-    poses = np.concatenate(
-        [10 * turns, rotate_quaternions(np.tile([0.0, 0.0, 0.0, 1.0], (3, 1, 1)), turns)], axis=-1
-    )
-    poses[1, :, 3:] *= -1  # the same rotation
-    got = interpolate(stamps, poses, stamps - np.array([0, 0, 10]))
-    np.testing.assert_allclose(got[0], poses[0], atol=1e-15)
-    np.testing.assert_allclose(got[1], poses[1], atol=1e-15)
-    assert got[2, 0, 2] == pytest.approx(20.0)
-    half = rotate_quaternions([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 2.0])
-    assert abs(got[2, 0, 3:] @ half) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_only_the_longest_stretch_of_one_start_is_compared(tmp_path):
@@ -272,7 +255,7 @@ def test_evaluation_needs_no_ros(tmp_path):
     assert 'not drawn, as matplotlib is not installed' in done.stdout
 
 
-# --- passes, gaps, remapped topics ---
+# --- passes, gaps ---
 
 
 def test_two_passes_of_simulated_time_are_not_mixed(tmp_path):
@@ -303,23 +286,3 @@ def test_a_gap_of_the_tracker_is_not_interpolated(tmp_path):
     assert (frames['compared'], frames['untracked'], frames['interpolated']) == (15, 29, 0)
     assert report['errors']['position_error'] == pytest.approx(0.05, abs=1e-12)
     assert any('29 predictions are left out' in note for note in report['notes'])
-
-
-def test_remapped_topics_are_found(tmp_path):
-    folder, codec = tmp_path / 'bag', PoseArrayCodec('world', 3)
-    names = {'tracked': '/vicon/balls', 'predicted': '/forecast', 'step_time': '/lab/timing'}
-    said = {'scene': SCENE.to_mapping(), 'model': 'gns', 'dt': 0.1, 'topics': names}
-    with BagWriter(folder) as bag:
-        bag.add_topic(names['tracked'], POSE_ARRAY, 'sensor_data')
-        bag.add_topic(names['predicted'], POSE_ARRAY, 'reliable')
-        bag.add_topic(names['step_time'], 'std_msgs/msg/Float64', 'reliable')
-        bag.add_topic('/lab/simulator/scene', 'std_msgs/msg/String', 'latched')
-        bag.write('/lab/simulator/scene', encode_string(json.dumps(said)), START)
-        for stamp in every_period(0, 10):
-            bag.write(names['tracked'], codec.encode(flight(stamp), stamp), stamp)
-            bag.write(names['predicted'], codec.encode(flight(stamp), stamp), stamp)
-            bag.write(names['step_time'], encode_float64(2e-3), stamp)
-    report = evaluate_bag(folder)
-    assert report['recording']['tracked'] == '/vicon/balls'
-    assert report['recording']['model'] == 'gns'
-    assert report['timing']['step_p50_ms'] == 2.0

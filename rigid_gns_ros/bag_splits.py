@@ -1,0 +1,112 @@
+"""The files of a bag, one after the other, and its metadata.yaml."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from .bag_file import BagFile
+from .bag_metadata import RecordedFile, RecordedTopic, bag_information, to_yaml
+
+
+class SplitBag:
+    """Messages of a bag in files of limited size and duration. Used from one thread.
+
+    As rosbag2 does, it goes on to the next file before the first message beyond a limit, and
+    announces all topics again in each. The last message of a latched topic is repeated at the start
+    of each file, with the log time of the last message before it, so that each file stands on its
+    own; rosbag2 of Jazzy does not do that, later ones with `--repeat-transient-local`.
+
+    Args:
+        folder: Folder of the bag; exists.
+        max_size: Largest size of a file, before its index [bytes]; 0: no limit.
+        max_duration_ns: Longest time from the first to the last message of a file [ns]; 0: none.
+
+    Raises:
+        OSError: The first file cannot be made.
+    """
+
+    def __init__(self, folder: Path, *, max_size: int, max_duration_ns: int) -> None:
+        self.folder = folder
+        self.unflushed = 0  # messages that a kill would take
+        self._max_size, self._max_duration = max_size, max_duration_ns
+        self._topics: list[RecordedTopic] = []
+        self._latched: dict[str, tuple[RecordedTopic, int, bytes]] = {}
+        self._last_ns = 0
+        self._repeated = 0  # messages of the present file that were in one before
+        self._finished: list[RecordedFile] = []
+        self._file = self._next()
+
+    def start(self) -> None:
+        """Write the head of the first file."""
+        self._file.start()
+
+    def register(self, topic: RecordedTopic) -> None:
+        """Announce a topic."""
+        self._topics.append(topic)
+        self._file.register(topic)
+
+    def add(self, topic: RecordedTopic, cdr: bytes, log_time_ns: int) -> None:
+        """Add a message, where due to the next file."""
+        self.unflushed += 1
+        if self._full(len(cdr), log_time_ns):
+            self._split()
+        self._write(topic, cdr, log_time_ns, topic.sequence)
+        if topic.qos == 'latched':
+            self._latched[topic.name] = topic, topic.sequence, cdr
+        topic.sequence += 1
+        self._last_ns = log_time_ns
+
+    def flush(self) -> None:
+        """Hand all to the operating system."""
+        self._file.flush()
+        self.unflushed = 0
+
+    def finish(self) -> None:
+        """Write the last index and metadata.yaml."""
+        information = self._information()
+        self._file.finish(information)
+        self.unflushed = 0
+        # whole or not at all: a bag with half a metadata.yaml is worse than one without
+        temporary = self.folder / 'metadata.yaml.tmp'
+        with open(temporary, 'w', encoding='utf-8') as file:
+            file.write(to_yaml({'rosbag2_bagfile_information': information}))
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, self.folder / 'metadata.yaml')
+
+    def close(self) -> None:
+        """Close the present file as it is."""
+        self._file.close()
+
+    def _full(self, size: int, log_time_ns: int) -> bool:
+        file = self._file.information
+        if file.count == self._repeated:  # a message larger than the limit has a file of its own
+            return False
+        beyond = self._max_size and self._file.size + size > self._max_size
+        late = self._max_duration and log_time_ns - file.first_ns > self._max_duration
+        return bool(beyond or late)
+
+    def _split(self) -> None:
+        self._file.finish(self._information())
+        self.unflushed = 1  # the message that is about to be added
+        self._finished.append(self._file.information)
+        self._file = self._next()
+        self._file.start()
+        for topic in self._topics:
+            self._file.register(topic)
+        for topic, sequence, cdr in self._latched.values():
+            self._write(topic, cdr, self._last_ns, sequence)
+        self._repeated = len(self._latched)
+
+    def _next(self) -> BagFile:
+        name = f'{self.folder.resolve().name}_{len(self._finished)}.mcap'
+        return BagFile(self.folder / name)
+
+    def _write(self, topic: RecordedTopic, cdr: bytes, log_time_ns: int, sequence: int) -> None:
+        self._file.add(topic.name, cdr, log_time_ns, sequence)
+        topic.count += 1
+
+    def _information(self) -> dict[str, Any]:
+        return bag_information([*self._finished, self._file.information], self._topics)

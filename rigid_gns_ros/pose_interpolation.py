@@ -1,0 +1,36 @@
+"""Poses between frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigid_gns_core.state import Array, rotate_quaternions, rotation_between
+
+Stamps = NDArray[np.int64]
+
+
+def interpolate(stamps: Stamps, poses: Array, wanted: Stamps) -> Array:
+    """Poses at other times: linear in position, along the shorter arc in rotation.
+
+    Args:
+        stamps: Times [ns], rising, shape (k,).
+        poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7).
+        wanted: Times [ns] from the first to the last of `stamps`, shape (m,).
+
+    Returns:
+        Poses, shape (m, n, 7); exact where a time is one of `stamps`.
+    """
+    after = np.searchsorted(stamps, wanted, side='left')
+    before = np.maximum(after - 1, 0)
+    after = np.where(stamps[after] == wanted, after, np.maximum(after, 1))
+    exact = stamps[after] == wanted
+    before = np.where(exact, after, before)
+    # differences first: nanoseconds since 1970 do not fit into a float64
+    span = np.where(exact, 1, stamps[after] - stamps[before])
+    weight = ((wanted - stamps[before]) / span)[:, None, None]
+    start, end = poses[before], poses[after]
+    positions = start[..., :3] + weight * (end[..., :3] - start[..., :3])
+    turn = rotation_between(start[..., 3:], end[..., 3:])
+    rotations = rotate_quaternions(start[..., 3:], weight * turn)
+    return np.concatenate([positions, rotations], axis=-1)

@@ -1,0 +1,23 @@
+"""How late messages were recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .alignment import Decoded
+
+
+def lateness(name: str, frames: Decoded) -> dict[str, float]:
+    """Quantiles of log time minus stamp."""
+    stamps = np.array([frame.stamp_ns for frame in frames.frames], dtype=np.int64)
+    return quantiles(name, (frames.times - stamps) * 1e-6) if len(stamps) else {}
+
+
+def quantiles(name: str, milliseconds: NDArray[np.floating]) -> dict[str, float]:
+    """Median, 99 % quantile and largest of times [ms]."""
+    return {
+        f'{name}_p50_ms': float(np.median(milliseconds)),
+        f'{name}_p99_ms': float(np.quantile(milliseconds, 0.99)),
+        f'{name}_max_ms': float(milliseconds.max()),
+    }

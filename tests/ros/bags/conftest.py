@@ -1,0 +1,52 @@
+"""Bags as the simulator records them, with given content."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigid_gns_ros.bag import BagWriter
+from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+
+START = 1_700_000_000_000_000_001  # log time of the first message [ns]
+POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
+
+
+def poses_cdr(number: int, count: int = 5) -> bytes:
+    poses = np.random.default_rng(number).normal(size=(count, 7))
+    return PoseArrayCodec('world', count).encode(poses, START + number)
+
+
+def write_bag(folder: Path, number: int = 100, **limits: float) -> dict[str, list[bytes]]:
+    """A bag as the simulator records it; returns the bytes of each topic."""
+    written = {'/lab/predicted_poses': [], '/simulator/scene': [], '/simulator/step_time': []}
+    with BagWriter(folder, **limits) as bag:
+        bag.add_topic('/lab/predicted_poses', POSE_ARRAY, 'reliable')
+        bag.add_topic('/lab/tracked_poses', POSE_ARRAY, 'sensor_data')
+        bag.add_topic('/simulator/scene', 'std_msgs/msg/String', 'latched')
+        bag.add_topic('/simulator/step_time', 'std_msgs/msg/Float64', 'reliable')
+        for k in range(number):
+            for topic, cdr in [
+                ('/lab/predicted_poses', poses_cdr(k)),
+                ('/simulator/scene', encode_string(f'{{"π": {k}}}')),
+                ('/simulator/step_time', encode_float64(k)),
+            ]:
+                bag.write(topic, cdr, START + k * 10_000_000)
+                written[topic].append(cdr)
+    assert (bag.error, bag.lost) == (None, 0)
+    return written
+
+
+@pytest.fixture(name='poses_cdr')
+def poses_cdr_fixture() -> Callable[..., bytes]:
+    """`poses_cdr(number)`: a PoseArray of its own for each number."""
+    return poses_cdr
+
+
+@pytest.fixture(name='write_bag')
+def write_bag_fixture() -> Callable[..., dict[str, list[bytes]]]:
+    """`write_bag(folder, number, **limits)`: what was written, by topic."""
+    return write_bag

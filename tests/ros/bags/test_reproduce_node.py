@@ -1,0 +1,79 @@
+"""What the real node predicted, computed again from its bag."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+from std_srvs.srv import Trigger
+
+from rigid_gns_ros.bag_reader import read_bag
+from rigid_gns_ros.bag_topics import find_topics
+from rigid_gns_ros.evaluate_bag import evaluate_bag
+from rigid_gns_ros.reproduce import reproduce
+from rigid_gns_ros.simulator_node import SimulatorNode
+
+T0 = 1_000_123_456_789  # [ns]
+DT = 100_000_000  # [ns]
+FRAMES = 14
+
+
+def tracked_poses(number: int) -> np.ndarray:
+    """Five spheres that fall and bounce, with the noise of a tracker, shape (5, 7)."""
+    poses = np.zeros((5, 7))
+    height = 3.0 + np.arange(5.0)
+    fall = 4.905 * (0.1 * number) ** 2
+    poses[:, 0] = 4.0 * np.arange(5)
+    poses[:, 2], poses[:, 6] = 1.0 + np.abs(height - fall), 1.0
+    poses[:, :3] += np.random.default_rng(number).normal(scale=1e-3, size=(5, 3))
+    return poses
+
+
+@pytest.mark.parametrize('start', ['first', 'every', 'diverged'])
+@pytest.mark.parametrize('matched', [False, True])
+def test_a_recording_of_the_node_is_reproduced(
+    bench: Any, tmp_path: Any, start: str, matched: bool
+) -> None:
+    folder = tmp_path / 'bag'
+    node = bench.add(
+        SimulatorNode,
+        use_sim_time=True,
+        start=start,
+        velocity_window=3,
+        match_spheres=matched,
+        record=str(folder),
+        record_max_duration=0.5,
+        horizon=0.3,
+        rate=20.0,  # interpolated
+    )
+    clock = bench.clock(node)
+    tracked = bench.tracked()
+    rng = np.random.default_rng(0)
+    for number in range(FRAMES):
+        stamp = T0 + number * DT
+        poses = tracked_poses(number)
+        if matched:  # in any order, and one is missing now and then
+            poses = poses[rng.permutation(5)[: 4 if number in (5, 11) else 5]]
+        clock.set(stamp)
+        tracked.send(poses, stamp)
+        bench.until(lambda stamp=stamp: node.simulation.window.stamp_ns == stamp, 'the frame')
+        if number == 7:
+            assert bench.call(Trigger, '/simulator/reset').success
+    node.close()
+    bag = read_bag(folder)
+    assert not bag.warnings
+    assert len(list(folder.glob('bag_*.mcap'))) >= 3
+    assert len(bag.topics['/simulator/scene']) == 1
+    result = reproduce(bag, find_topics(bag))
+    assert result.predictions > 4
+    assert result.starts > (3 if start == 'every' else 1)
+    assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result
+    # spheres are 4 m apart: one taken for another would show
+    report = evaluate_bag(folder)
+    assert report['errors']['position_error'] < 1.0
+    assert report['errors']['chamfer'] == pytest.approx(2 * report['errors']['mse'], rel=0.1)
+    assert report['future_errors']['0.3']['starts'] >= 1
