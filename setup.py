@@ -19,6 +19,7 @@ CORE = [
     'mcap>=1.2',
     'numba>=0.61',
     'threadpoolctl>=3.1',
+    'joblib>=1.5',  # processes of this machine and of clusters: `generate`, `experiment`
 ]
 # What a user may want to choose (a CUDA or a CPU torch), cannot have everywhere (pybullet has no
 # wheel for Python 3.12, ROS wheels are x86-64 Linux only), or has from apt (ROS).
@@ -27,19 +28,24 @@ EXTRAS = {
     'teacher': ["pybullet>=3.2.6; python_version < '3.12'"],
     'plot': ['matplotlib>=3.8'],
     'bench': ['mujoco>=3.2'],  # a peer of `rigid-gns benchmark`, which does without it
+    'render': ['Pillow>=10.1', 'imageio-ffmpeg>=0.5'],  # pictures; MP4
+    'viz': ['rerun-sdk>=0.20'],  # `rigid-gns view`; not in `all`, since it takes 500 MB
+    'cluster': ['distributed>=2024.1'],  # --backend dask; Ray brings its own: pip install ray
     # the meta packages pin Jazzy; a plain `ros-rclpy` would be a newer distribution
     'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
     'test': [
         'pytest>=7.4',
         'pytest-xdist>=3.5',
         'rosbags>=0.10',
+        'distributed>=2024.1',
         'mcap-ros2-support>=0.5',
+        'playwright>=1.40',  # drives a Chromium that is there already
         'colcon-common-extensions',
         'setuptools>=68,<80',
     ],
     'dev': ['ruff>=0.9', 'mypy>=1.11', 'types-PyYAML', 'pre-commit>=3.6'],
 }
-EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
+EXTRAS['all'] = sorted({each for name in EXTRAS if name != 'viz' for each in EXTRAS[name]})
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
@@ -50,7 +56,8 @@ def shared_files() -> list[tuple[str, list[str]]]:
         share: ['package.xml', 'README.md', 'LICENSE'],
         f'{share}/launch': sorted(str(path) for path in Path('launch').glob('*_launch.py')),
     }
-    for path in sorted(Path('config').rglob('*')):
+    shown = (path for name in ('config', 'rviz', 'foxglove') for path in Path(name).rglob('*'))
+    for path in sorted(shown):
         if path.is_file():
             files.setdefault(f'{share}/{path.parent.as_posix()}', []).append(str(path))
     return [(folder, content) for folder, content in files.items() if content]
@@ -77,7 +84,8 @@ setup(
     python_requires='>=3.11',
     packages=find_packages(include=['rigid_gns_ros*', 'rigid_gns_core*']),
     package_data={
-        '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg']
+        '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg'],
+        'rigid_gns_core.report': ['static/*', 'static/vendor/*'],
     },
     data_files=shared_files(),
     install_requires=CORE,

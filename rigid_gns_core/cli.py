@@ -19,6 +19,12 @@ COMMANDS: dict[str, tuple[str, str]] = {
     'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
     'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
+    'report': (
+        'rigid_gns_core.report.command',
+        'one HTML file of a rollout or a bag: replay, curves, numbers',
+    ),
+    'view': ('rigid_gns_core.view', 'a rollout or a bag in the viewer Rerun'),
+    'render': ('rigid_gns_core.render.command', 'a moving picture of a rollout or a bag'),
     'hard-cases': (
         'rigid_gns_core.hard_cases.command',
         'check the stability of simulators on hard cases',

@@ -70,6 +70,101 @@ the seconds component.\x20
 # The time 1.7 seconds is represented as {sec: 1, nanosec: 7e8}
 uint32 nanosec
 """,
+    'geometry_msgs/Transform': """\
+# This represents the transform between two coordinate frames in free space.
+
+Vector3 translation
+Quaternion rotation
+""",
+    'geometry_msgs/Twist': """\
+# This expresses velocity in free space broken into its linear and angular parts.
+
+Vector3  linear
+Vector3  angular
+""",
+    'geometry_msgs/Vector3': """\
+# This represents a vector in free space.
+
+# This is semantically different than a point.
+# A vector is always anchored at the origin.
+# When a transform is applied to a vector, only the rotational component is applied.
+
+float64 x
+float64 y
+float64 z
+""",
+    'builtin_interfaces/Duration': """\
+# Duration defines a period between two time points.
+# Messages of this datatype are of ROS Time following this design:
+# https://design.ros2.org/articles/clock_and_time.html
+
+# The seconds component, valid over all int32 values.
+int32 sec
+
+# The nanoseconds component, valid in the range [0, 1e9), to be added to the seconds component.\x20
+# e.g.
+# The duration -1.7 seconds is represented as {sec: -2, nanosec: 3e8}
+# The duration 1.7 seconds is represented as {sec: 1, nanosec: 7e8}
+uint32 nanosec
+""",
+    'trajectory_msgs/MultiDOFJointTrajectory': """\
+# The header is used to specify the coordinate frame and the reference time for the trajectory \
+durations
+std_msgs/Header header
+
+# A representation of a multi-dof joint trajectory (each point is a transformation)
+# Each point along the trajectory will include an array of positions/velocities/accelerations
+# that has the same length as the array of joint names, and has the same order of joints as\x20
+# the joint names array.
+
+string[] joint_names
+MultiDOFJointTrajectoryPoint[] points
+""",
+    'trajectory_msgs/MultiDOFJointTrajectoryPoint': """\
+# Each multi-dof joint can specify a transform (up to 6 DOF).
+geometry_msgs/Transform[] transforms
+
+# There can be a velocity specified for the origin of the joint.
+geometry_msgs/Twist[] velocities
+
+# There can be an acceleration specified for the origin of the joint.
+geometry_msgs/Twist[] accelerations
+
+# Desired time from the trajectory start to arrive at this trajectory point.
+builtin_interfaces/Duration time_from_start
+""",
+    'diagnostic_msgs/DiagnosticArray': """\
+# This message is used to send diagnostic information about the state of the robot.
+std_msgs/Header header # for timestamp
+DiagnosticStatus[] status # an array of components being reported on
+""",
+    'diagnostic_msgs/DiagnosticStatus': """\
+# This message holds the status of an individual component of the robot.
+
+# Possible levels of operations.
+byte OK=0
+byte WARN=1
+byte ERROR=2
+byte STALE=3
+
+# Level of operation enumerated above.
+byte level
+# A description of the test/component reporting.
+string name
+# A description of the status.
+string message
+# A hardware unique string.
+string hardware_id
+# An array of values associated with the status.
+KeyValue[] values
+
+""",
+    'diagnostic_msgs/KeyValue': """\
+# What to label this value when viewing.
+string key
+# A value to track over time.
+string value
+""",
     'std_msgs/String': _DEPRECATED + 'string data\n',
     'std_msgs/Float64': _DEPRECATED + 'float64 data\n',
 }
@@ -82,6 +177,28 @@ TYPES: dict[str, tuple[str, tuple[str, ...]]] = {
             'geometry_msgs/Pose',
             'geometry_msgs/Point',
             'geometry_msgs/Quaternion',
+            'std_msgs/Header',
+            'builtin_interfaces/Time',
+        ),
+    ),
+    'trajectory_msgs/msg/MultiDOFJointTrajectory': (
+        'RIHS01_3a18fd095292a65cfde8833c72985a30af981f3ec44494655c6267262b443a4a',
+        (
+            'std_msgs/Header',
+            'builtin_interfaces/Time',
+            'trajectory_msgs/MultiDOFJointTrajectoryPoint',
+            'builtin_interfaces/Duration',
+            'geometry_msgs/Transform',
+            'geometry_msgs/Quaternion',
+            'geometry_msgs/Vector3',
+            'geometry_msgs/Twist',
+        ),
+    ),
+    'diagnostic_msgs/msg/DiagnosticArray': (
+        'RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e',
+        (
+            'diagnostic_msgs/DiagnosticStatus',
+            'diagnostic_msgs/KeyValue',
             'std_msgs/Header',
             'builtin_interfaces/Time',
         ),

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rigid_gns_core.plane import RANGES
 from rigid_gns_core.sampling import load_scene
+from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, State, rotate_quaternions, rotation_between
 
 if TYPE_CHECKING:
     from rigid_gns_core.rollout import Rollout
+
+MEMORY = 1.0  # for how long a forecast remembers what it predicted [s]
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,7 @@ class Forecast:
     def __init__(self, rollout: Rollout, start_ns: int) -> None:
         self.rollout, self.start_ns = rollout, start_ns
         self._before = self._after = rollout.state
+        self._past = deque([rollout.state], maxlen=int(np.ceil(MEMORY / rollout.dt)) + 2)
 
     def advance_to(self, stamp_ns: int) -> Prediction:
         """Compute the prediction for a time, taking as many steps of the model as it needs.
@@ -55,21 +62,40 @@ class Forecast:
             ValueError: The rollout diverged: a value is not finite.
             FloatingPointError: The same, seen by the rollout.
         """
-        # position among the model's steps; stamps are whole nanoseconds, so one off is on the step
-        place = (stamp_ns - self.start_ns) * 1e-9 / self.rollout.dt
-        nearest = round(place)
-        if abs(place - nearest) * self.rollout.dt <= 1e-9:
-            place = float(nearest)
+        place = self._place(stamp_ns)
         step_times = []
         while self.rollout.steps < place:
             begun = time.perf_counter()
             self._before, self._after = self._after, self.rollout.step()
+            self._past.append(self._after)
             step_times.append(time.perf_counter() - begun)
         poses = _interpolate(self._before, self._after, place - (self.rollout.steps - 1))
         if not np.isfinite(poses).all():
             sphere = int(np.argmin(np.isfinite(poses).all(axis=1)))
             raise ValueError(f'the predicted pose of sphere {sphere} is not finite')
         return Prediction(stamp_ns, poses, tuple(step_times))
+
+    def recall(self, stamp_ns: int) -> Array | None:
+        """Centres predicted for a time [m], shape (n, 3), linear between two steps of the model.
+
+        None for a time that is not reached yet, or longer ago than about a second.
+        """
+        index = self._place(stamp_ns) - (self.rollout.steps - len(self._past) + 1)
+        if not 0 <= index <= len(self._past) - 1:
+            return None
+        low = int(index)
+        weight = index - low
+        before = self._past[low].positions
+        if not weight:
+            return before
+        return (1 - weight) * before + weight * self._past[low + 1].positions
+
+    def _place(self, stamp_ns: int) -> float:
+        """Position of a time among the model's steps."""
+        place = (stamp_ns - self.start_ns) * 1e-9 / self.rollout.dt
+        nearest = round(place)
+        # stamps are whole nanoseconds, so one off is on the step
+        return float(nearest) if abs(place - nearest) * self.rollout.dt <= 1e-9 else place
 
 
 class Forecaster:
@@ -80,14 +106,23 @@ class Forecaster:
         scene: Name of a shipped scene, or a YAML file.
         rate: Predictions per second [Hz]; 0: one per step of the model.
         threads: CPU threads of the model.
+        gravity_direction: See `turned_gravity`.
 
     Raises:
         ValueError: There is no such model or scene, or the model cannot serve the scene.
     """
 
-    def __init__(self, model: str, scene: str, *, rate: float = 0.0, threads: int = 1) -> None:
+    def __init__(
+        self,
+        model: str,
+        scene: str,
+        *,
+        rate: float = 0.0,
+        threads: int = 1,
+        gravity_direction: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
         self.scene_name = scene
-        self.scene, _ = load_scene(scene)
+        self.scene = turned_gravity(load_scene(scene)[0], gravity_direction)
         # late, so that a node's signal handlers are in place while it loads and compiles
         from rigid_gns_core.rollout import load_simulator
 
@@ -116,12 +151,22 @@ class Forecaster:
 
     def __str__(self) -> str:
         native = abs(self.period / self.native_dt - 1) < 1e-9
+        gravity = ', '.join(f'{value:.4g}' for value in self.scene.gravity)
         how = '' if native else ', interpolated between model steps'
         return (
             f'model {self.simulator.name}, scene {self.scene_name} '
-            f'({len(self.scene.surfaces)} surfaces), native rate {1 / self.native_dt:.6g} Hz, '
-            f'publishing at {1 / self.period:.6g} Hz{how}'
+            f'({len(self.scene.surfaces)} surfaces, gravity ({gravity}) m/s^2), '
+            f'native rate {1 / self.native_dt:.6g} Hz, publishing at {1 / self.period:.6g} Hz{how}'
         )
+
+    @property
+    def level(self) -> bool:
+        """Whether spheres can lie still on a surface, or there are no surfaces."""
+        return not self.scene.surfaces or self.scene.ground is not None
+
+    def radii(self, ids: Sequence[int]) -> Array:
+        """Radius of each sphere [m], shape (n,)."""
+        return scene_of(self.scene, ids).per_sphere('radius', len(ids))
 
     def check(self, count: int) -> list[str]:
         """Warnings about predicting `count` spheres.
@@ -139,18 +184,73 @@ class Forecaster:
             self.simulator.check(self.scene, count)
         return sorted({str(warning.message) for warning in caught})
 
-    def forecast(self, state: State, start_ns: int) -> Forecast:
-        """Predictions from a state at stamp `start_ns` [ns]."""
+    def forecast(self, state: State, start_ns: int, ids: Sequence[int] | None = None) -> Forecast:
+        """Predictions from a state at stamp `start_ns` [ns].
+
+        Args:
+            state: Start.
+            start_ns: Its stamp.
+            ids: Of its spheres, where not 0, 1, 2 ...; properties per sphere are looked up by them.
+        """
+        scene = self.scene if ids is None else scene_of(self.scene, ids)
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # `check` tells them
             rollout = self.simulator.start(
-                self.scene,
+                scene,
                 state.positions,
                 state.velocities,
                 state.angular_velocities,
                 quaternions=state.quaternions,
             )
         return Forecast(rollout, start_ns)
+
+
+def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
+    """The scene of spheres with these ids, where it gives properties per sphere.
+
+    Raises:
+        ValueError: It does not give those of all of them.
+    """
+    known = scene.sphere_count
+    if known is None or tuple(ids) == tuple(range(known)):
+        return scene
+    if missing := [sphere for sphere in ids if sphere >= known]:
+        raise ValueError(
+            f'sphere {missing[0]} has no properties: the scene gives those of {known} spheres; '
+            'give one number for all, where spheres appear and vanish'
+        )
+    own = {name: getattr(scene, name) for name in RANGES}
+    return replace(
+        scene,
+        **{
+            name: tuple(value[sphere] for sphere in ids)
+            for name, value in own.items()
+            if isinstance(value, tuple)
+        },
+    )
+
+
+def turned_gravity(scene: Scene, direction: Sequence[float]) -> Scene:
+    """The scene with gravity of the same size along `direction`; (0, 0, 0): as it is.
+
+    Surfaces stay where they are: like the spheres they are given in the tracker's frame, whatever
+    points up in it.
+
+    Raises:
+        ValueError: The scene has no gravity to be turned.
+    """
+    towards = np.asarray(direction, dtype=np.float64)
+    length = float(np.linalg.norm(towards))
+    if not length:
+        return scene
+    size = float(np.linalg.norm(scene.gravity))
+    if not size:
+        raise ValueError(
+            f'gravity_direction is {towards.tolist()}, but the scene has no gravity; '
+            'give the scene a gravity, or leave gravity_direction at [0.0, 0.0, 0.0]'
+        )
+    x, y, z = (size / length * towards).tolist()
+    return replace(scene, gravity=(x, y, z))
 
 
 def _interpolate(before: State, after: State, weight: float) -> Array:

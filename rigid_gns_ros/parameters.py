@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
-Value = bool | int | float | str
+Value = bool | int | float | str | list[float]
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,7 @@ class ParameterSpec:
 
     Args:
         name: Its name.
-        default: Default; its type is the parameter's.
+        default: Default; its type is the parameter's, and of a list its length.
         description: What it sets, for `ros2 param describe`.
         unit: Unit, empty where there is none.
         low: Least value of a number.
@@ -45,6 +47,10 @@ class ParameterSpec:
         if self.least and value != 0 and not self.least <= value:
             span = f'{self.least:g} to {self.high:g} {self.unit}'
             return f'{self.name} is {value:g}, allowed: 0, or {span}'
+        if isinstance(self.default, list):
+            values = list(value) if isinstance(value, Iterable) else []
+            if len(values) != len(self.default) or not all(map(isfinite, values)):
+                return f'{self.name} is {values}, allowed: {len(self.default)} finite numbers'
         return None
 
 
@@ -54,6 +60,11 @@ SIMULATOR = (
     ParameterSpec('model', '', 'name or path of the model; empty: the shipped default'),
     ParameterSpec('scene', 'box_154', 'name of a shipped scene, or a YAML file'),
     FRAME_ID,
+    ParameterSpec(
+        'gravity_direction',
+        [0.0, 0.0, 0.0],
+        "direction of gravity in frame_id, of any length; all 0: the scene's",
+    ),
     ParameterSpec(
         'rate',
         0.0,
@@ -66,8 +77,35 @@ SIMULATOR = (
     ParameterSpec(
         'start',
         'first',
-        'first: predict on from the first frames; every: from the newest',
-        choices=('first', 'every'),
+        'first: predict on from the first frames; every: from the newest; diverged: on from the '
+        'first, and anew from the newest when the error passes resync_error',
+        choices=('first', 'every', 'diverged'),
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'resync_error',
+        0.5,
+        'error beyond which `start: diverged` starts anew, in radii of the largest sphere; with '
+        'every start, diagnostics warn of it',
+        'radii',
+        0.001,
+        1000.0,
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'resync_over',
+        'max',
+        'of which spheres that error is: max: of the worst; mean: the mean of all',
+        choices=('max', 'mean'),
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'horizon',
+        0.0,
+        'how far ahead the whole future is predicted from each tracked frame; 0: not at all',
+        's',
+        0.0,
+        60.0,
         dynamic=True,
     ),
     ParameterSpec(
@@ -78,9 +116,54 @@ SIMULATOR = (
         1,
         100,
     ),
+    ParameterSpec(
+        'match_spheres',
+        False,
+        'match poses to spheres, which may then come in any order, be missing, appear and vanish',
+    ),
+    ParameterSpec(
+        'tracking_noise',
+        0.0,
+        'standard deviation of each tracked coordinate; 0: estimated from the frames',
+        'm',
+        0.0,
+        1000.0,
+    ),
+    ParameterSpec(
+        'coast_time',
+        0.0,
+        'how long a matched sphere that is not seen is carried on; 0: 2 sqrt(radius / gravity)',
+        's',
+        0.0,
+        3600.0,
+    ),
+    ParameterSpec(
+        'max_speed',
+        0.0,
+        'matched spheres that are new are not found above it; 0: 50 sqrt(radius gravity)',
+        'm/s',
+        0.0,
+        1e6,
+    ),
     ParameterSpec('record', '', 'folder of the bag to make; must not exist; empty: do not record'),
+    ParameterSpec(
+        'record_max_size',
+        0.0,
+        "size from which on the bag's next file is begun; 0: one file",
+        'MB',
+        0.0,
+        1e6,
+    ),
+    ParameterSpec(
+        'record_max_duration',
+        0.0,
+        "time from which on the bag's next file is begun; 0: one file",
+        's',
+        0.0,
+        1e6,
+    ),
     ParameterSpec('max_spheres', 1000, 'largest number of spheres accepted', '', 1, 100_000),
-    ParameterSpec('threads', 1, 'CPU threads of the model', '', 1, 256),
+    ParameterSpec('threads', 1, 'CPU threads of BLAS, OpenMP and torch', '', 1, 256),
 )
 
 TRACKER = (
@@ -118,17 +201,16 @@ def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
         try:
             node.declare_parameter(spec.name, spec.default, _descriptor(spec))
         except InvalidParameterTypeException as error:
-            remedy = ', as 10.0' if isinstance(spec.default, float) else ''
             raise ValueError(
-                f'parameter {spec.name} has the wrong type: {error}; '
-                f'give a {type(spec.default).__name__}{remedy}'
+                f'parameter {spec.name} has the wrong type: {error}; give {_wanted(spec.default)}'
             ) from error
         except InvalidParameterValueException as error:
             raise ValueError(
                 f'parameter {spec.name}: {error}; '
                 f'allowed: {spec.low:g} to {spec.high:g} {spec.unit}'.rstrip()
             ) from error
-        values[spec.name] = node.get_parameter(spec.name).value
+        value = node.get_parameter(spec.name).value
+        values[spec.name] = list(value) if isinstance(spec.default, list) else value
         if problem := spec.problem(values[spec.name]):
             raise ValueError(f'parameter {problem}')
     specs = {spec.name: spec for spec in table}
@@ -144,6 +226,12 @@ def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     return values
 
 
+def _wanted(default: Value) -> str:
+    if isinstance(default, list):
+        return f'{len(default)} floats, as {default}'
+    return f'a {type(default).__name__}' + (', as 10.0' if isinstance(default, float) else '')
+
+
 def _descriptor(spec: ParameterSpec) -> Any:
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
@@ -151,6 +239,8 @@ def _descriptor(spec: ParameterSpec) -> Any:
     descriptor = ParameterDescriptor(description=text, read_only=not spec.dynamic)
     if spec.choices:
         descriptor.additional_constraints = f'one of: {", ".join(spec.choices)}'
+    if isinstance(spec.default, list):
+        descriptor.additional_constraints = f'{len(spec.default)} finite numbers'
     if isinstance(spec.default, float):
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=float(spec.low), to_value=float(spec.high))

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
 
 from .forecast import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
+from .starts import Reason, Start
 from .tracking import TrackingWindow, seconds
 
 # a tracker whose clock is further off than this is followed on its own clock [ns]
@@ -20,6 +24,31 @@ class PredictionError(ValueError):
         self.kind = kind
 
 
+@dataclass
+class Resync:
+    """When a forecast starts anew; may change at any time.
+
+    Args:
+        start: first: it never does; every: for each prediction, from the newest frame; diverged:
+            when its error passes the bound.
+        bound: Error from which it has diverged, in radii of the largest sphere.
+        over: Of which spheres that error is: max (the worst) or mean.
+    """
+
+    start: str = 'first'
+    bound: float = 0.5
+    over: str = 'max'
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """How far a forecast was from a tracked frame [m]: the mean over all spheres, and the worst."""
+
+    stamp_ns: int
+    mean: float
+    worst: float
+
+
 class Predictor:
     """One prediction after the other, each computed ahead and held until it is due.
 
@@ -28,7 +57,8 @@ class Predictor:
     Args:
         model: Makes the forecasts.
         window: Tracked frames.
-        every: Whether each prediction starts from the newest frame, rather than all from the first.
+        resync: When a forecast starts anew.
+        on_start: Called with each start of a forecast, before a prediction of it is made.
         warn: Called with a kind and a sentence; may be called often.
         error: Called with a sentence, once.
     """
@@ -38,21 +68,30 @@ class Predictor:
         model: Forecaster,
         window: TrackingWindow,
         *,
-        every: bool,
+        resync: Resync,
+        on_start: Callable[[Start], None],
         warn: Callable[[str, str], None],
         error: Callable[[str], None],
     ) -> None:
-        self._model, self._window, self.every = model, window, every
-        self._warn, self._error = warn, error
+        self._model, self._window, self.resync = model, window, resync
+        self._on_start, self._warn, self._error = on_start, warn, error
         self.period_ns = round(model.period * 1e9)
         self.forecast: Forecast | None = None
         self.pending: Prediction | None = None  # computed, not yet published
+        self.last_start: Start | None = None
+        self.last_error: TrackingError | None = None  # of the present forecast
         self.counts = {'published': 0, 'late': 0, 'skipped': 0}
         self._grid = Grid(0, model.period)
         self._pacer = Pacer(self.period_ns)
         self._told_overload = False
+        self._anew: Reason | None = None  # why the next `compute` starts from the newest frame
         self._offset_ns = 0  # node clock minus the tracker's clock, 0 where they agree
         self._delay_ns = 0  # of all predictions, by the time that they were paused
+
+    @property
+    def every(self) -> bool:
+        """Whether each prediction starts from the newest frame."""
+        return self.resync.start == 'every'
 
     @property
     def due_ns(self) -> int:
@@ -64,20 +103,56 @@ class Predictor:
         """Number of periods from the frame that the stamps are counted from."""
         return self._grid.index
 
-    def start(self, now: int) -> None:
+    def start(self, now: int, reason: Reason) -> None:
         """Start from the newest frame; `compute` is next.
 
         Raises:
             PredictionError: The frames give no start.
         """
-        self.forecast = self._new_forecast()
+        self.forecast = self._new_forecast(reason)
         self._offset_ns, self._delay_ns = self._clock_offset(self.forecast.start_ns, now), 0
         self._grid = Grid(self.forecast.start_ns, self._model.period)
         self._pacer.clear()
 
     def stop(self) -> None:
         """Forget what was predicted."""
-        self.forecast = self.pending = None
+        self.forecast = self.pending = self.last_error = self._anew = None
+
+    def start_anew(self, now: int, reason: Reason) -> None:
+        """Start from the newest frame and keep to the stamps; replaces the pending prediction.
+
+        Raises:
+            PredictionError: The frames give no start, or the rollout diverged.
+        """
+        if self.pending is None:
+            self._anew = reason  # by the next `compute`
+        else:
+            self.forecast = self._renewed(now, reason)
+            self.pending = self._advance()
+
+    def has_diverged(self) -> bool:
+        """Compare the forecast with the newest frame; whether `start: diverged` must start anew."""
+        forecast, newest, window = self.forecast, self._newest, self._window
+        if forecast is None or not window.full or newest <= forecast.start_ns:
+            return False
+        if self.last_error and newest == self.last_error.stamp_ns:
+            return False
+        follows = self.resync.start == 'diverged'
+        predicted = forecast.recall(newest)
+        if predicted is None:  # long ago, or not reached yet, as where computing has fallen behind
+            return follows and newest > self._grid.stamp_ns + self.period_ns
+        distances = np.linalg.norm(predicted - window.start()[1].positions, axis=1)
+        self.last_error = TrackingError(newest, float(distances.mean()), float(distances.max()))
+        return follows and self.beyond_bound
+
+    @property
+    def beyond_bound(self) -> bool:
+        """Whether the last error is beyond the bound of `resync`."""
+        error = self.last_error
+        if error is None:
+            return False
+        value = error.mean if self.resync.over == 'mean' else error.worst
+        return not value <= self.resync.bound * self._model.radius
 
     def compute(self, now: int) -> Prediction:
         """Compute the next prediction, ahead of the time it is due.
@@ -87,16 +162,25 @@ class Predictor:
         """
         assert self.forecast is not None
         self._grid.advance()
-        forecast = self._renewed(self.forecast, now) if self.every else self.forecast
-        self.forecast = forecast
+        # a slow tracker or a lost frame: it goes on period by period, however late, as a slow
+        # machine would fall behind the more, the more it tried to compute at once
+        newer = self._window.full and self._newest > self.forecast.start_ns
+        reason = self._anew or ('every' if self.every and newer else None)
+        if reason:
+            self._anew = None
+            self.forecast = self._renewed(now, reason)
+        self.pending = self._advance()
+        return self.pending
+
+    def _advance(self) -> Prediction:
+        assert self.forecast is not None
         try:
-            self.pending = forecast.advance_to(self._grid.stamp_ns)
+            return self.forecast.advance_to(self._grid.stamp_ns)
         except (ValueError, FloatingPointError) as error:
             raise PredictionError(
                 'diverged',
                 f'prediction for {seconds(self._grid.stamp_ns)} s failed: {error}; starting again',
             ) from error
-        return self.pending
 
     def resume(self, now: int) -> None:
         """Move the schedule by the length of a pause, with one period to get going."""
@@ -137,20 +221,22 @@ class Predictor:
                 'compute the last one): all come late; lower the rate, or track fewer spheres'
             )
 
-    def _renewed(self, forecast: Forecast, now: int) -> Forecast:
-        """Forecast from the newest frame, if there is a new one, for a time that is not past."""
-        newest, self._delay_ns = self._window.stamp_ns, 0
-        if newest is None or not self._window.full or newest <= forecast.start_ns:
-            # a slow tracker or a lost frame: it goes on period by period, however late, as a
-            # slow machine would fall behind the more, the more it tried to compute at once
-            return forecast
+    @property
+    def _newest(self) -> int:
+        """Stamp of the newest frame [ns]; -1 before the first."""
+        newest = self._window.stamp_ns
+        return -1 if newest is None else newest
+
+    def _renewed(self, now: int, reason: Reason) -> Forecast:
+        """Forecast from the newest frame, for a stamp that is not past."""
+        newest, self._delay_ns = self._newest, 0
         if self._window.lead_ns + self._offset_ns < -CLOCK_TOLERANCE_NS:
             # even the fastest frame is late: the tracker's clock stood still, or is slower
             self._offset_ns = self._clock_offset(newest, now)
             self._grid = Grid(newest, self._model.period)
             self._grid.advance()
             self._pacer.clear()
-            return self._new_forecast()
+            return self._new_forecast(reason)
         # no frame comes before its time: where it does, the tracker's clock is ahead
         lead = newest + self._offset_ns - self._window.arrival_ns
         if lead > self.period_ns // 2:
@@ -158,17 +244,25 @@ class Predictor:
         if now - self.due_ns > self.period_ns:
             self.counts['skipped'] += self._grid.skip_to(now - self._offset_ns)
         self._grid.skip_to(newest + 1)
-        self._grid.snap(newest)
-        return self._new_forecast()
+        if reason == 'every':
+            self._grid.snap(newest)
+        return self._new_forecast(reason)
 
-    def _new_forecast(self) -> Forecast:
+    def _new_forecast(self, reason: Reason) -> Forecast:
+        window = self._window
         try:
-            stamp, state = self._window.start()
-            return self._model.forecast(state, stamp)
+            stamp, state = window.start()
+            forecast = self._model.forecast(state, stamp, window.ids)
         except ValueError as error:
             raise PredictionError(
                 'start', f'no start from these tracked frames: {error}'
             ) from error
+        frames = tuple(frame.stamp_ns for frame, _ in window._frames)[-window.length :]
+        self.last_start = Start(stamp, frames, reason, window.ids, window.noise)
+        if reason != 'every':
+            self.last_error = None
+        self._on_start(self.last_start)
+        return forecast
 
     def _clock_offset(self, stamp: int, now: int) -> int:
         for known in (0, self._offset_ns):

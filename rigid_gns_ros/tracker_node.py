@@ -7,13 +7,13 @@ from typing import Any, Protocol
 
 import numpy as np
 from geometry_msgs.msg import PoseArray
-from rclpy.qos import qos_profile_sensor_data
 
 from rigid_gns_core.dataset import Record, demo_record, read_record
 from rigid_gns_core.sampling import load_scene, sample_start
 from rigid_gns_core.state import Array
 
 from .alarm import Alarm
+from .channels import overridable, sensor_data
 from .messages import PoseArrayCodec
 from .parameters import TRACKER, declare
 from .process import ClosingNode, Finished, log_end, run_node
@@ -105,7 +105,9 @@ class TrackerNode(ClosingNode):
         self._rng = np.random.default_rng(int(values['seed']))
         self._codec = PoseArrayCodec(str(values['frame_id']), self._source.count)
         self._pace = self._source.dt / float(values['rate_factor'])
-        self._publisher = self.create_publisher(PoseArray, 'tracked_poses', qos_profile_sensor_data)
+        self._publisher = self.create_publisher(
+            PoseArray, 'tracked_poses', sensor_data(), qos_overriding_options=overridable()
+        )
         self._start_ns = 0
         self._index = self._published = 0
         self._alarm = Alarm(self, self._on_due)

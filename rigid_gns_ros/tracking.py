@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
 
-from rigid_gns_core.state import Array, State
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.state import State
 
 from .messages import PoseArrayFrame
-from .velocity import estimate_velocities
+from .refusal import RejectedFrame as RejectedFrame
+from .refusal import Throttle as Throttle
+from .refusal import check_poses
+from .refusal import seconds as seconds
+from .surroundings import Surroundings
+from .tracked_set import Following, TrackedSet
 
 # a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
 MAX_AHEAD_NS = 1_000_000_000
@@ -18,18 +24,21 @@ MAX_AHEAD_NS = 1_000_000_000
 RESTART_FRAMES = 5
 # positions further out than this many radii are no measurement
 MAX_DISTANCE = 1e6
+# defaults: spheres are coasted for so many times sqrt(r / g), and found up to so many times
+# sqrt(g r) of speed
+_COAST, _MAX_SPEED = 2.0, 50.0
+# frames of the same poses are refused so many times in a row, where spheres move by so many radii
+_REPEATS, _STILL = 3, 0.01
 
-
-class RejectedFrame(ValueError):
-    """A tracked frame cannot be used. `kind` names the check that failed."""
-
-    def __init__(self, kind: str, message: str) -> None:
-        super().__init__(message)
-        self.kind = kind
+_NOTHING = TrackedSet.empty()
 
 
 class TrackingWindow:
-    """The newest frames of a tracker, each checked on arrival.
+    """The newest frames of a tracker, each checked on arrival, and the spheres that they show.
+
+    What comes out is a function of the frames accepted since `clear`, in the order of their stamps
+    (where poses are not matched, of those in the window alone): neither the time nor the order of
+    arrival matters, as long as a late frame still finds its place among those in memory.
 
     Args:
         frame_id: Coordinate frame that messages must be in.
@@ -38,10 +47,17 @@ class TrackingWindow:
         gravity: Acceleration of free flight [m/s^2].
         max_gap: Longest time between two frames of a window [s]; after a longer one it starts anew.
         radius: Of the largest sphere [m]; positions beyond a million radii are refused.
-        check: Called with the number of spheres of a first frame; ValueError where the model cannot
-            serve that many.
-        on_gap: Called with the time between two frames [s] where it is longer than `max_gap` and
-            the window was not yet full, so that a tracker as slow as that never fills it.
+        check: Called with the number of spheres of a first frame; ValueError where there cannot be
+            so many.
+        on_gap: Called with a time between two frames [s] that is longer than `max_gap`, where the
+            window was not yet full, as so slow a tracker never fills it.
+        scene: Surfaces that spheres bounce off; None: only frames that do not fit tell bounces.
+        matched: Whether poses are matched to spheres, which may then come in any order, be missing,
+            appear and vanish; else there is always the same number in the same order.
+        noise: Standard deviation of each coordinate of a position [m]; None: estimated.
+        coast_time: A sphere that is not seen is carried on for so long [s], and for two frames at
+            least; None: 2 sqrt(radius / gravity).
+        max_speed: New spheres that are faster are not found [m/s]; None: 50 sqrt(radius gravity).
     """
 
     def __init__(
@@ -55,25 +71,70 @@ class TrackingWindow:
         radius: float,
         check: Callable[[int], None],
         on_gap: Callable[[float], None],
+        scene: Scene | None = None,
+        matched: bool = False,
+        noise: float | None = None,
+        coast_time: float | None = None,
+        max_speed: float | None = None,
     ) -> None:
+        size = float(np.linalg.norm(gravity)) or 1.0
+        natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
+        for name, value in (('noise', noise), ('coast_time', coast_time), ('max_speed', max_speed)):
+            if value is not None and not (value >= 0 and np.isfinite(value)):
+                raise ValueError(f'{name} is {value}, expected 0 or more')
         self.frame_id, self.length, self.max_spheres = frame_id, length, max_spheres
-        self.gravity, self.max_gap_ns, self._check = gravity, round(max_gap * 1e9), check
+        self.max_gap_ns, self._check = round(max_gap * 1e9), check
         self._far, self._on_gap = MAX_DISTANCE * radius, on_gap
-        self._frames: deque[PoseArrayFrame] = deque(maxlen=length)
+        around = Surroundings.unknown(gravity, radius) if scene is None else Surroundings.of(scene)
+        self.following = Following(
+            around=around,
+            length=length,
+            matched=matched,
+            noise=noise,
+            coast_time=_COAST * natural if coast_time is None else coast_time,
+            max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
+            radius=radius,
+        )
+        # newest frames, each with the spheres before it, to go on from when one comes late
+        self._frames: deque[tuple[PoseArrayFrame, TrackedSet]] = deque(maxlen=self.following.memory)
+        self._now = _NOTHING
+        self._state: State | None = None  # of the newest frame, where it was asked for
         self._refused: list[PoseArrayFrame] = []  # for their stamps, which rise
         self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
-        self.arrival_ns = 0  # of the newest frame, on the clock of this node
-        self.count: int | None = None
+        self._repeats = 0  # frames of the same content, in a row
+        self.arrival_ns = 0  # of the newest frame, by this node's clock
+        self.generation = 0  # changes with the set of spheres
+        self.counts: Counter[str] = Counter()  # of frames and spheres, by what became of them
 
     @property
     def full(self) -> bool:
-        """Whether there are enough frames to start from."""
-        return len(self._frames) == self.length
+        """Whether there are enough frames to start from, and spheres in them."""
+        return len(self._now.stamps) >= self.length and len(self._now.ids) > 0
+
+    @property
+    def count(self) -> int | None:
+        """Number of spheres; None before the first."""
+        return len(self._now.ids) or None
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Of the spheres, in the order that `start` gives; a sphere keeps its own while tracked."""
+        return tuple(self._now.ids.tolist())
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of each coordinate of a position, given or estimated [m]."""
+        return self._now.noise(self.following)
 
     @property
     def stamp_ns(self) -> int | None:
         """Stamp of the newest frame [ns]; None before the first."""
-        return self._frames[-1].stamp_ns if self._frames else None
+        return self._frames[-1][0].stamp_ns if self._frames else None
+
+    @property
+    def window_ns(self) -> tuple[int, ...]:
+        """Stamps of the frames that velocities come from, the newest last [ns]."""
+        return tuple(frame.stamp_ns for frame, _ in self._frames)[-self.length :]
 
     @property
     def lead_ns(self) -> int:
@@ -81,11 +142,12 @@ class TrackingWindow:
         return max(self._leads, default=0)
 
     def clear(self) -> None:
-        """Forget all frames and the number of spheres."""
+        """Forget all frames and spheres."""
         self._frames.clear()
         self._refused.clear()
         self._leads.clear()
-        self.count = None
+        self._repeats = 0
+        self._become(_NOTHING)
 
     def add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         """Take the next frame, which arrived at `now_ns` of this node's clock.
@@ -96,13 +158,22 @@ class TrackingWindow:
         Raises:
             RejectedFrame: It cannot be used; what was there before is kept.
         """
+        try:
+            restarted = self._add(frame, now_ns)
+        except RejectedFrame as error:
+            self.counts[error.kind] += 1
+            raise
+        self.counts['accepted'] += 1
+        return restarted
+
+    def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         if frame.frame_id != self.frame_id:
             raise RejectedFrame(
                 'frame',
                 f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} (parameter frame_id)',
             )
         self._check_count(len(frame.poses))
-        self._check_poses(frame.poses)
+        check_poses(frame.poses, self._far)
         restarted = False
         try:
             self._check_stamp(frame.stamp_ns, now_ns)
@@ -112,42 +183,62 @@ class TrackingWindow:
             self._refused.append(frame)
             if len(self._refused) < RESTART_FRAMES:
                 raise
-            frames, restarted = list(self._refused), True
+            earlier_ones, restarted = self._refused[:-1], True
             self.clear()
-            for earlier in frames[:-1]:
+            for earlier in earlier_ones:
                 self._take(earlier, now_ns)
+        self._check_content(frame)
         self._take(frame, now_ns)
         return restarted
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
-        gap = frame.stamp_ns - (self.stamp_ns or 0) if self._frames else 0
-        if gap > self.max_gap_ns:
-            if not self.full:
-                self._on_gap(gap * 1e-9)
-            self._frames.clear()
         self._refused.clear()
-        self._leads.append(frame.stamp_ns - now_ns)
-        self.arrival_ns = now_ns
-        self.count = len(frame.poses)
-        self._frames.append(frame)
+        later: list[PoseArrayFrame] = []
+        now, newborn = self._now, self._now.next_id
+        while self._frames and self._frames[-1][0].stamp_ns > frame.stamp_ns:
+            after, now = self._frames.pop()
+            later.insert(0, after)
+        if later:
+            self.counts['reordered'] += 1
+        else:
+            self._leads.append(frame.stamp_ns - now_ns)
+            self.arrival_ns = now_ns
+        anew = now.next_id < newborn
+        for one in (frame, *later):
+            if len(now.stamps) and one.stamp_ns - now.stamps[-1] > self.max_gap_ns:
+                if not self.full:
+                    self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
+                self._frames.clear()
+                matched = self.following.matched
+                now = TrackedSet.empty(now.next_id, now.differences) if matched else _NOTHING
+            self._frames.append((one, now))
+            now = now.after(one, self.following)
+        self.counts['missed'] += 0 if later else now.missed
+        # a late frame may have given other spheres the same ids
+        self._become(now, changed=anew)
+
+    def _become(self, now: TrackedSet, *, changed: bool = False) -> None:
+        before, self._now, self._state = self._now.ids, now, None
+        if changed or not np.array_equal(before, now.ids):
+            self.generation += 1
+            self.counts['appeared'] += len(np.setdiff1d(now.ids, before))
+            self.counts['vanished'] += len(np.setdiff1d(before, now.ids))
 
     def start(self) -> tuple[int, State]:
         """Stamp [ns] and state of the newest frame, with velocities from the whole window."""
-        stamps = [frame.stamp_ns for frame in self._frames]
-        poses = np.stack([frame.poses for frame in self._frames])
-        positions = poses[:, :, :3]
-        quaternions = poses[:, :, 3:] / np.linalg.norm(poses[:, :, 3:], axis=-1, keepdims=True)
-        times = [(stamp - stamps[-1]) * 1e-9 for stamp in stamps]  # exact: differences are small
-        velocities, spins = estimate_velocities(times, positions, quaternions, self.gravity)
-        return stamps[-1], State(
-            positions=positions[-1],
-            quaternions=quaternions[-1],
-            velocities=velocities,
-            angular_velocities=spins,
-        )
+        if self._state is None:
+            motion = self._now.window_motion(self.following)
+            self._state = State(
+                positions=motion.positions,
+                quaternions=motion.quaternions,
+                velocities=motion.velocities,
+                angular_velocities=motion.angular_velocities,
+            )
+        return int(self._now.stamps[-1]), self._state
 
     def _check_count(self, count: int) -> None:
-        if count == 0:
+        known, matched = self.count, self.following.matched
+        if count == 0 and not (matched and known):
             raise RejectedFrame('empty', 'it holds no poses, expected one per sphere')
         if count > self.max_spheres:
             raise RejectedFrame(
@@ -155,25 +246,29 @@ class TrackingWindow:
                 f'it holds {count} spheres, expected at most {self.max_spheres} '
                 '(parameter max_spheres)',
             )
-        if self.count is None:
+        if known is None:
             try:
                 self._check(count)
             except ValueError as error:
                 raise RejectedFrame('model', str(error)) from error
-        elif count != self.count:
+        elif count != known and not matched:
             raise RejectedFrame(
                 'count',
-                f'it holds {count} spheres, expected {self.count} as before; call ~/reset '
+                f'it holds {count} spheres, expected {known} as before; call ~/reset '
                 'to start again with another number',
             )
 
     def _check_stamp(self, stamp: int, now: int) -> None:
         last = self.stamp_ns
         if last is not None and stamp <= last:
+            there = any(frame.stamp_ns == stamp for frame, _ in self._frames)
+            if not there and stamp > self._frames[0][0].stamp_ns:
+                return  # it is late, but has a place
             raise RejectedFrame(
-                'stamp',
+                'duplicate' if there else 'late',
                 f'its stamp {seconds(stamp)} s does not come after {seconds(last)} s of the frame '
-                'before; expected increasing stamps, or a call of ~/reset when the tracker was '
+                f'before, {"and is that of a frame taken" if there else "nor into the window"}; '
+                'expected increasing stamps, or a call of ~/reset when the tracker was '
                 f'started again ({RESTART_FRAMES} such frames with rising stamps do the same)',
             )
         if self.full and stamp - now > self.lead_ns + MAX_AHEAD_NS:
@@ -184,58 +279,22 @@ class TrackingWindow:
                 f'before, expected at most {MAX_AHEAD_NS * 1e-9:g} s',
             )
 
-    def _check_poses(self, poses: Array) -> None:
-        finite = np.isfinite(poses).all(axis=1)
-        if not finite.all():
-            sphere = int(np.argmin(finite))
-            values = ', '.join(f'{value:g}' for value in poses[sphere])
-            raise RejectedFrame(
-                'finite', f'the pose of sphere {sphere} is ({values}), expected finite numbers'
-            )
-        far = np.abs(poses[:, :3]).max(axis=1)
-        if (far > self._far).any():
-            raise RejectedFrame(
-                'far',
-                f'sphere {int(np.argmax(far))} is {far.max():.3g} m out, expected at most '
-                f'{self._far:.3g} m (a million radii); are positions in metres?',
-            )
-        norms = np.linalg.norm(poses[:, 3:], axis=1)
-        if (norms < 1e-6).any():
-            raise RejectedFrame(
-                'quaternion',
-                f'the quaternion of sphere {int(np.argmin(norms))} has norm '
-                f'{norms.min():.2g}, expected 1; send (0, 0, 0, 1) where a rotation is unknown',
-            )
-
-
-class Throttle:
-    """Admits one message of a kind per period, and counts those held back.
-
-    Args:
-        period: Least time between two messages of one kind [s].
-    """
-
-    def __init__(self, period: float) -> None:
-        self.period = period
-        self._next: dict[str, float] = {}
-        self._held: dict[str, int] = {}
-
-    def admit(self, kind: str, now: float) -> int | None:
-        """Number of messages of that kind held back since the last one, or None to hold back this.
-
-        Args:
-            kind: What is counted.
-            now: Time of any steady clock [s].
-        """
-        if now < self._next.get(kind, -np.inf):
-            self._held[kind] = self._held.get(kind, 0) + 1
-            return None
-        self._next[kind] = now + self.period
-        return self._held.pop(kind, 0)
-
-
-def seconds(stamp_ns: int) -> str:
-    """A stamp in seconds with all its digits, which a float would not keep."""
-    sign = '-' if stamp_ns < 0 else ''
-    whole, rest = divmod(abs(stamp_ns), 10**9)
-    return f'{sign}{whole}.{rest:09d}'
+    def _check_content(self, frame: PoseArrayFrame) -> None:
+        """Refuse the poses of the newest frame under a new stamp, where spheres move."""
+        if not self.following.matched or not self._frames or not len(frame.poses):
+            return
+        newest = self._frames[-1][0]
+        same = np.array_equal(newest.poses, frame.poses) and frame.stamp_ns > newest.stamp_ns
+        time = (frame.stamp_ns - newest.stamp_ns) * 1e-9
+        velocities = self._now.motion.velocities
+        travel = time * float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
+        # what stopped at once is believed after a few
+        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.following.radius:
+            self._repeats = 0
+            return
+        self._repeats += 1
+        raise RejectedFrame(
+            'content',
+            f'its poses are those of the frame {time:.3g} s before, in which spheres moved; '
+            'expected each measurement once',
+        )

@@ -91,6 +91,8 @@ QUICK = {
     'evaluate': [],
     'hard-cases': ['--quick', '--cases', 'corner', 'half_below'],
     'benchmark': ['--quick', '--scenes', 'billiards', '--no-scaling', '--no-processes'],
+    'experiment': ['--budget', 'smoke', '--only', 'base'],
+    'report': [],
 }
 
 

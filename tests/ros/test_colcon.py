@@ -22,7 +22,7 @@ for _name, _purpose in (('colcon_core', 'colcon'), ('ament_index_python', 'the a
 
 ROOT = Path(__file__).resolve().parents[2]
 NEEDED = ('package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md', 'LICENSE')
-FOLDERS = ('resource', 'config', 'launch', 'rigid_gns_core', 'rigid_gns_ros')
+FOLDERS = ('resource', 'config', 'launch', 'rviz', 'foxglove', 'rigid_gns_core', 'rigid_gns_ros')
 STAMP = 1_000_000_000_123
 
 
@@ -91,6 +91,11 @@ def test_everything_is_installed(install: Path, prefix: Path) -> None:
         'config/scenes/box_154.yaml',
         'launch/simulator_launch.py',
         'launch/demo_launch.py',
+        'launch/playback_launch.py',
+        'config/table_tennis.yaml',
+        'config/scenes/billiards.yaml',
+        'rviz/rigid_gns.rviz',
+        'foxglove/rigid_gns.json',
     ):
         assert (share / name).is_file(), name
 

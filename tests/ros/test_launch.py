@@ -23,7 +23,11 @@ def has_launch() -> bool:
 
 
 def test_names_follow_the_convention() -> None:
-    assert {file.name for file in FILES} == {'demo_launch.py', 'simulator_launch.py'}
+    assert {file.name for file in FILES} == {
+        'demo_launch.py',
+        'playback_launch.py',
+        'simulator_launch.py',
+    }
 
 
 @pytest.mark.parametrize('file', FILES, ids=lambda file: file.stem)

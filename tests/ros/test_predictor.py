@@ -11,7 +11,8 @@ pytest.importorskip('torch', reason='the model needs torch')
 
 from rigid_gns_ros.forecast import Forecaster
 from rigid_gns_ros.messages import PoseArrayFrame
-from rigid_gns_ros.predictor import Predictor
+from rigid_gns_ros.predictor import Predictor, Resync
+from rigid_gns_ros.starts import Start
 from rigid_gns_ros.tracking import TrackingWindow
 
 PERIOD = 100_000_000  # [ns]
@@ -33,8 +34,14 @@ def test_a_tracker_whose_clock_stood_still_is_followed_again(
         on_gap=lambda _: None,
     )
     warned: list[str] = []
+    starts: list[Start] = []
     predictor = Predictor(
-        model, window, every=True, warn=lambda kind, _: warned.append(kind), error=pytest.fail
+        model,
+        window,
+        resync=Resync('every'),
+        on_start=starts.append,
+        warn=lambda kind, _: warned.append(kind),
+        error=pytest.fail,
     )
     poses, pause = falling(0.0), 4_000_000_000
     ahead, steps = [], []
@@ -48,7 +55,7 @@ def test_a_tracker_whose_clock_stood_still_is_followed_again(
                 predictor.take()
         window.add(PoseArrayFrame(stamp, 'world', poses), now)
         if predictor.forecast is None:
-            predictor.start(now)
+            predictor.start(now, 'first')
         prediction = predictor.compute(now)
         predictor.take()
         ahead.append((prediction.stamp_ns - stamp) // PERIOD)

@@ -58,6 +58,18 @@ def test_a_signal_closes_the_bag(
     assert set(tracked.predicted_bytes) <= set(predicted)
 
 
+def test_a_signal_while_a_future_is_computed_is_obeyed(
+    run_process: Run, bench: Any, falling: Callable[..., np.ndarray]
+) -> None:
+    run = run_process(SIMULATOR, '-p', 'horizon:=60.0', '-p', 'velocity_window:=1')
+    run.wait_for('ready: ')
+    tracked = bench.tracked()
+    tracked.send_until(2, falling(0.0, count=50), STAMP)
+    run.signal(signal.SIGINT)
+    assert run.exit_code() == 0, run.output
+    assert 'Traceback' not in run.output and 'stopped: ' in run.output
+
+
 def test_a_signal_while_the_model_loads_is_obeyed(run_process: Run, tmp_path: Path) -> None:
     run = run_process(SIMULATOR, '--log-level', 'debug')
     run.wait_for('[rcl')  # ROS is up, and torch is not yet

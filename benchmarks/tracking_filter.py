@@ -1,0 +1,194 @@
+"""Velocities from noisy tracked poses, and who is who, against Bullet's own states.
+
+    python benchmarks/tracking_filter.py --json docs/model/tracking_filter.json
+
+Windows of 2 to 10 frames of three scenes with noise added are given to the estimator of
+rigid_gns_ros.velocity and to a plain fit; then whole runs with shuffled order, lost and false poses
+and late, lost and repeated frames go through rigid_gns_ros.tracking. Needs pybullet. Prints the
+tables of docs/tracking.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from machine import cpu_name
+from tracking_filter_matching import cost_of_a_frame, follow
+from tracking_filter_plain import plain_fit
+from tracking_filter_truth import Truth, box, table
+
+from rigid_gns_core.evaluate import read_json, write_json
+from rigid_gns_core.state import Array
+from rigid_gns_ros.surroundings import Surroundings
+from rigid_gns_ros.velocity import estimate_motion
+
+NOISE = (5e-3, 1.5e-2, 5e-2, 0.15, 0.5)  # radii: 0.1 to 10 mm for 20 mm
+FINE = (1e-4, 3e-4, 1e-3, 3e-3)  # radii: 0.1 to 3 mm for 1 m
+WINDOWS = tuple(range(2, 11))
+CLASSES = ('flight', 'bounce', 'touching', 'at impact')
+
+
+def classes(truth: Truth, frame: int, window: int, noise: float, gap: Array) -> Array:
+    """Class of each sphere at a frame: index into CLASSES, shape (n,)."""
+    before = slice(frame - window + 1, frame)
+    struck, bounced = truth.struck[before].any(axis=0), truth.bounced[before].any(axis=0)
+    beside = truth.bounced[max(frame - 1, 0) : frame + 1].any(axis=0)
+    kinds = np.where(bounced, 1, np.where(struck, 2, 0))
+    # within its noise of a contact nobody can tell whether it has been
+    return np.where(beside & (gap[frame] < 3.0 * noise), 3, kinds)
+
+
+def gaps(truth: Truth) -> Array:
+    """Distance of each sphere from what is nearest [m], shape (frames, n)."""
+    around = Surroundings.of(truth.scene)
+    radii = np.full(truth.trajectory.count, truth.radius)
+    found = []
+    for places in truth.trajectory.positions:
+        apart = np.linalg.norm(places[:, None] - places, axis=-1) - 2.0 * truth.radius
+        np.fill_diagonal(apart, np.inf)
+        found.append(np.minimum(np.abs(apart).min(axis=1), around.nearest(places, radii)[1]))
+    return np.array(found)
+
+
+def velocity_errors(truths: list[Truth], noise: float, every: int) -> list[dict[str, Any]]:
+    """One row per window: rms errors of both estimates, by class."""
+    rows = []
+    near = [gaps(truth) for truth in truths]
+    for window in WINDOWS:
+        squares: dict[str, list[Array]] = {'filter': [], 'plain': [], 'filter spin': []}
+        squares |= {'plain spin': [], 'place': [], 'claimed': []}
+        kinds = []
+        for seed, (truth, gap) in enumerate(zip(truths, near, strict=True)):
+            states, scene = truth.trajectory, truth.scene
+            around, gravity = Surroundings.of(scene), np.asarray(scene.gravity)
+            rng = np.random.default_rng([seed, window])
+            seen = states.positions + rng.normal(0.0, noise, states.positions.shape)
+            radii = np.full(states.count, truth.radius)
+            for frame in range(10, len(states), every):
+                part = slice(frame - window + 1, frame + 1)
+                given = states.times[part], seen[part], states.quaternions[part]
+                motion = estimate_motion(*given, around=around, radii=radii, noise=noise)
+                velocities, spins = plain_fit(*given, gravity)
+                true, turning = states.velocities[frame], states.angular_velocities[frame]
+                for name, off in (
+                    ('filter', motion.velocities - true),
+                    ('plain', velocities - true),
+                    ('filter spin', motion.angular_velocities - turning),
+                    ('plain spin', spins - turning),
+                    ('place', motion.positions - states.positions[frame]),
+                ):
+                    squares[name].append(np.square(off).sum(axis=-1))
+                squares['claimed'].append(3.0 * motion.errors**2)
+                kinds.append(classes(truth, frame, window, noise, gap))
+        kind = np.concatenate(kinds)
+        row: dict[str, Any] = {'window': window}
+        row['counts'] = {name: int((kind == i).sum()) for i, name in enumerate(CLASSES)}
+        for name, parts in squares.items():
+            whole = np.concatenate(parts)
+            row[name] = {
+                'all': _rms(whole[kind != 3]),
+                **{one: _rms(whole[kind == i]) for i, one in enumerate(CLASSES)},
+                'bounce, median': _median(whole[kind == 1]),
+            }
+        row['place'] = {'all': row['place']['all']}
+        row['claimed'] = {name: row['claimed'][name] for name in ('flight', 'bounce')}
+        rows.append(row)
+    return rows
+
+
+def _rms(squares: Array) -> float | None:
+    finite = squares[np.isfinite(squares)]
+    return float(f'{np.sqrt(finite.mean()):.4g}') if len(finite) else None
+
+
+def _median(squares: Array) -> float | None:
+    return float(f'{np.sqrt(np.median(squares)):.4g}') if len(squares) else None
+
+
+def velocity_table(report: dict[str, Any]) -> str:
+    """Errors by scene and noise for a few windows, as Markdown."""
+    shown = (2, 3, 4, 5, 6, 8, 10)
+    lines = []
+    for scene in report['velocity']:
+        lines += [
+            f'\n**{scene["scene"]}**, velocity error in m/s, rms: filter / plain fit\n',
+            '| noise | spheres | ' + ' | '.join(f'{w} frames' for w in shown) + ' |',
+            '|---|---|' + '---|' * len(shown),
+        ]
+        for case in scene['cases']:
+            rows = {row['window']: row for row in case['rows']}
+            for kind in ('all', 'flight', 'bounce', 'bounce, median', 'touching'):
+                if rows[shown[-1]]['filter'][kind] is None:
+                    continue
+                cells = [
+                    f'{rows[w]["filter"][kind]:.2g} / {rows[w]["plain"][kind]:.2g}'
+                    if rows[w]['filter'][kind] is not None
+                    else '-'
+                    for w in shown
+                ]
+                noise = f'{1e3 * case["noise"]:g} mm' if kind == 'all' else ''
+                lines.append(f'| {noise} | {kind} | ' + ' | '.join(cells) + ' |')
+    return '\n'.join(lines) + '\n'
+
+
+def matching_table(report: dict[str, Any]) -> str:
+    """Matching errors, as Markdown."""
+    lines = [
+        '| scene | noise | tracker | sphere-frames | switches | untracked | false | noise told |'
+    ]
+    lines += ['|---|---|---|---|---|---|---|---|']
+    for row in report['matching']:
+        lines.append(
+            f'| {row["scene"]} | {1e3 * row["noise"]:g} mm | {row["tracker"]} | '
+            f'{row["sphere_frames"]} | {row["switches"]} | {row["untracked"]} | {row["false"]} | '
+            f'{1e3 * row["noise_told"]:.3g} mm |'
+        )
+    return '\n'.join(lines) + '\n'
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--json', required=True, type=Path, metavar='FILE')
+    parser.add_argument(
+        '--tables', action='store_true', help='print those of FILE, measure nothing'
+    )
+    arguments = parser.parse_args()
+    if not arguments.tables:
+        begin = time.perf_counter()
+        scenes = [
+            ([box()], (*FINE, *NOISE), 4),
+            ([table(71, seed=seed) for seed in range(4)], NOISE, 2),
+            ([table(240, seed=seed) for seed in range(4)], NOISE, 7),
+        ]
+        report: dict[str, Any] = {'machine': cpu_name(), 'velocity': [], 'matching': []}
+        for truths, levels, every in scenes:
+            first = truths[0]
+            cases = []
+            for level in levels:
+                noise = level * first.radius
+                cases.append({'noise': noise, 'rows': velocity_errors(truths, noise, every)})
+                print(
+                    first.name, f'{noise:g} m', f'{time.perf_counter() - begin:.0f} s', flush=True
+                )
+            report['velocity'].append({'scene': first.name, 'cases': cases})
+            for noise in (0.01 * first.radius, 0.05 * first.radius):
+                report['matching'] += follow(first, noise)
+        report['cost_ms'] = cost_of_a_frame(scenes[0][0][0])
+        report['load'] = os.getloadavg()[0]
+        write_json(arguments.json, report)
+    report = read_json(arguments.json)
+    print(velocity_table(report))
+    print(matching_table(report))
+    print(report['cost_ms'], 'load', report['load'])
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

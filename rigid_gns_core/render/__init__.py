@@ -1,0 +1,1 @@
+"""Moving pictures of spheres, drawn on the CPU; see docs/report.md."""

@@ -1,0 +1,73 @@
+"""The comparison that a recorded bag holds, by what `rigid_gns_ros` has without ROS."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..scene import Scene
+from ..state import Array
+from .comparison import Comparison
+
+
+def read_bag_comparison(
+    path: Path, *, scene: str | None, tracked: str | None, predicted: str | None
+) -> Comparison:
+    """Predicted and tracked poses of a bag, its evaluation and its times.
+
+    Args:
+        path: Bag folder, or an .mcap file.
+        scene: Scene of a bag that holds none, or a wrong one: a shipped name or a file.
+        tracked: Topic of the tracked poses. None: that of the simulator.
+        predicted: Topic of the predicted poses. None: the same.
+
+    Raises:
+        ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
+    """
+    reader, topic_finder = _part('bag_reader'), _part('bag_topics')
+    alignment, starting = _part('alignment'), _part('forecast_starts')
+    report = _part('evaluate_bag').evaluate_bag(
+        path, scene=scene, tracked=tracked, predicted=predicted
+    )
+    topics = topic_finder.find_topics(reader.read_bag(path), tracked, predicted)
+    every = report['recording']['start'] == 'every'
+    ours, theirs = alignment.decode_topic(topics.predicted), alignment.decode_topic(topics.tracked)
+    starts = starting.recorded_starts(topics.start)
+    chosen = starting.starts_of(starts, ours.frames, ours.places) if starts else None
+    run, _ = alignment.longest_run(ours.frames, every=every, starts=chosen)
+    usable, _ = alignment.usable_frames(
+        theirs, run.frame_id, run.poses.shape[1], ours.places[run.part]
+    )
+    ahead, truth, _ = alignment.align(run, usable)
+    return Comparison(
+        title=f'{path.resolve().name}: {ahead.count} spheres, model {report["recording"]["model"]}',
+        scene=Scene.from_mapping(report['recording']['scene'], 'scene of the bag'),
+        predicted=ahead,
+        reference=truth,
+        names=('predicted', 'tracked'),
+        evaluation=report,
+        recording=_times(ours, topics.step_time),
+    )
+
+
+def _times(ours: Any, step_time: Any) -> dict[str, tuple[Array, Array]]:
+    """Lateness and period of each prediction, and model steps [ms], over their log times [s]."""
+    log = np.asarray(ours.times, dtype=np.int64)
+    stamps = np.array([frame.stamp_ns for frame in ours.frames], dtype=np.int64)
+    since: Array = 1e-9 * (log - log[0]).astype(np.float64)
+    late: Array = 1e-6 * (log - stamps).astype(np.float64)
+    periods: Array = 1e-6 * np.diff(log).astype(np.float64)
+    times = {'lateness': (since, late), 'period': (since[1:], periods)}
+    if step_time is not None and len(step_time):
+        decode = _part('messages').decode_float64
+        seconds: Array = np.array([decode(message) for message in step_time.messages])
+        times['model step'] = ((step_time.times - log[0]) * 1e-9, 1e3 * seconds)
+    return times
+
+
+def _part(name: str) -> Any:
+    # the core does not depend on the ROS package; this part of it needs no ROS
+    return importlib.import_module(f'rigid_gns_ros.{name}')

@@ -1,0 +1,216 @@
+"""A prediction beside its reference, of a record or a bag: what report, view and render show."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..dataset import Record, read_record
+from ..evaluate import Velocities, evaluate
+from ..metrics import divergence, law_metrics
+from ..metrics.error import check_comparable
+from ..scene import Scene
+from ..state import Array, Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A prediction and what it is compared with.
+
+    Args:
+        title: What it is.
+        scene: Surfaces and spheres of all trajectories.
+        predicted: The prediction.
+        reference: The reference, as long as the prediction; None where there is none.
+        names: What to call the two.
+        evaluation: What `rigid_gns_core.evaluate.evaluate` returns, or its laws alone; of a bag
+            with its counts and times.
+        floors: Other simulations of the reference's start, by name: how far the teacher gets from
+            itself.
+        recording: Of a bag: times since the first prediction [s], shape (m,), and by name what was
+            measured at them [ms], shape (m,).
+        lost: Step from which a trajectory diverged, so that all were cut there; None: none did.
+    """
+
+    title: str
+    scene: Scene
+    predicted: Trajectory
+    reference: Trajectory | None = None
+    names: tuple[str, str] = ('predicted', 'reference')
+    evaluation: dict[str, Any] = field(default_factory=dict)
+    floors: dict[str, Trajectory] = field(default_factory=dict)
+    recording: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    lost: int | None = None
+
+    @property
+    def sides(self) -> dict[str, Trajectory]:
+        """Trajectories by their names, the prediction first."""
+        sides = {self.names[0]: self.predicted}
+        if self.reference is not None:
+            sides[self.names[1]] = self.reference
+        return sides
+
+    def window(self, start: int, stop: int) -> Comparison:
+        """Steps `start` to `stop`, `stop` not included; numbers stay those of the whole."""
+        return replace(
+            self,
+            predicted=self.predicted.window(start, stop),
+            reference=None if self.reference is None else self.reference.window(start, stop),
+            floors={name: floor.window(start, stop) for name, floor in self.floors.items()},
+        )
+
+
+def add_source(parser: argparse.ArgumentParser) -> None:
+    """Options that say what to show."""
+    parser.add_argument(
+        'source',
+        type=Path,
+        metavar='RECORD|BAG',
+        help='HDF5 file of `rigid-gns rollout` or `generate`, or a recorded bag',
+    )
+    parser.add_argument(
+        '--reference',
+        type=Path,
+        metavar='RECORD',
+        help='HDF5 file to compare a record with; a bag holds its own',
+    )
+    parser.add_argument('--title', help='headline (default: from the name of the source)')
+    parser.add_argument('--scene', metavar='NAME|FILE', help='scene of a bag that holds none')
+    parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
+    parser.add_argument('--predicted', metavar='TOPIC', help='topic of predicted poses in a bag')
+
+
+def read_comparison(
+    arguments: argparse.Namespace,
+    *,
+    floors: Sequence[Path] = (),
+    scored: bool = True,
+    velocities: Velocities = 'given',
+) -> Comparison:
+    """Read what the options of `add_source` name.
+
+    Args:
+        arguments: Parsed options.
+        floors: Records of the reference's start, simulated otherwise.
+        scored: Whether to compute the evaluation; it is always there for a bag.
+        velocities: Of records: as given, or 'poses': by backward differences, as for a bag.
+
+    Raises:
+        ValueError: A file cannot be read, or two do not fit together.
+    """
+    source: Path = arguments.source
+    if not source.exists():
+        raise FileNotFoundError(f'{source}: no such record or bag')
+    if source.is_file() and source.suffix != '.mcap':
+        for name in ('scene', 'tracked', 'predicted'):
+            if getattr(arguments, name) is not None:
+                raise ValueError(f'--{name} goes with a bag: the record {source} says it itself')
+        comparison = _read_records(source, arguments.reference, scored, velocities)
+    else:
+        if arguments.reference is not None:
+            raise ValueError(
+                f'--reference goes with a record: the bag {source} holds tracked poses'
+            )
+        from .bag_comparison import read_bag_comparison
+
+        comparison = read_bag_comparison(
+            source, scene=arguments.scene, tracked=arguments.tracked, predicted=arguments.predicted
+        )
+    if floors and comparison.reference is None:
+        raise ValueError('--floor needs a reference to measure from; give --reference too')
+    added = {_floor_name(path): read_record(path).trajectory for path in floors}
+    title = arguments.title or comparison.title
+    return cut(replace(comparison, title=title, floors=added))
+
+
+def cut(comparison: Comparison) -> Comparison:
+    """Only the part that all trajectories have, before any of them diverges.
+
+    Raises:
+        ValueError: They differ in time step or spheres, or one diverges at its start.
+    """
+    everything = {**comparison.sides, **comparison.floors}
+    end = min(map(len, everything.values()))
+    comparison = comparison.window(0, end)
+    everything = {**comparison.sides, **comparison.floors}
+    for name, trajectory in everything.items():
+        try:
+            check_comparable(trajectory, comparison.predicted)
+        except ValueError as error:
+            raise ValueError(f'{name}: {error}') from error
+    steps = [divergence(trajectory, comparison.scene) for trajectory in everything.values()]
+    lost = min((step for step in steps if step is not None), default=None)
+    if lost is None:
+        return comparison
+    if lost == 0:
+        raise ValueError('a trajectory diverges at its start, so there is nothing to show')
+    return replace(comparison.window(0, lost), lost=lost)
+
+
+def _read_records(
+    source: Path, reference: Path | None, scored: bool, velocities: Velocities
+) -> Comparison:
+    record = read_record(source)
+    name = record.name or source.stem
+    if reference is None:
+        return Comparison(
+            title=name,
+            scene=record.scene,
+            predicted=record.trajectory,
+            names=(engine_name(record), ''),
+            evaluation=_laws_alone(record) if scored else {},
+        )
+    other = read_record(reference)
+    frames = min(len(record.trajectory), len(other.trajectory))
+    predicted = record.trajectory.window(0, frames)
+    truth = other.trajectory.window(0, frames)
+    try:
+        check_comparable(predicted, truth)
+    except ValueError as error:
+        raise ValueError(f'{source} and {reference} do not compare: {error}') from error
+    names = engine_name(record), engine_name(other)
+    if names[0] == names[1]:
+        names = f'{names[0]} ({source.stem})', f'{names[1]} ({reference.stem})'
+    return Comparison(
+        title=name,
+        scene=other.scene,
+        predicted=predicted,
+        reference=truth,
+        names=names,
+        evaluation=evaluate(predicted, truth, other.scene, velocities=velocities) if scored else {},
+    )
+
+
+def _laws_alone(record: Record) -> dict[str, Any]:
+    trajectory = record.trajectory
+    return {
+        'steps': trajectory.steps,
+        'dt': trajectory.dt,
+        'spheres': trajectory.count,
+        'diverged_at': {'predicted': divergence(trajectory, record.scene)},
+        'laws': {'predicted': law_metrics(trajectory, record.scene)},
+    }
+
+
+def engine_name(record: Record) -> str:
+    """What computed a record, as its legend says it."""
+    engine = str(record.teacher.get('engine', 'unknown'))
+    if engine == 'pybullet':
+        return 'Bullet'
+    return f'predicted ({record.teacher["model"]})' if 'model' in record.teacher else engine
+
+
+def _floor_name(path: Path) -> str:
+    substeps = read_record(path).teacher.get('substeps')
+    return path.stem if substeps is None else f'{path.stem}, {substeps} substeps'
+
+
+def position_errors(predicted: Trajectory, reference: Trajectory) -> Array:
+    """Distance of each sphere from its reference [m], shape (steps + 1, n)."""
+    distances: Array = np.linalg.norm(predicted.positions - reference.positions, axis=2)
+    return distances

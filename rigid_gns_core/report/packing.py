@@ -1,0 +1,55 @@
+"""Poses as few bytes of text: quantised, differences in time, deflated, base64."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+
+from ..state import Array
+
+POSITION_LEVELS = 65535
+QUATERNION_LEVEL = 127  # half a degree
+
+
+def pack_positions(positions: Array, low: Array, high: Array) -> dict[str, Any]:
+    """Positions between `low` and `high` in 65 535 steps.
+
+    Args:
+        positions: Centres [m], shape (frames, n, 3).
+        low: Least of each coordinate [m], shape (3,).
+        high: Greatest of each coordinate [m], shape (3,).
+
+    Returns:
+        `data` as text, `offset` and `scale` [m], shape (3,): position = offset + scale * integer.
+    """
+    scale = np.maximum(high - low, 1e-9) / POSITION_LEVELS
+    levels = np.rint((positions - low) / scale - POSITION_LEVELS // 2 - 1)
+    offset = low + scale * (POSITION_LEVELS // 2 + 1)
+    return {'data': _pack(levels, 'i2'), 'offset': offset.tolist(), 'scale': scale.tolist()}
+
+
+def pack_quaternions(quaternions: Array) -> dict[str, Any]:
+    """Rotations (x, y, z, w), shape (frames, n, 4), to half a degree; the reader normalises."""
+    return {'data': _pack(np.rint(quaternions * QUATERNION_LEVEL), 'i1')}
+
+
+def unpack(text: str, dtype: str, shape: tuple[int, ...]) -> Array:
+    """The integers of `_pack`, as the page reads them, shape (frames, n, components)."""
+    flat = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=f'<{dtype}')
+    differences = flat.reshape(shape[1], shape[2], shape[0])
+    with np.errstate(over='ignore'):
+        levels = np.cumsum(differences, axis=2, dtype=dtype)
+    return np.moveaxis(levels, 2, 0).astype(np.float64)
+
+
+def _pack(levels: Array, dtype: str) -> str:
+    """Differences in time wrap around, as the sums of the reader do; each sphere's in a row."""
+    rows = np.moveaxis(levels.astype(f'<{dtype}'), 0, 2)
+    differences = rows.copy()
+    with np.errstate(over='ignore'):
+        differences[..., 1:] = rows[..., 1:] - rows[..., :-1]
+    packed = zlib.compress(np.ascontiguousarray(differences).tobytes(), 9)
+    return base64.b64encode(packed).decode('ascii')

@@ -1,0 +1,100 @@
+"""The surfaces of a scene as rectangles that can be drawn: endless ones end around the spheres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..plane import Plane
+from ..scene import Scene
+from ..state import Array, Trajectory
+
+# endless walls are drawn this high, as a part of the ground's longer side: low to look over
+WALL_HEIGHT = 0.18
+
+
+@dataclass(frozen=True)
+class Quad:
+    """A rectangle.
+
+    Args:
+        corners: Counter-clockwise seen from its front [m], shape (4, 3).
+        normal: Unit vector to the front, shape (3,).
+        endless: Whether the surface goes on beyond it.
+    """
+
+    corners: Array
+    normal: Array
+    endless: bool
+
+
+def extent(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
+    """Corners of the box around all spheres at all times [m], each of shape (3,)."""
+    radius = scene.per_sphere('radius', trajectories[0].count)[:, None]
+    low = np.min([(t.positions - radius).min(axis=(0, 1)) for t in trajectories], axis=0)
+    high = np.max([(t.positions + radius).max(axis=(0, 1)) for t in trajectories], axis=0)
+    return low, high
+
+
+def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
+    """The box that most spheres are in at most times: what a camera shows, each of shape (3,)."""
+    places = np.concatenate([t.positions.reshape(-1, 3) for t in trajectories])
+    radius = float(np.max(scene.radius))
+    low, high = np.quantile(places, (0.03, 0.97), axis=0)
+    # what falls from far above is seen when it arrives
+    heights = np.quantile(places @ scene.up, (0.03, 0.85))
+    for point, height in zip((low, high), heights, strict=True):
+        point += (height - point @ scene.up) * scene.up
+    return low - radius, high + radius
+
+
+def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
+    """Rectangles of all surfaces.
+
+    An endless side ends where the box from `low` to `high` and the finite surfaces do, upwards a
+    little above the lowest point.
+    """
+    corners = [c for plane in scene.surfaces for c in _sure_corners(plane)]
+    points = np.array([low, high, *corners])
+    heights = points @ scene.up
+    across = points - np.outer(heights, scene.up)
+    sides = across.max(axis=0) - across.min(axis=0)
+    top = heights.min() + WALL_HEIGHT * float(sides.max())
+    # of the ground a little more, so that nothing stands on its edge
+    margin = 0.04 * float(sides.max())
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    return [_quad(plane, box, margin, scene.up, top) for plane in scene.surfaces]
+
+
+def _sure_corners(plane: Plane) -> list[Array]:
+    """Points that the plane has for sure: of an endless side only the middle."""
+    half = [0.5 * length if np.isfinite(length) else 0.0 for length in _lengths(plane)]
+    centre = np.asarray(plane.point)
+    return [
+        centre + x * half[0] * plane.axes[0] + y * half[1] * plane.axes[1]
+        for x in (-1, 1)
+        for y in (-1, 1)
+    ]
+
+
+def _quad(plane: Plane, box: Array, margin: float, up: Array, top: float) -> Quad:
+    corners = np.stack(np.meshgrid(*box.T, indexing='ij'), axis=-1).reshape(-1, 3)
+    local = (corners - plane.point) @ plane.axes.T
+    endless = np.isinf(_lengths(plane))
+    half = np.where(endless, 0.0, _lengths(plane)) / 2
+    spare = margin if endless.all() else 0.0
+    low = np.where(endless, local[:, :2].min(axis=0) - spare, -half)
+    high = np.where(endless, local[:, :2].max(axis=0) + spare, half)
+    for axis in np.flatnonzero(endless):
+        rise = float(plane.axes[axis] @ up)
+        if abs(rise) > 0.9:  # upwards
+            end = (top - float(np.asarray(plane.point) @ up)) / rise
+            low[axis], high[axis] = (low[axis], end) if rise > 0 else (end, high[axis])
+    rows = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    places = [np.asarray(plane.point) + np.array(row) @ plane.axes[:2] for row in rows]
+    return Quad(np.array(places), np.asarray(plane.normal), bool(endless.any()))
+
+
+def _lengths(plane: Plane) -> Array:
+    return np.array([plane.length_x, plane.length_y])

@@ -1,0 +1,116 @@
+"""diagnostic_msgs/DiagnosticArray as CDR bytes, and statistics of the last seconds. No ROS needed.
+
+What is reported, and from which bounds on a level is not OK, health.py says.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .cdr import Reader, Writer
+
+OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
+SPAN = 10.0  # of statistics [s]
+HARDWARE_ID = 'none'
+
+
+@dataclass(frozen=True)
+class Status:
+    """One diagnostic_msgs/DiagnosticStatus.
+
+    Args:
+        level: OK, WARN or ERROR.
+        name: What is reported about.
+        message: One sentence.
+        values: Numbers and texts, by name.
+    """
+
+    level: int
+    name: str
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status]) -> bytes:
+    """CDR bytes of a message."""
+    writer = Writer()
+    writer.header(stamp_ns, '')
+    writer.numbers('I', len(statuses))
+    for status in statuses:
+        writer.numbers('B', status.level)
+        writer.text('name', status.name)
+        writer.text('message', status.message)
+        writer.text('hardware_id', HARDWARE_ID)
+        writer.numbers('I', len(status.values))
+        for key, value in status.values.items():
+            writer.text('key', key)
+            writer.text('value', value)
+    return writer.cdr
+
+
+def decode_diagnostics(cdr: bytes) -> tuple[int, list[Status]]:
+    """Stamp [ns] and statuses of a message; MessageError where the bytes are not one."""
+    reader = Reader(cdr, 'DiagnosticArray')
+    stamp_ns = reader.stamp()
+    reader.text('frame_id')
+    statuses = []
+    for _ in range(reader.number('I', 'number of statuses')):
+        level = int(reader.number('B', 'level'))
+        name, message = reader.text('name'), reader.text('message')
+        reader.text('hardware_id')
+        values = {}
+        for _ in range(reader.number('I', 'number of values')):
+            key = reader.text('key')
+            values[key] = reader.text('value')
+        statuses.append(Status(level, name, message, values))
+    reader.end()
+    return stamp_ns, statuses
+
+
+class Recent:
+    """Numbers of the last 10 s.
+
+    Args:
+        clock: A steady clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._begun = self._last = clock()
+        self._values: deque[tuple[float, float]] = deque()
+
+    def add(self, value: float = 1.0) -> None:
+        """Take the next number."""
+        self._last = self._clock()
+        self._values.append((self._last, value))
+        self._trim()
+
+    def __len__(self) -> int:
+        self._trim()
+        return len(self._values)
+
+    @property
+    def rate(self) -> float:
+        """Numbers per second; over the time since the start, where that is shorter [Hz]."""
+        return len(self) / min(SPAN, max(self._clock() - self._begun, 1e-9))
+
+    @property
+    def since_last(self) -> float:
+        """Time since the last number, or since the start [s]."""
+        return self._clock() - self._last
+
+    def quantile(self, share: float) -> float:
+        """Quantile, 0 to 1; NaN where there are no numbers."""
+        if not len(self):
+            return float('nan')
+        return float(np.quantile([value for _, value in self._values], share))
+
+    def _trim(self) -> None:
+        oldest = self._clock() - SPAN
+        while self._values and self._values[0][0] < oldest:
+            self._values.popleft()

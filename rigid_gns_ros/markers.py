@@ -1,0 +1,103 @@
+"""visualization_msgs/MarkerArray as CDR bytes: spheres and paths for RViz2 and Foxglove.
+
+One list of spheres for each radius and one line strip for each path. No ROS needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rigid_gns_core.state import Array
+
+from .cdr import Writer
+
+LINE_STRIP, SPHERE_LIST = 4, 7  # visualization_msgs/Marker
+Color = tuple[float, float, float, float]  # red, green, blue, opacity; 0 to 1
+
+
+@dataclass(frozen=True)
+class Marker:
+    """What is drawn of one visualization_msgs/Marker; points are in the frame of the message.
+
+    Args:
+        namespace: With `id` it names what a later marker replaces.
+        id: See `namespace`.
+        kind: LINE_STRIP or SPHERE_LIST.
+        scale: Line width, or diameter of the spheres [m].
+        color: Of all points.
+        points: Positions [m], shape (k, 3).
+    """
+
+    namespace: str
+    id: int
+    kind: int
+    scale: float
+    color: Color
+    points: Array
+
+
+def sphere_markers(
+    namespace: str, positions: ArrayLike, radii: ArrayLike, color: Color
+) -> list[Marker]:
+    """Spheres, shape (n, 3), of the given radii [m], shape (n,)."""
+    places, sizes = np.asarray(positions, dtype=np.float64), np.asarray(radii)
+    return [
+        Marker(namespace, index, SPHERE_LIST, 2 * float(radius), color, places[sizes == radius])
+        for index, radius in enumerate(np.unique(sizes))
+    ]
+
+
+def path_markers(
+    namespace: str, ids: Sequence[int], positions: Array, width: float, color: Color
+) -> list[Marker]:
+    """Paths of n spheres over k times, shape (k, n, 3), as lines of a width [m]."""
+    return [
+        Marker(namespace, int(sphere), LINE_STRIP, width, color, positions[:, index])
+        for index, sphere in enumerate(ids)
+    ]
+
+
+def encode_markers(
+    stamp_ns: int, frame_id: str, lifetime_ns: int, markers: Sequence[Marker]
+) -> bytes:
+    """CDR bytes of a message; each marker vanishes `lifetime_ns` [ns] after it was received."""
+    writer = Writer()
+    writer.numbers('I', len(markers))
+    for marker in markers:
+        writer.header(stamp_ns, frame_id)
+        writer.text('namespace', marker.namespace)
+        writer.numbers('iii', marker.id, marker.kind, 0)  # 0: add or modify
+        size = marker.scale
+        scale = (size, size, size) if marker.kind == SPHERE_LIST else (size, 0.0, 0.0)
+        writer.numbers('d' * 10, 0, 0, 0, 0, 0, 0, 1, *scale)
+        writer.numbers('ffff', *marker.color)
+        writer.stamp(lifetime_ns)
+        writer.numbers('B', 0)  # not locked to the frame
+        writer.numbers('I', len(marker.points))
+        writer.floats(marker.points)
+        writer.align(4)
+        writer.raw(_TAIL)
+    return writer.cdr
+
+
+def _tail() -> bytes:
+    """Fields after the points, all empty: colours, texture, text and mesh; aligned to four."""
+    writer = Writer()
+    writer.numbers('I', 0)  # colors
+    writer.text('texture_resource', '')
+    writer.header(0, '')
+    writer.text('texture.format', '')
+    writer.numbers('II', 0, 0)  # texture.data, uv_coordinates
+    writer.text('text', '')
+    writer.text('mesh_resource', '')
+    writer.text('mesh_file.filename', '')
+    writer.numbers('I', 0)  # mesh_file.data
+    writer.numbers('B', 0)
+    return writer.cdr[4:]
+
+
+_TAIL = _tail()

@@ -1,0 +1,135 @@
+"""trajectory_msgs/MultiDOFJointTrajectory as CDR bytes, straight from and to arrays; no ROS needed.
+
+Every point after the first has the same layout, four bytes after a multiple of eight, so all points
+are records of one structured array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rigid_gns_core.state import Array
+
+from .cdr import MessageError, Reader, Writer, split_stamp
+
+
+@dataclass(frozen=True)
+class FutureFrame:
+    """One trajectory_msgs/MultiDOFJointTrajectory of k points and n bodies.
+
+    Args:
+        stamp_ns: Time from which times of points count [ns].
+        frame_id: Coordinate frame of poses and twists.
+        names: Name of each body.
+        times_ns: Time of each point from the stamp [ns].
+        poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7).
+        twists: Linear [m/s] and angular [rad/s] velocity, shape (k, n, 6).
+    """
+
+    stamp_ns: int
+    frame_id: str
+    names: tuple[str, ...]
+    times_ns: tuple[int, ...]
+    poses: Array
+    twists: Array
+
+
+def encode_trajectory(
+    stamp_ns: int,
+    frame_id: str,
+    names: Sequence[str],
+    times_ns: Sequence[int],
+    poses: ArrayLike,
+    twists: ArrayLike,
+) -> bytes:
+    """CDR bytes of one message; arguments as of `FutureFrame`.
+
+    Raises:
+        MessageError: Shapes disagree, or a text or a time does not fit into the message.
+    """
+    poses, twists = np.asarray(poses, dtype='<f8'), np.asarray(twists, dtype='<f8')
+    points, count = len(times_ns), len(names)
+    for name, array, width in (('poses', poses, 7), ('twists', twists, 6)):
+        if array.shape != (points, count, width):
+            expected = (points, count, width)
+            raise MessageError(f'{name} have shape {array.shape}, expected {expected}')
+    writer = Writer()
+    writer.header(stamp_ns, frame_id)
+    writer.numbers('I', count)
+    for text in names:
+        writer.text('joint name', text)
+    writer.numbers('I', points)
+    if not count:
+        for time in times_ns:
+            writer.numbers('III', 0, 0, 0)
+            writer.stamp(time)
+        return writer.cdr
+    records = np.zeros(
+        points,
+        np.dtype(
+            [
+                ('count', '<u4'),
+                ('poses', '<f8', (count, 7)),
+                ('twist_count', '<u4'),
+                ('padding', '<u4'),
+                ('twists', '<f8', (count, 6)),
+                ('acceleration_count', '<u4'),
+                ('time', '<i4', (2,)),
+            ]
+        ),
+    )
+    records['count'] = records['twist_count'] = count
+    records['poses'], records['twists'] = poses, twists
+    records['time'] = np.array([split_stamp(time) for time in times_ns]).reshape(points, 2)
+    if len(writer) % 8 == 0 and points:
+        # the count of the first point is followed by padding: write it, and begin with the padding
+        writer.numbers('I', count)
+        records['count'][0] = 0
+    writer.raw(records.tobytes())
+    return writer.cdr
+
+
+def decode_trajectory(cdr: bytes) -> FutureFrame:
+    """Read a message of either byte order whose points have a transform and a twist for each name.
+
+    Raises:
+        MessageError: The bytes are cut short, too long, or not such a message.
+    """
+    reader = Reader(cdr, 'MultiDOFJointTrajectory')
+    stamp_ns, frame_id = reader.stamp(), reader.text('frame_id')
+    names = tuple(reader.text('joint name') for _ in range(_bounded(reader, 4, 'joint names')))
+    poses: list[Array] = []
+    twists: list[Array] = []
+    times: list[int] = []
+    for _ in range(_bounded(reader, 20, 'points')):
+        for width, kind, out in ((7, 'transforms', poses), (6, 'velocities', twists)):
+            found = reader.number('I', f'number of {kind}')
+            if found != len(names):
+                raise MessageError(f'{reader.kind}: {found} {kind}, expected {len(names)}')
+            out.append(reader.floats(found, width, kind))
+        reader.floats(reader.number('I', 'number of accelerations'), 6, 'accelerations')
+        times.append(reader.stamp('time_from_start'))
+    reader.end()
+    count = len(names)
+    return FutureFrame(
+        stamp_ns,
+        frame_id,
+        names,
+        tuple(times),
+        np.array(poses, dtype=np.float64).reshape(len(times), count, 7),
+        np.array(twists, dtype=np.float64).reshape(len(times), count, 6),
+    )
+
+
+def _bounded(reader: Reader, size: int, name: str) -> int:
+    """Length of the next sequence, whose items take at least `size` bytes."""
+    count = int(reader.number('I', f'number of {name}'))
+    if count * size > len(reader.cdr) - reader.offset:
+        raise MessageError(
+            f'{reader.kind}: {count} {name} cannot be in the {len(reader.cdr)} bytes of the message'
+        )
+    return count

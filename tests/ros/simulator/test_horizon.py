@@ -1,0 +1,230 @@
+"""The whole future on predicted_trajectory, and what is drawn of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import QoSProfile
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from visualization_msgs.msg import Marker, MarkerArray
+
+from rigid_gns_core.rollout import load_simulator
+from rigid_gns_core.sampling import load_scene
+from rigid_gns_core.state import State
+from rigid_gns_ros.forecast import Forecaster
+from rigid_gns_ros.horizon import Horizon, Job, steps_of
+from rigid_gns_ros.trajectory_message import FutureFrame, decode_trajectory
+
+T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
+Falling = Rollout = Simulated = Callable[..., Any]
+
+
+def futures(setup: Any) -> list[bytes]:
+    """What is heard on predicted_trajectory from now on."""
+    heard: list[bytes] = []
+    setup.bench.tester.create_subscription(
+        MultiDOFJointTrajectory,
+        '/predicted_trajectory',
+        heard.append,
+        QoSProfile(depth=10),
+        raw=True,
+    )
+    publisher = setup.node.simulation.channels.trajectory
+    setup.bench.until(publisher.get_subscription_count, 'discovery')
+    return heard
+
+
+def heard_future(setup: Any, heard: list[bytes], count: int) -> FutureFrame:
+    setup.bench.until(lambda: len(heard) >= count, f'{count} futures')
+    return decode_trajectory(heard[count - 1])
+
+
+def test_every_tracked_frame_gives_its_whole_future_at_once(
+    simulated: Simulated, falling: Falling
+) -> None:
+    setup = simulated(horizon=2.05, velocity_window=2)
+    heard = futures(setup)
+    setup.tracked.send(falling(-0.1), T0 - DT)
+    for index in range(2):  # the clock stands still: nothing is due
+        setup.frame(falling(0.1 * index), T0 + index * DT)
+        found = heard_future(setup, heard, index + 1)
+        assert found.stamp_ns == T0 + index * DT and found.frame_id == 'world'
+        assert found.names == ('sphere_0', 'sphere_1', 'sphere_2')
+        assert found.times_ns == tuple(k * DT for k in range(22))  # 2.05 s is reached by 21 steps
+        start = found.twists[0]
+        expected = load_simulator().rollout(
+            load_scene('box_154')[0],
+            found.poses[0, :, :3],
+            start[:, :3],
+            start[:, 3:],
+            steps=21,
+            quaternions=found.poses[0, :, 3:],
+        )
+        # a future begins with its start, which with scene and model gives it bit by bit
+        np.testing.assert_array_equal(found.poses[:, :, :3], expected.positions)
+        np.testing.assert_array_equal(found.poses[:, :, 3:], expected.quaternions)
+        np.testing.assert_array_equal(found.twists[:, :, :3], expected.velocities)
+        np.testing.assert_array_equal(found.twists[:, :, 3:], expected.angular_velocities)
+        np.testing.assert_allclose(found.poses[0], falling(0.1 * index), atol=1e-9)
+    assert not setup.tracked.predicted
+
+
+def test_the_horizon_is_dynamic_and_stops_with_a_pause(
+    simulated: Simulated, falling: Falling
+) -> None:
+    setup = simulated()
+    heard = futures(setup)
+
+    def change(seconds: float) -> Any:
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=seconds)
+        parameters = [Parameter(name='horizon', value=value)]
+        name = '/simulator/set_parameters'
+        return setup.bench.call(SetParameters, name, parameters=parameters).results[0]
+
+    setup.frame(falling(0.0), T0)
+    assert not change(-1.0).successful and not change(61.0).successful
+    assert change(0.3).successful
+    setup.frame(falling(0.01), T0 + DT // 10)
+    assert len(heard_future(setup, heard, 1).times_ns) == 4
+    assert setup.bench.call(SetBool, '/simulator/pause', data=True).success
+    setup.frame(falling(0.02), T0 + DT // 5)
+    assert setup.bench.call(SetBool, '/simulator/pause', data=False).success
+    assert change(0.1).successful
+    setup.frame(falling(0.03), T0 + 3 * DT // 10)
+    found = heard_future(setup, heard, 2)
+    assert found.stamp_ns == T0 + 3 * DT // 10 and len(found.times_ns) == 2
+    assert change(0.0).successful
+    setup.frame(falling(0.04), T0 + 4 * DT // 10)
+    setup.clock.set(T0 + DT)
+    setup.tracked.wait(1)
+    assert len(heard) == 2
+
+
+def test_markers_show_tracked_predicted_and_future(simulated: Simulated, falling: Falling) -> None:
+    setup = simulated(horizon=0.5)
+    drawn: list[MarkerArray] = []
+    setup.bench.tester.create_subscription(MarkerArray, '/predicted_markers', drawn.append, 100)
+    publisher = setup.node.simulation.channels.markers
+    setup.bench.until(publisher.get_subscription_count, 'discovery')
+    setup.start(falling(0.0))
+    setup.run(1)
+
+    def of(namespace: str) -> list[Marker]:
+        return [m for array in drawn for m in array.markers if m.ns == namespace]
+
+    for namespace in ('tracked', 'predicted', 'path'):
+        setup.bench.until(lambda namespace=namespace: of(namespace), namespace)
+    (tracked,), (predicted,) = of('tracked'), of('predicted')
+    assert tracked.type == predicted.type == Marker.SPHERE_LIST
+    assert tracked.scale.x == 2.0 and len(tracked.points) == len(predicted.points) == 3
+    assert [m.id for m in of('path')] == [0, 1, 2]
+    assert {len(m.points) for m in of('path')} == {6}
+    assert {m.lifetime.sec for array in drawn for m in array.markers} == {1}
+
+
+def test_predictions_go_on_while_a_future_is_computed(
+    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long it takes: between two turns whatever else is due comes first."""
+    held = [True]
+    work = Horizon.work
+    monkeypatch.setattr(
+        Horizon, 'work', lambda self, budget: None if held[0] else work(self, budget)
+    )
+    setup = simulated(horizon=0.2)
+    heard = futures(setup)
+    setup.start(falling(0.0))
+    for index in range(1, 4):  # each frame replaces the one that waits
+        setup.clock.set(T0 + index * DT)
+        setup.tracked.wait(index)
+        setup.frame(falling(0.1 * index), T0 + index * DT)
+    assert not heard
+    held[0] = False
+    assert heard_future(setup, heard, 1).stamp_ns == T0 + 3 * DT
+    assert len(setup.node.simulation.health._superseded) == 3
+
+
+# --- without a node ---
+
+
+@pytest.fixture(scope='module')
+def model() -> Forecaster:
+    return Forecaster('', 'box_154')
+
+
+def job(model: Forecaster, poses: np.ndarray, stamp_ns: int, steps: int) -> Job:
+    state = State(positions=poses[:, :3])
+    return Job(model.forecast(state, 0).rollout, stamp_ns, steps, 'world', (0, 1, 2))
+
+
+def test_a_future_comes_in_turns(model: Forecaster, falling: Falling) -> None:
+    at_once, in_turns = Horizon(), Horizon()
+    assert at_once.work(1e9) is None and not at_once.busy
+    for horizon in (at_once, in_turns):
+        assert horizon.request(job(model, falling(0.0), 7, 5)) and horizon.busy
+    whole = at_once.work(1e9)
+    turns = [in_turns.work(0.0) for _ in range(5)]
+    assert turns[:4] == [None] * 4 and not in_turns.busy
+    last = turns[4]
+    assert whole and last and whole.cdr == last.cdr and last.took > 0
+    assert whole.positions.shape == (6, 3, 3) and not whole.error
+
+
+def test_only_the_newest_frame_waits(model: Forecaster, falling: Falling) -> None:
+    """A frame that comes while a future is computed waits; one that comes then replaces it."""
+    horizon = Horizon()
+    assert horizon.request(job(model, falling(0.0), 0, 2))
+    assert horizon.work(0.0) is None
+    assert horizon.request(job(model, falling(0.1), 1, 2))
+    assert not horizon.request(job(model, falling(0.2), 2, 2))  # in place of 1
+    stamps = []
+    while horizon.busy:
+        future = horizon.work(0.0)
+        stamps += [future.job.stamp_ns] if future else []
+    assert stamps == [0, 2]
+
+
+def test_what_is_cancelled_never_comes(model: Forecaster, falling: Falling) -> None:
+    horizon = Horizon()
+    horizon.request(job(model, falling(0.0), 0, 2))
+    horizon.work(0.0)
+    horizon.request(job(model, falling(0.0), 1, 2))
+    horizon.cancel()
+    assert not horizon.busy and horizon.work(1.0) is None
+
+
+def test_a_future_that_diverges_ends_early(model: Forecaster, falling: Falling) -> None:
+    class Broken:
+        """A rollout that breaks in its third step."""
+
+        def __init__(self, rollout: Any) -> None:
+            self.state, self.dt, self._step, self._left = rollout.state, 0.1, rollout.step, 2
+
+        def step(self) -> Any:
+            self._left -= 1
+            if self._left < 0:
+                raise FloatingPointError('a predicted value is not finite')
+            return self._step()
+
+    horizon, whole = Horizon(), job(model, falling(0.0), 5, 10)
+    horizon.request(replace(whole, rollout=Broken(whole.rollout)))  # type: ignore[arg-type]
+    future = horizon.work(1e9)
+    assert future and future.error == 'a predicted value is not finite'
+    assert len(decode_trajectory(future.cdr).times_ns) == 3
+
+
+@pytest.mark.parametrize(
+    ('horizon', 'dt', 'steps'), [(1.0, 0.1, 10), (0.3, 0.1, 3), (0.31, 0.1, 4), (0.001, 0.1, 1)]
+)
+def test_steps_reach_the_horizon(horizon: float, dt: float, steps: int) -> None:
+    assert steps_of(horizon, dt) == steps

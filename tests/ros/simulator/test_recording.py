@@ -1,0 +1,123 @@
+"""What the simulator node says about itself, and what it records."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+from geometry_msgs.msg import PoseArray
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from rigid_gns_core.sampling import load_scene
+from rigid_gns_ros.bag_reader import read_bag
+from rigid_gns_ros.messages import decode_pose_array
+from rigid_gns_ros.simulator_node import SimulatorNode
+
+T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
+Falling = Rollout = Callable[..., np.ndarray]
+Simulated = Callable[..., Any]
+
+
+def test_the_scene_is_latched(simulated: Simulated) -> None:
+    setup, heard = simulated(), []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    setup.bench.tester.create_subscription(String, '/simulator/scene', heard.append, latched)
+    setup.bench.until(lambda: heard, 'the scene')
+    content = json.loads(heard[0].data)
+    assert content['scene'] == load_scene('box_154')[0].to_mapping()
+    assert content['model'] == 'contact' and content['dt'] == content['period'] == 0.1
+    assert content['model_card']['format_version'] == 1
+    assert content['parameters']['velocity_window'] == 1
+    assert content['topics'] == {
+        'tracked': '/tracked_poses',
+        'predicted': '/predicted_poses',
+        'trajectory': '/predicted_trajectory',
+        'start': '/simulator/start',
+        'step_time': '/simulator/step_time',
+        'diagnostics': '/diagnostics',
+    }
+
+
+def test_the_bag_holds_the_bytes(bench: Any, falling: Falling, tmp_path: Path) -> None:
+    folder = tmp_path / 'bag'
+    node = bench.add(
+        SimulatorNode,
+        remap=('__ns:=/lab', 'predicted_poses:=forecast'),
+        velocity_window=1,
+        record=str(folder),
+        use_sim_time=True,
+    )
+    clock = bench.clock(node)
+    received: list[bytes] = []
+    bench.tester.create_subscription(PoseArray, '/lab/forecast', received.append, 10, raw=True)
+    tracked = bench.tracked('/lab')
+    bench.until(lambda: bench.tester.count_subscribers('/lab/forecast'), 'discovery')
+    clock.set(T0)
+    sent = [tracked.send(falling(0.0), T0)]
+    tracked.wait_computed(1)
+    tracked.send(falling(0.0), T0 + 1, 'map')
+    for index in range(1, 4):
+        clock.set(T0 + index * DT)
+        sent.append(tracked.send(falling(0.1 * index), T0 + index * DT))
+        bench.until(lambda expected=index: len(received) == expected, 'a prediction')
+    tracked.wait_computed(4)
+    node.close()
+    bag = read_bag(folder)
+    assert set(bag.topics) >= {
+        '/lab/tracked_poses',
+        '/lab/forecast',
+        '/lab/simulator/scene',
+        '/lab/simulator/start',
+        '/lab/simulator/step_time',
+        '/diagnostics',
+    }
+    assert [bytes(cdr) for cdr in bag.topics['/lab/forecast'].messages] == received
+    assert [bytes(cdr) for cdr in bag.topics['/lab/tracked_poses'].messages] == sent
+    steps = [bytes(cdr) for cdr in bag.topics['/lab/simulator/step_time'].messages]
+    assert steps == tracked.step_bytes
+    stamps = [decode_pose_array(cdr).stamp_ns for cdr in received]
+    assert list(bag.topics['/lab/forecast'].times) == stamps  # the clock stood at each stamp
+    assert (folder / 'metadata.yaml').is_file()
+
+
+def test_a_bag_is_never_overwritten(bench: Any, tmp_path: Path) -> None:
+    with pytest.raises(FileExistsError, match='parameter record is .*never overwritten'):
+        bench.add(SimulatorNode, record=str(tmp_path))
+
+
+def test_a_bag_that_failed_is_told_at_the_end(
+    simulated: Simulated, tmp_path: Path, log: Callable[[], str]
+) -> None:
+    setup = simulated(record=str(tmp_path / 'bag'))
+    setup.node.simulation.channels.bag._error = 'no space left'  # as the recording thread sets it
+    setup.node.close()
+    assert 'INCOMPLETE: no space left' in log()
+
+
+def test_the_bag_is_split_and_tells_the_quality_that_was_asked_for(
+    simulated: Simulated, falling: Falling, tmp_path: Path
+) -> None:
+    folder = tmp_path / 'bag'
+    name = 'qos_overrides./predicted_trajectory.publisher.reliability'
+    setup = simulated(record=str(folder), record_max_size=0.002, **{name: 'best_effort'})
+    setup.start(falling(0.0))
+    setup.node.close()
+    assert len(list(folder.glob('*.mcap'))) > 1
+    content = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
+    topics = {
+        entry['topic_metadata']['name']: entry['topic_metadata']['offered_qos_profiles'][0]
+        for entry in content['rosbag2_bagfile_information']['topics_with_message_count']
+    }
+    assert topics['/predicted_trajectory']['reliability'] == 'best_effort'
+    assert topics['/predicted_poses']['reliability'] == 'reliable'
+    assert topics['/simulator/start']['durability'] == 'transient_local'
+    assert '/predicted_markers' not in topics
