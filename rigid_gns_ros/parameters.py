@@ -110,7 +110,7 @@ SIMULATOR = (
     ),
     ParameterSpec(
         'velocity_window',
-        3,
+        6,
         'tracked frames from which velocities are fitted; 1: start at rest',
         'frames',
         1,

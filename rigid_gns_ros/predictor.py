@@ -257,8 +257,7 @@ class Predictor:
             raise PredictionError(
                 'start', f'no start from these tracked frames: {error}'
             ) from error
-        frames = tuple(frame.stamp_ns for frame, _ in window._frames)[-window.length :]
-        self.last_start = Start(stamp, frames, reason, window.ids, window.noise)
+        self.last_start = Start(stamp, window.window_ns, reason, window.ids, window.noise)
         if reason != 'every':
             self.last_error = None
         self._on_start(self.last_start)
