@@ -31,8 +31,8 @@ from rigid_gns_core.rollout import Simulator, load_simulator
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, State, Trajectory
 from rigid_gns_core.train import Trainer, load_recipe
-from rigid_gns_ros.import_bag import import_bags
-from rigid_gns_ros.velocity import estimate_velocities
+from rigid_gns_ros.learning.import_bag import import_bags
+from rigid_gns_ros.tracking.velocity import estimate_velocities
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)  # s
 STARTS = (0.6, 1.6, 2.6)  # s, in each of the further bags

@@ -3,9 +3,9 @@
     python benchmarks/tracking_filter.py --json docs/model/tracking_filter.json
 
 Windows of 2 to 10 frames of three scenes with noise added are given to the estimator of
-rigid_gns_ros.velocity and to a plain fit; then whole runs with shuffled order, lost and false poses
-and late, lost and repeated frames go through rigid_gns_ros.tracking. Needs pybullet. Prints the
-tables of docs/tracking.md.
+rigid_gns_ros.tracking.velocity and to a plain fit; then whole runs with shuffled order, lost and
+false poses and late, lost and repeated frames go through rigid_gns_ros.tracking.window. Needs
+pybullet. Prints the tables of docs/tracking.md.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from tracking_filter_truth import Truth, box, table
 
 from rigid_gns_core.evaluate import read_json, write_json
 from rigid_gns_core.state import Array
-from rigid_gns_ros.surroundings import Surroundings
-from rigid_gns_ros.velocity import estimate_motion
+from rigid_gns_ros.tracking.surroundings import Surroundings
+from rigid_gns_ros.tracking.velocity import estimate_motion
 
 NOISE = (5e-3, 1.5e-2, 5e-2, 0.15, 0.5)  # radii: 0.1 to 10 mm for 20 mm
 FINE = (1e-4, 3e-4, 1e-3, 3e-3)  # radii: 0.1 to 3 mm for 1 m

@@ -11,7 +11,7 @@ from tracking_filter_truth import Truth
 
 from rigid_gns_core.state import Array
 from rigid_gns_ros.messages import PoseArrayFrame
-from rigid_gns_ros.tracking import RejectedFrame, TrackingWindow
+from rigid_gns_ros.tracking.window import RejectedFrame, TrackingWindow
 
 LENGTH = 6
 

@@ -14,7 +14,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
     ),
-    'import': ('rigid_gns_ros.import_bag', 'make a data set of the tracked poses in bags'),
+    'import': ('rigid_gns_ros.learning.import_bag', 'make a data set of the tracked poses in bags'),
     'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
     'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),

@@ -149,7 +149,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--bag', type=Path, help='recorded bag: score its predicted against its tracked poses'
     )
     parser.add_argument(
-        '--model', help='shipped name or path (with --data; default: the shipped one)'
+        '--model',
+        help='shipped name or path (default: the shipped one; with --bag: the predictions in it)',
     )
     parser.add_argument(
         '--steps', type=int, help='steps to roll out (with --data; default: as long as the data)'
@@ -202,9 +203,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run_bag(arguments: argparse.Namespace) -> int:
-    for name in ('model', 'steps'):
-        if getattr(arguments, name) is not None:
-            raise ValueError(f'--{name} goes with --data: a bag holds its own predictions')
+    if arguments.steps is not None:
+        raise ValueError('--steps goes with --data: all of a bag is scored')
     # the core does not depend on the ROS package; its bag reader needs no ROS either
     return importlib.import_module('rigid_gns_ros.evaluate_bag').run(arguments)
 

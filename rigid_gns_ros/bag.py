@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from .bag_metadata import Qos, RecordedTopic, qos_profiles
-from .bag_splits import SplitBag
-from .definitions import type_hash
+from .encoding.definitions import type_hash
+from .recording.bag_metadata import Qos, RecordedTopic, qos_profiles
+from .recording.bag_splits import SplitBag
 
 FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
 

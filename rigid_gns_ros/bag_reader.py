@@ -17,8 +17,8 @@ import yaml
 from mcap.records import Channel, Header, Schema
 from numpy.typing import NDArray
 
-from .bag_file import LIBRARY
-from .mcap_records import BagError, read_records, zstd_decompress
+from .recording.bag_file import LIBRARY
+from .recording.mcap_records import BagError, read_records, zstd_decompress
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
 

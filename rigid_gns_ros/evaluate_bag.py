@@ -14,10 +14,16 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 
 from .bag_reader import Bag, BagError, read_bag
-from .bag_topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
-from .horizon_errors import format_horizons
-from .score_predictions import score_predictions
-from .tracked_segments import find_tracked
+from .evaluation.horizon_errors import format_horizons
+from .evaluation.score_predictions import score_predictions
+from .learning.tracked_segments import find_tracked
+from .recording.bag_topics import (
+    find_topics,
+    holds_predictions,
+    listing,
+    recorded_scenes,
+    said_names,
+)
 
 _BY_HORIZON = {
     'horizon_errors': 'Position error since a start [m]',
@@ -62,7 +68,7 @@ def evaluate_bag(
         topics = find_topics(bag, tracked, predicted)
         return score_predictions(bag, topics, _scene(bag, topics.recorded, scene), figure)
     # late: a model need not be there to score predictions
-    from .score_rollouts import RolloutOptions, score_rollouts
+    from .evaluation.score_rollouts import RolloutOptions, score_rollouts
 
     scenes = [one for one in recorded_scenes(bag).values() if 'scene' in one]
     topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
@@ -184,7 +190,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, model: str | None) -> int:
-    from .reproduce import reproduce
+    from .evaluation.reproduce import reproduce
 
     bag = read_bag(arguments.bag)
     result = reproduce(bag, find_topics(bag, arguments.tracked, arguments.predicted), model)

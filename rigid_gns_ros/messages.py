@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from rigid_gns_core.state import Array
 
-from .cdr import LITTLE_ENDIAN, MessageError, Reader, encode_text, split_stamp
+from .encoding.cdr import LITTLE_ENDIAN, MessageError, Reader, encode_text, split_stamp
 
 __all__ = [
     'MessageError',

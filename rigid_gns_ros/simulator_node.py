@@ -11,13 +11,13 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from .forecast import Forecaster
 from .messages import encode_string
+from .node.simulation import Simulation
+from .node.threads import bound_threads
 from .parameters import SIMULATOR, declare
+from .prediction.forecast import Forecaster
 from .process import ClosingNode, log_end, run_node
-from .simulation import Simulation
-from .threads import bound_threads
-from .tracking import seconds
+from .tracking.window import seconds
 
 # a longer jump of simulated time starts anew
 JUMP = Duration(seconds=1, nanoseconds=1)

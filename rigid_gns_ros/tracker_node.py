@@ -12,12 +12,12 @@ from rigid_gns_core.dataset import Record, demo_record, read_record
 from rigid_gns_core.sampling import load_scene, sample_start
 from rigid_gns_core.state import Array
 
-from .alarm import Alarm
-from .channels import overridable, sensor_data
 from .messages import PoseArrayCodec
+from .node.alarm import Alarm
+from .node.channels import overridable, sensor_data
 from .parameters import TRACKER, declare
 from .process import ClosingNode, Finished, log_end, run_node
-from .tracking import seconds
+from .tracking.window import seconds
 
 WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]
 LIVE_SUBSTEPS = 48  # of the teacher per frame: what a slow core does in real time

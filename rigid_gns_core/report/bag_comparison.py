@@ -27,8 +27,8 @@ def read_bag_comparison(
     Raises:
         ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
-    reader, topic_finder = _part('bag_reader'), _part('bag_topics')
-    alignment, starting = _part('alignment'), _part('forecast_starts')
+    reader, topic_finder = _part('bag_reader'), _part('recording.bag_topics')
+    alignment, starting = _part('evaluation.alignment'), _part('evaluation.forecast_starts')
     report = _part('evaluate_bag').evaluate_bag(
         path, scene=scene, tracked=tracked, predicted=predicted
     )

@@ -129,7 +129,7 @@ def test_command_on_data(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         (['--data', '{data}', '--steps', '0'], '--steps is 0'),
         (['--data', '{data}', '--model', 'nosuch'], "no model 'nosuch'"),
         (['--data', '{data}', '--tracked', '/a'], '--tracked goes with --bag'),
-        (['--bag', 'nosuch', '--model', 'gns'], '--model goes with --data'),
+        (['--bag', 'nosuch', '--steps', '5'], '--steps goes with --data'),
         (['--bag', 'nosuch'], 'nosuch'),
     ],
 )

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigid_gns_ros.admission import first_seen, triples
-from rigid_gns_ros.association import gates, match
-from rigid_gns_ros.coasting import coast
-from rigid_gns_ros.surroundings import Surroundings
+from rigid_gns_ros.tracking.admission import first_seen, triples
+from rigid_gns_ros.tracking.association import gates, match
+from rigid_gns_ros.tracking.coasting import coast
+from rigid_gns_ros.tracking.surroundings import Surroundings
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

@@ -15,11 +15,11 @@ from rigid_gns_core.dataset import Dataset
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import rotate_quaternions, rotation_between
 from rigid_gns_core.training_set import common_scene
-from rigid_gns_ros.alignment import interpolate
 from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.import_bag import import_bags
+from rigid_gns_ros.evaluation.alignment import interpolate
+from rigid_gns_ros.learning.import_bag import import_bags
+from rigid_gns_ros.learning.tracks import ImportOptions
 from rigid_gns_ros.messages import PoseArrayCodec, encode_string
-from rigid_gns_ros.tracks import ImportOptions
 
 START = 1_700_000_000_123_456_789
 GRAVITY = 9.81

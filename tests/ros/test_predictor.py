@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip('torch', reason='the model needs torch')
 
-from rigid_gns_ros.forecast import Forecaster
 from rigid_gns_ros.messages import PoseArrayFrame
-from rigid_gns_ros.predictor import Predictor, Resync
-from rigid_gns_ros.starts import Start
-from rigid_gns_ros.tracking import TrackingWindow
+from rigid_gns_ros.prediction.forecast import Forecaster
+from rigid_gns_ros.prediction.predictor import Predictor, Resync
+from rigid_gns_ros.prediction.starts import Start
+from rigid_gns_ros.tracking.window import TrackingWindow
 
 PERIOD = 100_000_000  # [ns]
 START = 1_000_000_000_000

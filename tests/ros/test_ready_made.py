@@ -14,8 +14,8 @@ import pytest
 import yaml
 
 from rigid_gns_core.sampling import load_scene, sample_start
-from rigid_gns_ros.forecast import Forecaster
 from rigid_gns_ros.parameters import SIMULATOR
+from rigid_gns_ros.prediction.forecast import Forecaster
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / 'config').glob('*.yaml'))

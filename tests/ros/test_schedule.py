@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from rigid_gns_ros.schedule import Grid, Pacer
+from rigid_gns_ros.prediction.schedule import Grid, Pacer
 
 ORIGIN = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns]

@@ -10,7 +10,7 @@ import pytest
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
 from rigid_gns_ros.messages import PoseArrayFrame
-from rigid_gns_ros.tracking import RESTART_FRAMES, RejectedFrame, TrackingWindow
+from rigid_gns_ros.tracking.window import RESTART_FRAMES, RejectedFrame, TrackingWindow
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)

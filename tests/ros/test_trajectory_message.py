@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigid_gns_ros.cdr import MessageError
-from rigid_gns_ros.diagnostics import (
+from rigid_gns_ros.encoding.cdr import MessageError
+from rigid_gns_ros.encoding.diagnostics import (
     ERROR,
     OK,
     WARN,
@@ -17,8 +17,8 @@ from rigid_gns_ros.diagnostics import (
     decode_diagnostics,
     encode_diagnostics,
 )
-from rigid_gns_ros.markers import encode_markers, path_markers, sphere_markers
-from rigid_gns_ros.trajectory_message import decode_trajectory, encode_trajectory
+from rigid_gns_ros.encoding.markers import encode_markers, path_markers, sphere_markers
+from rigid_gns_ros.encoding.trajectory_message import decode_trajectory, encode_trajectory
 
 # every residue of the length modulo 8, since padding depends on it; empty; UTF-8
 FRAMES = ['', 'w', 'wo', 'wor', 'worl', 'world', 'world_', 'worlds_', 'Kugeln_äöü']

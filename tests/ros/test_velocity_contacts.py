@@ -8,9 +8,9 @@ import pytest
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import rotate_quaternions
-from rigid_gns_ros.motions import CARRIED, FLIGHT, Motion
-from rigid_gns_ros.surroundings import Surroundings
-from rigid_gns_ros.velocity import estimate_motion
+from rigid_gns_ros.tracking.motions import CARRIED, FLIGHT, Motion
+from rigid_gns_ros.tracking.surroundings import Surroundings
+from rigid_gns_ros.tracking.velocity import estimate_motion
 
 DT, RADIUS = 0.1, 1.0
 UP = {

@@ -9,8 +9,8 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 
-from rigid_gns_ros import definitions
 from rigid_gns_ros.bag_reader import read_bag
+from rigid_gns_ros.encoding import definitions
 
 ROOT = Path(__file__).parents[3]
 

@@ -12,12 +12,12 @@ from rigid_gns_core.evaluate import read_json
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
-from rigid_gns_ros.bag_topics import find_topics
 from rigid_gns_ros.evaluate_bag import main
-from rigid_gns_ros.forecast import Forecaster
+from rigid_gns_ros.evaluation.recorded_model import tracking_window
+from rigid_gns_ros.evaluation.reproduce import Reproduction, reproduce
 from rigid_gns_ros.messages import PoseArrayCodec, decode_pose_array, encode_string
-from rigid_gns_ros.recorded_model import tracking_window
-from rigid_gns_ros.reproduce import Reproduction, reproduce
+from rigid_gns_ros.prediction.forecast import Forecaster
+from rigid_gns_ros.recording.bag_topics import find_topics
 
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns], the shipped model's at radius 1 m

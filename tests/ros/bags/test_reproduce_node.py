@@ -12,9 +12,9 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from std_srvs.srv import Trigger
 
 from rigid_gns_ros.bag_reader import read_bag
-from rigid_gns_ros.bag_topics import find_topics
 from rigid_gns_ros.evaluate_bag import evaluate_bag
-from rigid_gns_ros.reproduce import reproduce
+from rigid_gns_ros.evaluation.reproduce import reproduce
+from rigid_gns_ros.recording.bag_topics import find_topics
 from rigid_gns_ros.simulator_node import SimulatorNode
 
 T0 = 1_000_123_456_789  # [ns]

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import SetBool
 
 from rigid_gns_ros.bag_reader import read_bag
-from rigid_gns_ros.diagnostics import ERROR, OK, WARN, Recent, Status, decode_diagnostics
+from rigid_gns_ros.encoding.diagnostics import ERROR, OK, WARN, Recent, Status, decode_diagnostics
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]

@@ -21,9 +21,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.state import State
-from rigid_gns_ros.forecast import Forecaster
-from rigid_gns_ros.horizon import Horizon, Job, steps_of
-from rigid_gns_ros.trajectory_message import FutureFrame, decode_trajectory
+from rigid_gns_ros.encoding.trajectory_message import FutureFrame, decode_trajectory
+from rigid_gns_ros.node.horizon import Horizon, Job, steps_of
+from rigid_gns_ros.prediction.forecast import Forecaster
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]

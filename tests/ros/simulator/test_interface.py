@@ -20,8 +20,8 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.similarity import _upright
 from rigid_gns_core.state import State, quaternion_multiply
-from rigid_gns_ros.forecast import Forecaster, scene_of, turned_gravity
 from rigid_gns_ros.parameters import SIMULATOR
+from rigid_gns_ros.prediction.forecast import Forecaster, scene_of, turned_gravity
 from rigid_gns_ros.simulator_node import SimulatorNode
 
 ROOT = Path(__file__).resolve().parents[3]

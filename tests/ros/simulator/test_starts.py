@@ -15,9 +15,9 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from std_srvs.srv import SetBool, Trigger
 
 from rigid_gns_ros.bag_reader import Bag, read_bag
-from rigid_gns_ros.forecast import Forecaster
 from rigid_gns_ros.messages import PoseArrayCodec, decode_pose_array, decode_string
-from rigid_gns_ros.window_setup import window_of
+from rigid_gns_ros.prediction.forecast import Forecaster
+from rigid_gns_ros.prediction.window_setup import window_of
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]

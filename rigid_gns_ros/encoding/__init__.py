@@ -1,0 +1,1 @@
+"""Messages as bytes, and the definitions that a bag carries."""

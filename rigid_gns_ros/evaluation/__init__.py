@@ -1,0 +1,1 @@
+"""How recorded predictions are compared with what was tracked."""

@@ -1,0 +1,139 @@
+"""When forecasts of a recording began, as the simulator said or as their stamps tell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..bag_reader import BagError, Topic
+from ..messages import MessageError, PoseArrayFrame, decode_string
+from .pose_interpolation import Stamps
+from .prediction_runs import from_one_start, median_period
+
+
+@dataclass(frozen=True)
+class Start:
+    """The (re)start of a forecast.
+
+    Args:
+        stamp_ns: Stamp of the start frame [ns].
+        window_ns: Stamps of the frames that velocities come from, the start frame last [ns].
+        reason: Why it started.
+        place: Place in the recording; predictions after it are its own.
+        ids: Id of each sphere; None where that was not recorded.
+        noise: Of each coordinate of a tracked position [m]; None where that was not recorded.
+    """
+
+    stamp_ns: int
+    window_ns: tuple[int, ...]
+    reason: str
+    place: int
+    ids: tuple[int, ...] | None = None
+    noise: float | None = None
+
+
+def recorded_starts(topic: Topic | None) -> list[Start]:
+    """Starts that a simulator recorded on ~/start; none where there is no such topic.
+
+    Raises:
+        BagError: A message is not what it should be.
+    """
+    starts = []
+    for index, message in enumerate(topic.messages if topic else []):
+        assert topic is not None
+        try:
+            content = json.loads(decode_string(message))
+            window = tuple(int(stamp) for stamp in content['window_ns'])
+            stamp, reason = int(content['stamp_ns']), str(content.get('reason', ''))
+            ids = tuple(int(one) for one in content['ids']) if 'ids' in content else None
+            noise = float(content['noise']) if 'noise' in content else None
+        except (MessageError, json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            raise BagError(
+                f'message {index} of {topic.name} is no start of a forecast: {error!r}; expected '
+                'JSON with stamp_ns, window_ns and reason'
+            ) from error
+        starts.append(Start(stamp, window, reason, int(topic.places[index]), ids, noise))
+    return sorted(starts, key=lambda start: start.place)
+
+
+def starts_of(starts: Sequence[Start], frames: list[PoseArrayFrame], places: Stamps) -> Stamps:
+    """Which start each prediction comes from, -1 for none, shape (frames,).
+
+    It is the last before it in the recording; the one before that where its frame is not earlier
+    than the time predicted for, as of a prediction that was held while a new forecast began.
+    """
+    before = np.searchsorted([start.place for start in starts], places) - 1
+    chosen = np.full(len(frames), -1, dtype=np.int64)
+    for index, frame in enumerate(frames):
+        for candidate in (int(before[index]), int(before[index]) - 1):
+            if candidate >= 0 and starts[candidate].stamp_ns < frame.stamp_ns:
+                chosen[index] = candidate
+                break
+    return chosen
+
+
+@dataclass(frozen=True)
+class Forecasted:
+    """Predictions of one forecast.
+
+    Args:
+        start_ns: Stamp of its start frame [ns].
+        start: Which of the recorded starts it is; -1 where they were not recorded.
+        stamps: Times predicted for [ns], rising, shape (k,).
+        frames: Predictions.
+        places: Their places in the recording, shape (k,).
+    """
+
+    start_ns: int
+    start: int
+    stamps: Stamps
+    frames: list[PoseArrayFrame]
+    places: Stamps
+
+
+def forecasts(
+    starts: Sequence[Start],
+    frames: list[PoseArrayFrame],
+    places: Stamps,
+    tracked: Stamps,
+    *,
+    every: bool,
+) -> list[Forecasted]:
+    """Predictions by forecast.
+
+    Without recorded starts, a forecast is taken to start from the tracked frame one period before
+    its first prediction; where there is no such frame it is left out, as are all of `start: every`.
+
+    Args:
+        starts: Recorded ones, or none.
+        frames: Predictions in the order of recording.
+        places: Their places in the recording, shape (frames,).
+        tracked: Stamps of tracked frames [ns].
+        every: Whether each prediction started from a frame of its own.
+    """
+    found = []
+    if starts:
+        chosen = starts_of(starts, frames, places)
+        for index in np.unique(chosen[chosen >= 0]):
+            own = np.flatnonzero(chosen == index)
+            found.append(_forecasted(starts[index].stamp_ns, int(index), frames, places, own))
+    elif not every and len(frames) > 1:
+        period = median_period(np.array([frame.stamp_ns for frame in frames], dtype=np.int64))
+        for part in from_one_start(frames):
+            start = frames[part.start].stamp_ns - round(period)
+            if len(tracked) and np.abs(tracked - start).min() <= 2:  # stamps are whole nanoseconds
+                own = np.arange(part.start, part.stop)
+                found.append(_forecasted(start, -1, frames, places, own))
+    return found
+
+
+def _forecasted(
+    start_ns: int, start: int, frames: list[PoseArrayFrame], places: Stamps, own: Stamps
+) -> Forecasted:
+    stamps = np.array([frames[index].stamp_ns for index in own], dtype=np.int64)
+    order = np.argsort(stamps, kind='stable')
+    own = own[order]
+    return Forecasted(start_ns, start, stamps[order], [frames[index] for index in own], places[own])

@@ -1,0 +1,108 @@
+"""Position errors some time after a start, over many starts and all their spheres."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rigid_gns_core.state import Array
+
+from ..messages import PoseArrayFrame
+from .alignment import covered
+from .forecast_starts import Forecasted
+from .pose_interpolation import interpolate
+
+HORIZONS = (0.1, 0.3, 1.0, 3.0)
+"""Times after a start at which errors are reported [s]."""
+
+# a prediction so close to a horizon, as a part of it, stands for it
+TOLERANCE = 0.1
+
+
+class HorizonErrors:
+    """Distances of predicted from tracked centres, gathered by horizon."""
+
+    def __init__(self) -> None:
+        self._distances: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS}
+        self._times: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS}
+
+    def add(self, horizon: float, time: float, predicted: Array, tracked: Array) -> None:
+        """Take the centres of one start [m], shape (n, 3), at `time` [s] after it."""
+        distances = np.linalg.norm(predicted - tracked, axis=1)
+        self._distances[horizon].append(np.where(np.isfinite(distances), distances, np.inf))
+        self._times[horizon].append(time)
+
+    def report(self) -> dict[str, dict[str, float]]:
+        """By horizon [s]: `time_s` (mean), `starts`, and `mean_m`, `median_m`, `p90_m`, `max_m`."""
+        found = {}
+        for horizon, parts in self._distances.items():
+            if parts:
+                values = np.concatenate(parts)
+                found[f'{horizon:g}'] = {
+                    'time_s': float(np.mean(self._times[horizon])),
+                    'starts': len(parts),
+                    'mean_m': float(values.mean()),
+                    'median_m': float(np.median(values)),
+                    'p90_m': float(np.quantile(values, 0.9, method='higher')),
+                    'max_m': float(values.max()),
+                }
+        return found
+
+
+def add_forecast(
+    errors: HorizonErrors, forecast: Forecasted, tracked: list[PoseArrayFrame]
+) -> None:
+    """Add errors of the predictions of one forecast.
+
+    For each horizon the prediction nearest to it is taken, if it is within 10 % of it, and compared
+    at its own stamp with the tracked poses, which are interpolated but not across gaps.
+
+    Args:
+        errors: Where to add them.
+        forecast: Predictions.
+        tracked: Frames with as many spheres, of rising stamps.
+    """
+    since = (forecast.stamps - forecast.start_ns) * 1e-9
+    for horizon in HORIZONS:
+        near = int(np.abs(since - horizon).argmin())
+        if abs(since[near] - horizon) > TOLERANCE * horizon:
+            continue
+        wanted = forecast.stamps[near : near + 1]
+        last = bisect_left(tracked, int(wanted[0]), key=_stamp)
+        # a few frames either way tell the usual interval
+        around = tracked[max(last - 4, 0) : last + 4]
+        stamps = np.array([frame.stamp_ns for frame in around], dtype=np.int64)
+        if not len(stamps) or not covered(wanted, stamps)[0]:
+            continue
+        poses = np.stack([frame.poses for frame in around])
+        reference = interpolate(stamps, poses, wanted)[0]
+        predicted = forecast.frames[near].poses
+        errors.add(horizon, float(since[near]), predicted[:, :3], reference[:, :3])
+
+
+def format_horizons(report: Mapping[str, Mapping[str, float]], title: str) -> str:
+    """A table of `HorizonErrors.report`; empty where there is nothing."""
+    if not report:
+        return ''
+    lines = [f'{title:<34}{"starts":>8}' + _row(_HEADS)]
+    for horizon, values in report.items():
+        cells: list[Any] = [f'{values[key]:.3g}' for key in ('mean_m', 'median_m', 'p90_m')]
+        name = f'after {horizon} s'
+        if abs(values['time_s'] / float(horizon) - 1) > 1e-3:
+            name += f' (at {values["time_s"]:.3g} s)'
+        lines.append(f'{name:<34}{values["starts"]:>8}' + _row(cells))
+    return '\n'.join(lines) + '\n'
+
+
+_HEADS = ('mean', 'median', '90 %')
+
+
+def _row(cells: Sequence[str]) -> str:
+    return ''.join(f'{cell:>12}' for cell in cells)
+
+
+def _stamp(frame: PoseArrayFrame) -> int:
+    return frame.stamp_ns

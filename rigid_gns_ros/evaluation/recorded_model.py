@@ -1,0 +1,67 @@
+"""Models and tracking windows outside a node, as the simulator makes them. No ROS needed."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rigid_gns_core.checkpoint import CheckpointError, find_model, load_card
+from rigid_gns_core.scene import Scene
+
+from ..parameters import SIMULATOR
+from ..prediction.forecast import Forecaster
+from ..prediction.window_setup import window_of
+from ..tracking.window import TrackingWindow
+
+
+def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1) -> Forecaster:
+    """A forecaster of a scene that is no file.
+
+    Raises:
+        ValueError: There is no such model, or it cannot serve the scene.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'scene.yaml'  # YAML keeps every digit of a float
+        path.write_text(yaml.safe_dump({'scene': scene.to_mapping()}), encoding='utf-8')
+        return Forecaster(model, str(path), rate=rate, threads=threads)
+
+
+def tracking_window(model: Forecaster, parameters: Mapping[str, Any]) -> TrackingWindow:
+    """The window of a simulator with these parameters, others at their defaults."""
+    defaults = {spec.name: spec.default for spec in SIMULATOR}
+    return window_of(model, {**defaults, **parameters}, check=lambda _: None, on_gap=lambda _: None)
+
+
+def find_recorded_model(recorded: dict[str, Any], given: str | None, where: str) -> str:
+    """Name or path of the model that a bag was recorded with, told by the hash of its weights.
+
+    Args:
+        recorded: What the simulator said on ~/scene.
+        given: Name or path instead of the recorded one.
+        where: For messages.
+
+    Raises:
+        CheckpointError: It is not here, or is another one of the same name.
+    """
+    parameters = recorded.get('parameters', {})
+    names = [given] if given is not None else [parameters.get('model', ''), recorded.get('model')]
+    expected = recorded.get('model_card', {}).get('weights_sha256')
+    seen = []
+    for name in [str(name) for name in names if name is not None]:
+        try:
+            path = find_model(name)
+        except CheckpointError:
+            continue
+        found = load_card(path)['weights_sha256']
+        if expected in (None, found):
+            return name
+        seen.append(f'{path.stem} with {found[:12]}...')
+    wanted = f'weights {expected[:12]}...' if expected else str(recorded.get('model'))
+    raise CheckpointError(
+        f'{where}: was recorded with model {recorded.get("model", "unknown")}, {wanted}; '
+        f'here: {", ".join(seen) or "no such model"}; name its file with --model'
+    )

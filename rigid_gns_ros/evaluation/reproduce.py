@@ -1,0 +1,197 @@
+"""Predictions of a bag computed again, from its tracked poses, and compared byte by byte.
+
+On the machine that recorded a bag all bytes are the same, with the same version of this package;
+elsewhere other vector instructions may round differently.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rigid_gns_core.scene import Scene
+
+from ..bag_reader import Bag, BagError, Topic
+from ..messages import MessageError, PoseArrayCodec, PoseArrayFrame, decode_pose_array
+from ..prediction.forecast import Forecast, Forecaster
+from ..recording.bag_topics import Topics
+from ..tracking.window import RejectedFrame, seconds
+from .alignment import Decoded, decode_topic
+from .forecast_starts import Start, recorded_starts, starts_of
+from .prediction_runs import from_one_start
+from .recorded_model import find_recorded_model, forecaster, tracking_window
+from .replay import replayed
+
+
+@dataclass
+class Reproduction:
+    """What became of the predictions of a bag.
+
+    Args:
+        predictions: Messages in the bag.
+        same: Of these, reproduced byte for byte.
+        different: Reproduced with other bytes.
+        unknown: Whose start is not known, or whose tracked frames are not in the bag.
+        starts: Number of forecasts computed.
+        first_difference: Which prediction differs first, and by how much; None where none does.
+        notes: Sentences on what could not be compared.
+    """
+
+    predictions: int = 0
+    same: int = 0
+    different: int = 0
+    unknown: int = 0
+    starts: int = 0
+    first_difference: dict[str, Any] | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        text = (
+            f'reproduced: {self.same} of {self.predictions} predictions are the same bytes, '
+            f'{self.different} differ, {self.unknown} have no known start'
+        )
+        if self.first_difference:
+            first = self.first_difference
+            text += (
+                f'\nfirst to differ: prediction {first["index"]} for {first["stamp_s"]} s, from '
+                f'the start at {first["start_s"]} s: {first["largest_m"]:.3g} m in a position, '
+                f'{first["values"]} of its numbers'
+            )
+        return '\n'.join([text, *self.notes])
+
+
+def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproduction:
+    """Compute all predictions again.
+
+    Where a bag holds no ~/start, those of `start: first` are computed from the first window of
+    tracked frames, up to the first stamp that tells of another start.
+
+    Args:
+        bag: The bag.
+        topics: Its topics, see `find_topics`.
+        model: File or name of the model. None: the recorded one, told by the hash of its weights.
+
+    Raises:
+        ValueError: The bag does not say how it was recorded, or the model is not here.
+    """
+    recorded = topics.recorded
+    for key in ('scene', 'model_card', 'parameters'):
+        if key not in recorded:
+            raise BagError(
+                f'{bag.path}: nothing on ~/scene says the {key}, so no prediction can be '
+                'computed again; record with this package'
+            )
+    parameters = recorded['parameters']
+    maker = forecaster(
+        Scene.from_mapping(recorded['scene'], 'scene of the bag'),
+        find_recorded_model(recorded, model, str(bag.path)),
+        rate=float(parameters.get('rate', 0.0)),
+        threads=int(parameters.get('threads', 1)),
+    )
+    ours, theirs = decode_topic(topics.predicted), decode_topic(topics.tracked)
+    result = Reproduction(len(topics.predicted), unknown=ours.damaged)
+    starts = recorded_starts(topics.start)
+    if starts:
+        chosen = starts_of(starts, ours.frames, ours.places)
+    else:
+        starts, chosen = _first_start(maker, ours, theirs, parameters, result)
+    messages = _whole_messages(topics.predicted)
+    window = tracking_window(maker, parameters)
+    for index, (start, error) in enumerate(replayed(window, theirs, starts)):
+        own = np.flatnonzero(chosen == index)
+        if not len(own):
+            continue
+        try:
+            if error:
+                raise BagError(error)
+            forecast = maker.forecast(window.start()[1], start.stamp_ns, window.ids)
+        except ValueError as reason:
+            result.unknown += len(own)
+            result.notes.append(f'start at {seconds(start.stamp_ns)} s: {reason}')
+            continue
+        result.starts += 1
+        _compare(result, forecast, [(int(k), ours.frames[k], messages[k]) for k in own])
+    result.unknown += int((chosen < 0).sum())
+    return result
+
+
+def _whole_messages(topic: Topic) -> list[bytes]:
+    """Bytes of the messages that `decode_topic` gives, in its order."""
+    whole = []
+    for message in topic.messages:
+        try:
+            decode_pose_array(message)
+        except MessageError:
+            continue
+        whole.append(bytes(message))
+    return whole
+
+
+def _first_start(
+    maker: Forecaster,
+    ours: Decoded,
+    theirs: Decoded,
+    parameters: dict[str, Any],
+    result: Reproduction,
+) -> tuple[list[Start], np.ndarray]:
+    """The start that the first frames give, and which predictions come from it."""
+    chosen = np.full(len(ours.frames), -1, dtype=np.int64)
+    if parameters.get('start') != 'first':
+        result.notes.append(
+            'the bag holds no ~/start, and its predictions do not all start from the first frames'
+        )
+        return [], chosen
+    window = tracking_window(maker, parameters)
+    taken: list[int] = []
+    for newest in np.argsort(theirs.places, kind='stable'):
+        frame = theirs.frames[newest]
+        try:
+            window.add(frame, int(theirs.times[newest]))
+        except RejectedFrame:
+            continue
+        taken.append(frame.stamp_ns)
+        if window.full:
+            break
+    else:
+        result.notes.append(f'the bag holds no {window.length} tracked frames to start from')
+        return [], chosen
+    period = round(maker.period * 1e9)
+    first = from_one_start(ours.frames)[0]
+    for index in range(first.start, first.stop):
+        since = ours.frames[index].stamp_ns - taken[-1]
+        if since <= 0 or abs(since - round(since / period) * maker.period * 1e9) > 2:
+            break
+        chosen[index] = 0
+    result.notes.append(
+        'the bag holds no ~/start: all is computed from the first tracked frames, up to the first '
+        'stamp that tells of a restart; one that no stamp tells of shows as a difference'
+    )
+    return [Start(taken[-1], tuple(taken), 'first', int(theirs.places[newest]) + 1)], chosen
+
+
+def _compare(
+    result: Reproduction, forecast: Forecast, own: list[tuple[int, PoseArrayFrame, bytes]]
+) -> None:
+    """Compare predictions, each with its index and bytes, with those of a forecast."""
+    for index, frame, message in sorted(own, key=lambda one: one[1].stamp_ns):
+        try:
+            poses = forecast.advance_to(frame.stamp_ns).poses
+        except (ValueError, FloatingPointError):  # diverges here, and did not there
+            poses = np.full_like(frame.poses, np.inf)
+        codec = PoseArrayCodec(frame.frame_id, len(poses))
+        if codec.encode(poses, frame.stamp_ns) == message:
+            result.same += 1
+            continue
+        result.different += 1
+        if result.first_difference is None or index < result.first_difference['index']:
+            alike = poses.shape == frame.poses.shape
+            apart = np.abs(poses - frame.poses) if alike else np.full((1, 7), np.inf)
+            result.first_difference = {
+                'index': index,
+                'stamp_s': seconds(frame.stamp_ns),
+                'start_s': seconds(forecast.start_ns),
+                'largest_m': float(apart[:, :3].max()),
+                'values': int((apart > 0).sum()),
+            }

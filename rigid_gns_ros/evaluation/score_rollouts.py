@@ -1,0 +1,293 @@
+"""Scores of a model on the tracked poses of a bag, whoever recorded it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigid_gns_core.evaluate import evaluate
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.state import Array, Trajectory
+from rigid_gns_core.tracked_motion import estimate_noise
+
+from ..bag_reader import Bag, Topic
+from ..learning.resample import resample
+from ..learning.tracked_segments import Segment, cut
+from ..messages import PoseArrayFrame
+from ..prediction.forecast import Forecast, Forecaster
+from .alignment import AlignmentError, decode_topic
+from .horizon_errors import HORIZONS, TOLERANCE, HorizonErrors
+from .recorded_model import forecaster, tracking_window
+from .score_timing import lateness
+
+# frames further apart than so many of the tracker's intervals are not joined
+GAP = 3.0
+# the longest rollout of which laws and errors are told [s]
+LONGEST = 30.0
+
+
+@dataclass(frozen=True)
+class RolloutOptions:
+    """How a model is tried on tracked poses.
+
+    Args:
+        model: Name or path; empty: the shipped default.
+        starts: Number of start times, evenly over the recording.
+        window: Tracked frames from which velocities are fitted at a start.
+    """
+
+    model: str = ''
+    starts: int = 20
+    window: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ('starts', 'window'):
+            if getattr(self, name) < 1:
+                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 1')
+
+
+class _Reference:
+    """Tracked poses of one segment at any times within it: parabolas in flight, see `resample`."""
+
+    def __init__(self, segment: Segment, scene: Scene, noise: float) -> None:
+        self.segment, self._scene, self._noise = segment, scene, noise
+
+    def at(self, stamps: Array) -> tuple[Array, Array]:
+        """Positions [m], shape (m, n, 3), and quaternions, shape (m, n, 4), at stamps [ns]."""
+        found = resample(
+            self.segment.times,
+            self.segment.poses[..., :3],
+            self.segment.poses[..., 3:],
+            np.clip((stamps - self.segment.stamps[0]) * 1e-9, 0.0, self.segment.times[-1]),
+            gravity=np.asarray(self._scene.gravity, dtype=np.float64),
+            noise=self._noise,
+            radius=float(np.min(self._scene.radius)),
+        )
+        return found.positions, found.quaternions
+
+
+def score_rollouts(
+    bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions, figure: str | Path | None
+) -> dict[str, Any]:
+    """Roll a model out from tracked frames at several times, and score it against what followed.
+
+    Frames are cut where the number of spheres changes, where frames are missing for more than three
+    intervals, and where the tracker began anew. Laws and errors are those of the longest segment,
+    from its start; `horizon_errors` are of all starts.
+
+    Args:
+        bag: The bag.
+        topic: Its tracked poses.
+        scene: Surfaces and spheres.
+        options: Model and starts.
+        figure: PNG to draw. None: none.
+
+    Returns:
+        See `rigid_gns_ros.evaluate_bag.evaluate_bag`.
+
+    Raises:
+        AlignmentError: No segment is long enough.
+        ValueError: The model cannot be had, or cannot serve the scene.
+    """
+    decoded = decode_topic(topic)
+    stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
+    rising = np.diff(stamps)[np.diff(stamps) > 0]
+    if not len(rising):
+        raise AlignmentError(
+            f'{bag.path}: {topic.name} holds {len(stamps)} frames, no two of which follow each '
+            'other; record for longer'
+        )
+    model = forecaster(scene, options.model)
+    parts = cut(decoded.frames, GAP * float(np.median(rising)))
+    noise = estimate_noise(
+        [(part.times, part.poses[..., :3], part.poses[..., 3:]) for part in parts.segments]
+    ).position
+    refused, notes = Counter(parts.refused), []
+    references = []
+    for part in parts.segments:
+        try:
+            notes += model.check(part.poses.shape[1])
+        except ValueError as error:
+            refused['count'] += len(part.stamps)
+            notes.append(str(error))
+            continue
+        references.append(_Reference(part, scene, noise))
+    starts = _starts(references, options, _seconds(model, HORIZONS[0]))
+    if not starts:
+        longest = max((part.times[-1] for part in parts.segments), default=0.0)
+        raise AlignmentError(
+            f'{bag.path}: no stretch of {topic.name} holds {options.window} frames and '
+            f'{HORIZONS[0]:g} s after them; the longest of {len(parts.segments)} has '
+            f'{longest:.3g} s (refused: {dict(refused) or "none"}; cuts: {parts.cuts or "none"}'
+            + (f'; {notes[0]}' if notes else '')
+            + ')'
+        )
+    errors, begun = HorizonErrors(), 0
+    for reference, frames in starts:
+        for forecast in _forecasts(model, reference.segment, frames, options.window):
+            begun += _score(errors, forecast, reference, model)
+    wanted = sum(len(frames) for _, frames in starts)
+    report, drawn = _whole(model, max(references, key=_duration), options)
+    report['recording'] = {
+        'bag': str(bag.path),
+        'predicted': f'rolled out from {begun} of the tracked frames',
+        'tracked': topic.name,
+        'model': model.simulator.name,
+        'start': 'offline',
+        'scene': scene.to_mapping(),
+        'damage': list(bag.warnings),
+    }
+    report['frames'] = {
+        'tracked': len(topic),
+        'tracked_refused': sum(refused.values()) + decoded.damaged,
+        'segments': len(parts.segments),
+        'cuts': sum(parts.cuts.values()),
+        'starts': begun,
+        'starts_failed': wanted - begun,
+        'compared': len(drawn[0]),
+        'compared_s': drawn[0].steps * drawn[0].dt,
+        'tracked_interval_s': float(np.median(rising)) * 1e-9,
+        'tracked_noise_m': noise,
+    }
+    report['horizon_errors'] = errors.report()
+    report['timing'] = lateness('tracked_lateness', decoded)
+    report['notes'] = _notes(parts.cuts, refused, sorted(set(notes)), options) + list(bag.warnings)
+    if figure is not None:
+        from rigid_gns_core.figure import write_figure
+
+        title = f'{bag.path.name}: {drawn[0].count} spheres, model {model.simulator.name}'
+        write_figure(figure, *drawn, scene, title=title, names=('predicted', 'tracked'))
+    return report
+
+
+def _starts(
+    references: list[_Reference], options: RolloutOptions, shortest: float
+) -> list[tuple[_Reference, set[int]]]:
+    """Indices of start frames by segment, evenly over all that can be one."""
+    found = []
+    for place, one in enumerate(references):
+        times = one.segment.times
+        last = int(np.searchsorted(times, times[-1] - shortest + 1e-9, side='right'))
+        found += [(place, frame) for frame in range(options.window - 1, last)]
+    if not found:
+        return []
+    chosen = np.unique(np.linspace(0, len(found) - 1, options.starts).round().astype(int))
+    by_segment: dict[int, set[int]] = {}
+    for index in chosen:
+        place, frame = found[index]
+        by_segment.setdefault(place, set()).add(frame)
+    return [(references[place], frames) for place, frames in by_segment.items()]
+
+
+def _forecasts(
+    model: Forecaster, segment: Segment, wanted: Container[int], length: int
+) -> Iterator[Forecast]:
+    """Forecasts from frames of a segment, as a node makes them that has heard all before.
+
+    Frames that give no start are left out.
+    """
+    window = tracking_window(
+        model, {'frame_id': '', 'velocity_window': length, 'max_spheres': 100_000}
+    )
+    for index, stamp in enumerate(segment.stamps.tolist()):
+        try:
+            window.add(PoseArrayFrame(stamp, '', segment.poses[index]), stamp)
+            if index in wanted and window.full:
+                start, state = window.start()
+                yield model.forecast(state, start, window.ids)
+        except ValueError:  # this frame is refused, or the model cannot go on from it
+            continue
+
+
+def _duration(reference: _Reference) -> float:
+    return float(reference.segment.times[-1])
+
+
+def _seconds(model: Forecaster, horizon: float) -> float:
+    """Whole steps of the model where they are within 10 % of a horizon, else the horizon [s].
+
+    Poses between two steps are a straight line, which in flight is up to g dt^2 / 8 off.
+    """
+    whole = round(horizon / model.native_dt) * model.native_dt
+    return whole if abs(whole - horizon) <= TOLERANCE * horizon else horizon
+
+
+def _score(
+    errors: HorizonErrors, forecast: Forecast, reference: _Reference, model: Forecaster
+) -> bool:
+    """Add the errors of one rollout; whether there were any."""
+    segment, scored = reference.segment, False
+    for horizon in HORIZONS:
+        seconds = _seconds(model, horizon)
+        stamp = forecast.start_ns + round(seconds * 1e9)
+        if stamp > segment.stamps[-1]:
+            break
+        tracked = reference.at(np.array([stamp]))[0][0]
+        try:
+            predicted = forecast.advance_to(stamp).poses[:, :3]
+        except (ValueError, FloatingPointError):  # diverged: infinitely far off
+            predicted = np.full_like(tracked, np.inf)
+        errors.add(horizon, seconds, predicted, tracked)
+        scored = True
+    return scored
+
+
+def _whole(
+    model: Forecaster, reference: _Reference, options: RolloutOptions
+) -> tuple[dict[str, Any], tuple[Trajectory, Trajectory]]:
+    """Report of one rollout over the longest segment, with both trajectories."""
+    segment = reference.segment
+    forecast = next(
+        _forecasts(model, segment, range(options.window - 1, len(segment.stamps)), options.window),
+        None,
+    )
+    begin = segment.stamps[-1] if forecast is None else forecast.start_ns
+    steps = int(min((segment.stamps[-1] - begin) * 1e-9, LONGEST) / model.native_dt + 1e-6)
+    if forecast is None or steps < 1:
+        raise AlignmentError(
+            f'no frame of the longest stretch, {segment.times[-1]:.3g} s, gives a start with a '
+            f'step of {model.native_dt:.3g} s after it'
+        )
+    stamps = forecast.start_ns + np.round(np.arange(steps + 1) * model.native_dt * 1e9).astype(int)
+    positions, quaternions = reference.at(stamps)
+    start = forecast.rollout.state
+    poses = [np.concatenate([start.positions, start.quaternions], axis=1)]
+    for stamp in stamps[1:]:
+        try:
+            poses.append(forecast.advance_to(int(stamp)).poses)
+        except (ValueError, FloatingPointError):
+            poses.append(np.full_like(poses[0], np.nan))
+    predicted = np.stack(poses)
+    dt = model.native_dt
+    with np.errstate(invalid='ignore'):
+        ours = Trajectory.from_poses(predicted[..., :3], predicted[..., 3:], dt)
+    theirs = Trajectory.from_poses(positions, quaternions, dt)
+    return evaluate(ours, theirs, model.scene, velocities='poses'), (ours, theirs)
+
+
+def _notes(
+    cuts: dict[str, int], refused: Counter[str], warnings: list[str], options: RolloutOptions
+) -> list[str]:
+    how = (
+        'The bag is scored by rollouts made now: laws and errors are of one over the longest '
+        'stretch of tracked frames, from its start; errors since a start are of all starts, each '
+        f'with velocities from {options.window} frames.'
+    )
+    measured = (
+        'Tracked poses are measured: errors and the column of the reference hold the noise of the '
+        'tracker.'
+    )
+    notes = [how, measured]
+    if cuts:
+        names = {'gap': 'missing frames', 'count': 'another number of spheres', 'anew': 'restarts'}
+        text = ', '.join(f'{number} for {names[reason]}' for reason, number in cuts.items())
+        notes.append(f'The tracked frames were cut: {text}.')
+    if refused:
+        text = ', '.join(f'{number} for their {reason}' for reason, number in refused.items())
+        notes.append(f'Tracked frames refused: {text}.')
+    return notes + warnings

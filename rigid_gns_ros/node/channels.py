@@ -1,0 +1,187 @@
+"""The simulator's topics, and the bag that takes every message of them, byte for byte."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from std_msgs.msg import Float64, String
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from ..bag import BagWriter
+from ..recording.bag_metadata import Qos
+
+# what a user may change of each topic, as qos_overrides./tracked_poses.subscription.depth
+_CHANGEABLE = (
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.RELIABILITY,
+    QoSPolicyKind.DURABILITY,
+)
+
+
+def sensor_data() -> QoSProfile:
+    """Best effort, depth 5, as a profile of its own: overrides change it in place."""
+    return QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def overridable() -> QoSOverridingOptions:
+    """Makes parameters of a topic's QoS."""
+    return QoSOverridingOptions(_CHANGEABLE)
+
+
+@contextmanager
+def _named_overrides(topic: str) -> Iterator[None]:
+    """Errors of a topic's QoS parameters as ValueError."""
+    try:
+        yield
+    except (RuntimeError, InvalidParameterTypeException) as error:
+        raise ValueError(f'qos_overrides of {topic}: {error}') from error
+
+
+class Channels:
+    """Publishers and subscription of the simulator, which move bytes and no message objects.
+
+    Args:
+        node: The node that they belong to.
+        on_tracked: Called with the bytes of each tracked message.
+        record: Folder of the bag to make; empty: do not record.
+        max_size: See `BagWriter` [MB].
+        max_duration: See `BagWriter` [s].
+
+    Raises:
+        OSError: The bag cannot be made.
+        ValueError: A topic's QoS cannot be used.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        on_tracked: Callable[[bytes], None],
+        record: str,
+        *,
+        max_size: float = 0.0,
+        max_duration: float = 0.0,
+    ) -> None:
+        self._node, self._on_tracked = node, on_tracked
+        # before anything can be received or published
+        self.bag: BagWriter | None = None
+        if record:
+            try:
+                self.bag = BagWriter(
+                    Path(record).expanduser(),
+                    max_size=max_size,
+                    max_duration=max_duration,
+                    on_error=self._log_error,
+                )
+            except OSError as error:
+                raise type(error)(f'parameter record is {record!r}: {error}') from error
+        self.recorded_bytes = 0  # of messages handed to the bag
+        self.predicted = self._publisher(PoseArray, 'predicted_poses')
+        self.trajectory = self._publisher(MultiDOFJointTrajectory, 'predicted_trajectory', depth=1)
+        self.markers = self._publisher(MarkerArray, 'predicted_markers', recorded=False)
+        self.scene = self._publisher(String, '~/scene', depth=1, latched=True)
+        self.start = self._publisher(String, '~/start', depth=1, latched=True)
+        self.step_time = self._publisher(Float64, '~/step_time')
+        self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
+        profile = sensor_data()
+        with _named_overrides('tracked_poses'):
+            self.tracked = node.create_subscription(
+                PoseArray,
+                'tracked_poses',
+                on_tracked,
+                profile,
+                raw=True,
+                qos_overriding_options=overridable(),
+            )
+        self._register(self.tracked.topic_name, PoseArray, profile)
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Resolved names, for whoever reads the bag."""
+        return {
+            'tracked': self.tracked.topic_name,
+            'predicted': self.predicted.topic_name,
+            'trajectory': self.trajectory.topic_name,
+            'start': self.start.topic_name,
+            'step_time': self.step_time.topic_name,
+            'diagnostics': self.diagnostics.topic_name,
+        }
+
+    def send(self, publisher: Publisher, cdr: bytes) -> None:
+        """Publish a message and record it."""
+        publisher.publish(cdr)
+        self._record(publisher.topic_name, cdr)
+
+    def received(self, cdr: bytes) -> None:
+        """Record a tracked message that was accepted."""
+        self._record(self.tracked.topic_name, cdr)
+
+    def drain(self) -> None:
+        """Take all tracked messages that wait, of which the executor takes one at a time."""
+        while True:
+            with self.tracked.handle:
+                taken = self.tracked.handle.take_message(self.tracked.msg_type, self.tracked.raw)
+            if taken is None:
+                return
+            self._on_tracked(taken[0])
+
+    def close(self) -> str:
+        """Finish the bag; returns what became of it, or an empty text."""
+        if self.bag is None:
+            return ''
+        self.bag.close()
+        text = f'bag in {self.bag.folder}'
+        if self.bag.error:
+            text += f', INCOMPLETE: {self.bag.error}'
+        if self.bag.lost:
+            text += f' ({self.bag.lost} messages not recorded)'
+        return text
+
+    def _publisher(
+        self, kind: Any, name: str, *, depth: int = 10, latched: bool = False, recorded: bool = True
+    ) -> Publisher:
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        profile = QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=depth,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=durability,
+        )
+        with _named_overrides(name):
+            publisher = self._node.create_publisher(
+                kind, name, profile, qos_overriding_options=overridable()
+            )
+        if recorded:
+            self._register(publisher.topic_name, kind, profile)
+        return publisher
+
+    def _register(self, name: str, kind: Any, profile: QoSProfile) -> None:
+        """Announce a topic to the bag, with the profile of the three it knows that is nearest."""
+        if self.bag is None:
+            return
+        package, kind_name = kind.__module__.split('.')[0], kind.__name__
+        qos: Qos = 'reliable'
+        if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            qos = 'latched'
+        elif profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+            qos = 'sensor_data'
+        self.bag.add_topic(name, f'{package}/msg/{kind_name}', qos)
+
+    def _log_error(self, text: str) -> None:
+        self._node.get_logger().error(text)
+
+    def _record(self, topic: str, cdr: bytes) -> None:
+        if self.bag:
+            self.recorded_bytes += len(cdr)
+            self.bag.write(topic, cdr, self._node.get_clock().now().nanoseconds)

@@ -1,0 +1,70 @@
+"""Markers of tracked and predicted spheres and of their future, while somebody looks at them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rigid_gns_core.state import Array
+
+from ..encoding.markers import Color, Marker, encode_markers, path_markers, sphere_markers
+
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
+
+    from ..prediction.forecast import Forecaster
+    from .horizon import Future
+
+TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
+PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)
+PATH: Color = (0.20, 0.45, 0.85, 0.9)
+PATH_WIDTH = 0.1  # of a radius
+LIFETIME = 3.0  # [periods]; at least half a second, and the longest gap of a tracker
+
+
+class Drawing:
+    """Publishes markers; they repeat what other topics say and are not recorded.
+
+    Args:
+        publisher: Of visualization_msgs/MarkerArray.
+        model: Gives radii and period.
+        frame_id: Coordinate frame.
+        gap: Longest time between tracked frames [s].
+    """
+
+    def __init__(self, publisher: Publisher, model: Forecaster, frame_id: str, gap: float) -> None:
+        self._publisher, self._model, self._frame_id = publisher, model, frame_id
+        self._lifetime_ns = round(max(LIFETIME * model.period, gap, 0.5) * 1e9)
+
+    def tracked(self, stamp_ns: int, positions: Array, ids: Sequence[int]) -> None:
+        """Draw tracked spheres at their centres [m], shape (n, 3)."""
+        self._spheres('tracked', stamp_ns, positions, ids, TRACKED)
+
+    def predicted(self, stamp_ns: int, positions: Array, ids: Sequence[int]) -> None:
+        """Draw predicted spheres."""
+        self._spheres('predicted', stamp_ns, positions, ids, PREDICTED)
+
+    def future(self, future: Future) -> None:
+        """Draw the paths of a future."""
+        if self.watched and len(future.positions) > 1:
+            width = PATH_WIDTH * self._model.radius
+            ids = future.job.ids
+            self._send(
+                future.job.stamp_ns, path_markers('path', ids, future.positions, width, PATH)
+            )
+
+    @property
+    def watched(self) -> bool:
+        """Whether anybody subscribes."""
+        return self._publisher.get_subscription_count() > 0
+
+    def _spheres(
+        self, namespace: str, stamp_ns: int, positions: Array, ids: Sequence[int], color: Color
+    ) -> None:
+        if self.watched:
+            radii = self._model.radii(ids)
+            self._send(stamp_ns, sphere_markers(namespace, positions, radii, color))
+
+    def _send(self, stamp_ns: int, markers: list[Marker]) -> None:
+        cdr = encode_markers(stamp_ns, self._frame_id, self._lifetime_ns, markers)
+        self._publisher.publish(cdr)

@@ -1,0 +1,94 @@
+"""The whole future on a topic: asked for at each tracked frame, published when it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ..prediction.forecast import Forecaster
+from ..tracking.window import TrackingWindow
+from .channels import Channels
+from .drawing import Drawing
+from .health import Health
+from .horizon import Future, Horizon, Job, steps_of
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+TURN = 2e-3  # of the executor, after which predictions and frames come first [s]
+
+
+class Futures:
+    """Publishes the future from the newest frame, computed in short turns of the executor.
+
+    Args:
+        node: Its executor computes and publishes.
+        model: Makes the forecasts.
+        window: Tracked frames.
+        channels: Topics.
+        drawing: Draws the futures.
+        health: Is told of them.
+        warn: Called with a kind and a sentence; may be called often.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        model: Forecaster,
+        window: TrackingWindow,
+        *,
+        channels: Channels,
+        drawing: Drawing,
+        health: Health,
+        warn: Callable[[str, str], None],
+    ) -> None:
+        self._model, self._window = model, window
+        self._channels, self._drawing, self._health = channels, drawing, health
+        self._warn = warn
+        self._seconds = 0.0
+        self._horizon = Horizon()
+        self._turn = node.create_guard_condition(self._work)
+
+    @property
+    def seconds(self) -> float:
+        """How far ahead the future is predicted [s]; 0: not at all."""
+        return self._seconds
+
+    @seconds.setter
+    def seconds(self, seconds: float) -> None:
+        self._seconds = seconds
+        self.cancel()
+
+    def cancel(self) -> None:
+        """Drop what was asked for."""
+        self._horizon.cancel()
+
+    def request(self) -> None:
+        """Ask for the future of the newest frame."""
+        if not self._seconds:
+            return
+        try:
+            stamp_ns, state = self._window.start()
+            rollout = self._model.forecast(state, stamp_ns, self._window.ids).rollout
+        except ValueError as error:
+            self._warn('horizon', f'no future from these tracked frames: {error}')
+            return
+        steps, ids = steps_of(self._seconds, rollout.dt), self._window.ids
+        job = Job(rollout, stamp_ns, steps, self._window.frame_id, ids)
+        if not self._horizon.request(job):
+            self._health.future_superseded()
+        self._turn.trigger()
+
+    def _work(self) -> None:
+        future = self._horizon.work(TURN)
+        if future is not None:
+            self._publish(future)
+        if self._horizon.busy:
+            self._turn.trigger()  # alarms and messages that wait come first
+
+    def _publish(self, future: Future) -> None:
+        self._health.future_computed(future.took, future.error)
+        if future.error:
+            self._warn('horizon', f'a future ends early: {future.error}')
+        self._channels.send(self._channels.trajectory, future.cdr)
+        self._drawing.future(future)

@@ -1,0 +1,218 @@
+"""How the simulator is doing, as /diagnostics says it: numbers of the last 10 s, and levels.
+
+docs/node.md states the bounds. No ROS in here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..encoding.diagnostics import ERROR, OK, SPAN, WARN, Recent, Status
+from ..prediction.schedule import OVERLOAD_COUNT
+from ..tracking.window import TrackingWindow, seconds
+
+if TYPE_CHECKING:
+    from ..bag import BagWriter
+    from ..prediction.predictor import Predictor
+
+SILENCE = 1.0  # without a tracked frame [s]; a slower tracker may take its longest gap
+LATE_SHARE = 0.5  # of a period, of the 99th percentile of lateness
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What does not change while the node runs.
+
+    Args:
+        name: Of the node.
+        model: Name of the model.
+        scene: Name of the scene.
+        radius: Of the largest sphere [m].
+        gap: Longest time between tracked frames that belong together [s].
+    """
+
+    name: str
+    model: str
+    scene: str
+    radius: float
+    gap: float
+
+
+class Health:
+    """Counts what happens and reports it.
+
+    Args:
+        setting: What does not change.
+        predictor: Tells errors, starts and counts.
+        window: Tells what became of tracked frames and spheres.
+    """
+
+    def __init__(self, setting: Setting, predictor: Predictor, window: TrackingWindow) -> None:
+        self._setting, self._predictor, self._window = setting, predictor, window
+        self.rejected = 0
+        self._last_rejection = ''
+        self._starts = 0
+        self._frames, self._rejections = Recent(), Recent()
+        self._lateness, self._late, self._steps = Recent(), Recent(), Recent()
+        self._futures, self._superseded = Recent(), Recent()
+        self._shortened = ''
+
+    def frame_accepted(self) -> None:
+        """A tracked frame was taken."""
+        self._frames.add()
+
+    def frame_rejected(self, why: str) -> None:
+        """A tracked message was refused."""
+        self.rejected += 1
+        self._last_rejection = why
+        self._rejections.add()
+
+    def started(self) -> None:
+        """A forecast started."""
+        self._starts += 1
+
+    def stepped(self, times: Sequence[float]) -> None:
+        """Steps of the model took so long [s]."""
+        for step_time in times:
+            self._steps.add(step_time)
+
+    def due(self, late: float) -> None:
+        """A prediction was published, or left out, so long after its time [s]."""
+        self._lateness.add(late)
+        if late > self._predictor.period_ns * 1e-9:
+            self._late.add()
+
+    def future_computed(self, took: float, error: str) -> None:
+        """A future took so long [s]; `error` says why it ends early, or is ''."""
+        self._futures.add(took)
+        self._shortened = error
+
+    def future_superseded(self) -> None:
+        """A frame came before the future of the one before it was begun."""
+        self._superseded.add()
+
+    def report(
+        self, *, paused: bool, horizon: float, bag: BagWriter | None, size: int
+    ) -> list[Status]:
+        """The statuses of now.
+
+        Args:
+            paused: Whether predictions are.
+            horizon: Length of futures [s]; 0: none.
+            bag: The recording.
+            size: Bytes handed to it.
+        """
+        statuses = [self._tracking(), self._prediction(paused), _recording(bag, size)]
+        if horizon:
+            statuses.append(self._horizon(horizon))
+        name = self._setting.name
+        return [Status(s.level, f'{name}: {s.name}', s.message, s.values) for s in statuses]
+
+    def _tracking(self) -> Status:
+        silence = self._frames.since_last
+        level, message = OK, 'tracked frames come in'
+        if len(self._rejections) and not len(self._frames):
+            level = ERROR
+            message = f'all tracked messages of the last {SPAN:g} s were rejected'
+        elif silence > max(SILENCE, self._setting.gap):
+            level = WARN
+            message = f'no tracked frame for {silence:.1f} s'
+        elif len(self._rejections):
+            level = WARN
+            message = f'{len(self._rejections)} tracked messages rejected in the last {SPAN:g} s'
+        values = {
+            'rate [Hz]': f'{self._frames.rate:.3g}',
+            'since the newest frame [s]': f'{silence:.3g}',
+            'spheres': str(self._window.count or 0),
+            'noise [m]': f'{self._window.noise:.3g}',
+            'rejected': str(self.rejected),
+            'last rejection': self._last_rejection,
+            **{name: str(count) for name, count in self._window.counts.items()},
+        }
+        return Status(level, 'tracking', message, values)
+
+    def _prediction(self, paused: bool) -> Status:
+        predictor, lateness, late = self._predictor, self._lateness, len(self._late)
+        period = predictor.period_ns * 1e-9
+        level, message = OK, 'predictions are in time'
+        if paused:
+            message = 'paused'
+        elif predictor.forecast is None:
+            level, message = WARN, 'waiting for tracked frames to start from'
+        elif late >= OVERLOAD_COUNT and late == len(lateness):
+            level, message = ERROR, f'all predictions of the last {SPAN:g} s were late by a period'
+        elif late:
+            level, message = (
+                WARN,
+                f'{late} predictions were late by a period in the last {SPAN:g} s',
+            )
+        elif lateness.quantile(0.99) > LATE_SHARE * period:
+            level, message = WARN, 'predictions are late by half a period'
+        elif predictor.beyond_bound:
+            level, message = WARN, 'the prediction is off by more than resync_error'
+        values = {
+            'model': self._setting.model,
+            'scene': self._setting.scene,
+            'rate [Hz]': f'{lateness.rate:.3g}',
+            'period [s]': f'{period:.6g}',
+            **{name: str(count) for name, count in predictor.counts.items()},
+            'lateness p50 [ms]': _milliseconds(lateness, 0.5),
+            'lateness p99 [ms]': _milliseconds(lateness, 0.99),
+            'lateness worst [ms]': _milliseconds(lateness, 1.0),
+            'step time p50 [ms]': _milliseconds(self._steps, 0.5),
+            'step time worst [ms]': _milliseconds(self._steps, 1.0),
+            **self._error(),
+            **self._start(),
+        }
+        return Status(level, 'prediction', message, values)
+
+    def _error(self) -> dict[str, str]:
+        error = self._predictor.last_error
+        if error is None:
+            return {'error mean [m]': '', 'error worst [m]': '', 'error worst [radii]': ''}
+        return {
+            'error mean [m]': f'{error.mean:.4g}',
+            'error worst [m]': f'{error.worst:.4g}',
+            'error worst [radii]': f'{error.worst / self._setting.radius:.4g}',
+        }
+
+    def _start(self) -> dict[str, str]:
+        start = self._predictor.last_start
+        return {
+            'starts': str(self._starts),
+            'last start: reason': start.reason if start else '',
+            'last start: stamp [s]': seconds(start.stamp_ns) if start else '',
+        }
+
+    def _horizon(self, horizon: float) -> Status:
+        level, message = OK, 'every tracked frame has its future'
+        if self._shortened:
+            level, message = WARN, f'the last future ends early: {self._shortened}'
+        elif dropped := len(self._superseded):
+            level = WARN
+            message = f'{dropped} frames of the last {SPAN:g} s got no future: it takes too long'
+        values = {
+            'horizon [s]': f'{horizon:g}',
+            'rate [Hz]': f'{self._futures.rate:.3g}',
+            'time p50 [ms]': _milliseconds(self._futures, 0.5),
+            'time worst [ms]': _milliseconds(self._futures, 1.0),
+            'frames without': str(len(self._superseded)),
+        }
+        return Status(level, 'horizon', message, values)
+
+
+def _recording(bag: BagWriter | None, size: int) -> Status:
+    if bag is None:
+        return Status(OK, 'recording', 'not recording', {'bytes': '0', 'lost': '0'})
+    level, message = OK, f'recording into {bag.folder}'
+    if bag.error:
+        level, message = ERROR, bag.error
+    elif bag.lost:
+        level, message = WARN, f'{bag.lost} messages were not recorded'
+    return Status(level, 'recording', message, {'bytes': str(size), 'lost': str(bag.lost)})
+
+
+def _milliseconds(times: Recent, share: float) -> str:
+    return f'{1e3 * times.quantile(share):.3f}' if len(times) else ''

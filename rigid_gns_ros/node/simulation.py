@@ -1,0 +1,285 @@
+"""The simulator at work: tracked messages in, predictions out, each at its time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..encoding.diagnostics import encode_diagnostics
+from ..messages import PoseArrayCodec, decode_pose_array, encode_float64, encode_string
+from ..prediction.forecast import Forecaster, Prediction
+from ..prediction.predictor import PredictionError, Predictor, Resync
+from ..prediction.starts import Reason, Start
+from ..prediction.window_setup import longest_gap, window_of
+from ..tracking.window import RESTART_FRAMES, RejectedFrame, Throttle, seconds
+from .alarm import Alarm
+from .channels import Channels
+from .drawing import Drawing
+from .futures import Futures
+from .health import Health, Setting
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+LOG_PERIOD = 5.0  # [s], of lines that could repeat
+
+
+class Simulation:
+    """Predicts on a node, from its executor alone.
+
+    Args:
+        node: Gives clock, log and topics.
+        model: Makes the forecasts.
+        parameters: The node's, by name.
+
+    Raises:
+        OSError: The bag cannot be made.
+        ValueError: A parameter cannot be used.
+    """
+
+    def __init__(self, node: Node, model: Forecaster, parameters: Mapping[str, Any]) -> None:
+        self._node, self._model, self._frame_id = node, model, str(parameters['frame_id'])
+        self._throttle = Throttle(LOG_PERIOD)
+        gap = longest_gap(model)
+        self.window = window_of(model, parameters, check=self._check_count, on_gap=self._warn_gap)
+        self.predictor = Predictor(
+            model,
+            self.window,
+            resync=Resync(
+                str(parameters['start']),
+                float(parameters['resync_error']),
+                str(parameters['resync_over']),
+            ),
+            on_start=self._on_start,
+            warn=self.warn,
+            error=node.get_logger().error,
+        )
+        name = node.get_fully_qualified_name().lstrip('/')
+        self.health = Health(
+            Setting(name, model.simulator.name, model.scene_name, model.radius, gap),
+            self.predictor,
+            self.window,
+        )
+        self.paused = False
+        self._reason: Reason = 'first'  # of the next start from nothing
+        self._generation = self.window.generation  # that the forecast is of
+        self._codec = PoseArrayCodec(self._frame_id, 0)
+        self._alarm = Alarm(node, self._on_due)
+        self.channels = Channels(
+            node,
+            self.on_tracked,
+            str(parameters['record']),
+            max_size=float(parameters['record_max_size']),
+            max_duration=float(parameters['record_max_duration']),
+        )
+        self._drawing = Drawing(self.channels.markers, model, self._frame_id, gap)
+        self.futures = Futures(
+            node,
+            model,
+            self.window,
+            channels=self.channels,
+            drawing=self._drawing,
+            health=self.health,
+            warn=self.warn,
+        )
+        self.futures.seconds = float(parameters['horizon'])
+
+    def close(self) -> str:
+        """Stop, and finish the bag; returns what became of all."""
+        self._alarm.cancel()
+        self.futures.cancel()
+        bag = self.channels.close()
+        counts = {**self.predictor.counts, 'rejected': self.health.rejected}
+        text = ', '.join(f'{count} {name}' for name, count in counts.items())
+        return text + (f'; {bag}' if bag else '')
+
+    # --- tracked frames ---
+
+    def on_tracked(self, cdr: bytes) -> None:
+        """Take a tracked message."""
+        now = self._now()
+        try:
+            if now == 0:
+                raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
+            restarted = self.window.add(decode_pose_array(cdr), now)
+        except ValueError as error:
+            self.health.frame_rejected(str(error))
+            self.warn(getattr(error, 'kind', 'bytes'), f'tracked message rejected: {error}')
+            return
+        self.channels.received(cdr)
+        self.health.frame_accepted()
+        if restarted:
+            self._stop('restart')
+            self.warn(
+                'restarted',
+                f'the tracker has begun anew: {RESTART_FRAMES} frames in a row with '
+                'stamps that rise, but do not follow those before; starting again from them',
+            )
+        if self.window.full:
+            self._follow(now)
+        elif self.window.count is None and self.predictor.forecast is not None:
+            self._stop('spheres')
+
+    def _follow(self, now: int) -> None:
+        """Start, start anew or go on, as the newest frame tells."""
+        window, predictor = self.window, self.predictor
+        if self._drawing.watched:
+            stamp_ns, state = window.start()
+            self._drawing.tracked(stamp_ns, state.positions, window.ids)
+        if predictor.forecast is None:
+            self._start(now)
+        elif self.paused:
+            return
+        elif window.generation != self._generation:
+            self._start_anew(now, 'spheres')
+        elif predictor.has_diverged():
+            self._start_anew(now, 'diverged')
+        if predictor.forecast is not None and not self.paused:
+            self.futures.request()
+
+    def _check_count(self, count: int) -> None:
+        for text in self._model.check(count):
+            self.warn(text, text)
+
+    def _warn_gap(self, gap: float) -> None:
+        if self.predictor.forecast is None or self.predictor.every:
+            limit = self.window.max_gap_ns * 1e-9
+            self.warn(
+                'gap',
+                f'tracked frames are {gap:.4g} s apart, more than {limit:.4g} s, and are '
+                f'not fitted together: waiting for {self.window.length} that are closer; where '
+                'the tracker is so slow, set velocity_window:=1 (starts at rest)',
+            )
+
+    # --- predictions ---
+
+    def _start(self, now: int) -> None:
+        try:
+            self.predictor.start(now, self._reason)
+        except PredictionError as error:
+            self._give_up(error)
+            return
+        self._node.get_logger().info(
+            f'started from stamp {seconds(self.window.stamp_ns or 0)} s: {self.window.count} '
+            f'spheres, velocities from {self.window.length} frames'
+        )
+        self.compute()
+
+    def _start_anew(self, now: int, reason: Reason) -> None:
+        try:
+            self.predictor.start_anew(now, reason)
+        except PredictionError as error:
+            self._give_up(error)
+            return
+        if self.predictor.pending is not None:
+            self._report_steps(self.predictor.pending.step_times)
+            if not self.paused:
+                self._alarm.set(self.predictor.due_ns)
+
+    def _on_start(self, start: Start) -> None:
+        self._reason, self._generation = 'restart', self.window.generation
+        self.health.started()
+        self.channels.send(self.channels.start, encode_string(start.json))
+
+    def compute(self) -> None:
+        """Compute the next prediction, to be published when it is due."""
+        try:
+            prediction = self.predictor.compute(self._now())
+        except PredictionError as error:
+            self._give_up(error)
+            return
+        self._report_steps(prediction.step_times)
+        if not self.paused:
+            self._alarm.set(self.predictor.due_ns)
+
+    def _report_steps(self, step_times: Sequence[float]) -> None:
+        self.health.stepped(step_times)
+        for step_time in step_times:
+            self.channels.send(self.channels.step_time, encode_float64(step_time))
+
+    def _on_due(self) -> None:
+        predictor = self.predictor
+        if predictor.forecast is None:
+            return
+        if predictor.pending is None:  # half a period before the next
+            self.channels.drain()
+            if predictor.forecast is not None and predictor.pending is None:
+                self.compute()
+            return
+        now = self._now()
+        self.health.due((now - predictor.due_ns) * 1e-9)
+        prediction = predictor.take_in_time(now)
+        if prediction is not None:
+            self.publish(prediction)
+        if predictor.every:
+            self._alarm.set(predictor.due_ns + predictor.period_ns // 2)
+        else:
+            self.compute()
+
+    def publish(self, prediction: Prediction) -> None:
+        """Publish a prediction now."""
+        if self._codec.count != len(prediction.poses):
+            self._codec = PoseArrayCodec(self._frame_id, len(prediction.poses))
+        cdr = self._codec.encode(prediction.poses, prediction.stamp_ns)
+        self.channels.send(self.channels.predicted, cdr)
+        start = self.predictor.last_start
+        if start is not None:
+            positions = prediction.poses[:, :3]
+            self._drawing.predicted(prediction.stamp_ns, positions, start.ids)
+
+    def _give_up(self, error: PredictionError) -> None:
+        self.forget('restart')
+        self.warn(error.kind, str(error))
+
+    # --- control ---
+
+    def pause(self, wanted: bool) -> bool:
+        """Stop predictions, or let them go on; whether that changed anything."""
+        if wanted == self.paused:
+            return False
+        self.paused = wanted
+        predictor = self.predictor
+        if wanted:
+            self._alarm.cancel()
+            self.futures.cancel()
+        elif predictor.resync.start != 'first':
+            self.forget('restart')  # what is tracked has moved on meanwhile
+        elif predictor.forecast is not None:
+            if predictor.pending is None:
+                self.compute()
+            predictor.resume(self._now())
+            if predictor.pending is not None:
+                self._alarm.set(predictor.due_ns)
+        return True
+
+    def forget(self, reason: Reason) -> None:
+        """Forget all frames and predictions; `reason` is that of the next start."""
+        self.window.clear()
+        self._stop(reason)
+
+    def _stop(self, reason: Reason) -> None:
+        self._alarm.cancel()
+        self.futures.cancel()
+        self.predictor.stop()
+        if self.predictor.last_start is not None:  # else the next is the first
+            self._reason = reason
+
+    def report(self) -> None:
+        """Publish diagnostics."""
+        bag, size = self.channels.bag, self.channels.recorded_bytes
+        statuses = self.health.report(
+            paused=self.paused, horizon=self.futures.seconds, bag=bag, size=size
+        )
+        cdr = encode_diagnostics(self._now(), statuses)
+        self.channels.send(self.channels.diagnostics, cdr)
+
+    def warn(self, kind: str, text: str) -> None:
+        """Log a warning, the same kind not too often."""
+        held = self._throttle.admit(kind, time.monotonic())
+        if held is not None:
+            more = f' ({held} more since the last line)' if held else ''
+            self._node.get_logger().warning(text + more)
+
+    def _now(self) -> int:
+        return self._node.get_clock().now().nanoseconds

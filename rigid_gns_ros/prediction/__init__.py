@@ -1,0 +1,1 @@
+"""From tracked spheres to predictions that are due. No ROS in here."""

@@ -1,0 +1,276 @@
+"""Which prediction is next, from which frame it starts, and when it is due. No ROS in here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..tracking.window import TrackingWindow, seconds
+from .forecast import Forecast, Forecaster, Prediction
+from .schedule import Grid, Pacer
+from .starts import Reason, Start
+
+# a tracker whose clock is further off than this is followed on its own clock [ns]
+CLOCK_TOLERANCE_NS = 1_000_000_000
+
+
+class PredictionError(ValueError):
+    """There is no start or no next prediction. `kind` tells which."""
+
+    def __init__(self, kind: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+@dataclass
+class Resync:
+    """When a forecast starts anew; may change at any time.
+
+    Args:
+        start: first: it never does; every: for each prediction, from the newest frame; diverged:
+            when its error passes the bound.
+        bound: Error from which it has diverged, in radii of the largest sphere.
+        over: Of which spheres that error is: max (the worst) or mean.
+    """
+
+    start: str = 'first'
+    bound: float = 0.5
+    over: str = 'max'
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """How far a forecast was from a tracked frame [m]: the mean over all spheres, and the worst."""
+
+    stamp_ns: int
+    mean: float
+    worst: float
+
+
+class Predictor:
+    """One prediction after the other, each computed ahead and held until it is due.
+
+    Times `now` and due times are of the node's clock, stamps of the tracker's [ns].
+
+    Args:
+        model: Makes the forecasts.
+        window: Tracked frames.
+        resync: When a forecast starts anew.
+        on_start: Called with each start of a forecast, before a prediction of it is made.
+        warn: Called with a kind and a sentence; may be called often.
+        error: Called with a sentence, once.
+    """
+
+    def __init__(
+        self,
+        model: Forecaster,
+        window: TrackingWindow,
+        *,
+        resync: Resync,
+        on_start: Callable[[Start], None],
+        warn: Callable[[str, str], None],
+        error: Callable[[str], None],
+    ) -> None:
+        self._model, self._window, self.resync = model, window, resync
+        self._on_start, self._warn, self._error = on_start, warn, error
+        self.period_ns = round(model.period * 1e9)
+        self.forecast: Forecast | None = None
+        self.pending: Prediction | None = None  # computed, not yet published
+        self.last_start: Start | None = None
+        self.last_error: TrackingError | None = None  # of the present forecast
+        self.counts = {'published': 0, 'late': 0, 'skipped': 0}
+        self._grid = Grid(0, model.period)
+        self._pacer = Pacer(self.period_ns)
+        self._told_overload = False
+        self._anew: Reason | None = None  # why the next `compute` starts from the newest frame
+        self._offset_ns = 0  # node clock minus the tracker's clock, 0 where they agree
+        self._delay_ns = 0  # of all predictions, by the time that they were paused
+
+    @property
+    def every(self) -> bool:
+        """Whether each prediction starts from the newest frame."""
+        return self.resync.start == 'every'
+
+    @property
+    def due_ns(self) -> int:
+        """When the present prediction is to be published."""
+        return self._grid.stamp_ns + self._offset_ns + self._delay_ns
+
+    @property
+    def index(self) -> int:
+        """Number of periods from the frame that the stamps are counted from."""
+        return self._grid.index
+
+    def start(self, now: int, reason: Reason) -> None:
+        """Start from the newest frame; `compute` is next.
+
+        Raises:
+            PredictionError: The frames give no start.
+        """
+        self.forecast = self._new_forecast(reason)
+        self._offset_ns, self._delay_ns = self._clock_offset(self.forecast.start_ns, now), 0
+        self._grid = Grid(self.forecast.start_ns, self._model.period)
+        self._pacer.clear()
+
+    def stop(self) -> None:
+        """Forget what was predicted."""
+        self.forecast = self.pending = self.last_error = self._anew = None
+
+    def start_anew(self, now: int, reason: Reason) -> None:
+        """Start from the newest frame and keep to the stamps; replaces the pending prediction.
+
+        Raises:
+            PredictionError: The frames give no start, or the rollout diverged.
+        """
+        if self.pending is None:
+            self._anew = reason  # by the next `compute`
+        else:
+            self.forecast = self._renewed(now, reason)
+            self.pending = self._advance()
+
+    def has_diverged(self) -> bool:
+        """Compare the forecast with the newest frame; whether `start: diverged` must start anew."""
+        forecast, newest, window = self.forecast, self._newest, self._window
+        if forecast is None or not window.full or newest <= forecast.start_ns:
+            return False
+        if self.last_error and newest == self.last_error.stamp_ns:
+            return False
+        follows = self.resync.start == 'diverged'
+        predicted = forecast.recall(newest)
+        if predicted is None:  # long ago, or not reached yet, as where computing has fallen behind
+            return follows and newest > self._grid.stamp_ns + self.period_ns
+        distances = np.linalg.norm(predicted - window.start()[1].positions, axis=1)
+        self.last_error = TrackingError(newest, float(distances.mean()), float(distances.max()))
+        return follows and self.beyond_bound
+
+    @property
+    def beyond_bound(self) -> bool:
+        """Whether the last error is beyond the bound of `resync`."""
+        error = self.last_error
+        if error is None:
+            return False
+        value = error.mean if self.resync.over == 'mean' else error.worst
+        return not value <= self.resync.bound * self._model.radius
+
+    def compute(self, now: int) -> Prediction:
+        """Compute the next prediction, ahead of the time it is due.
+
+        Raises:
+            PredictionError: The rollout diverged, or the newest frames give no start.
+        """
+        assert self.forecast is not None
+        self._grid.advance()
+        # a slow tracker or a lost frame: it goes on period by period, however late, as a slow
+        # machine would fall behind the more, the more it tried to compute at once
+        newer = self._window.full and self._newest > self.forecast.start_ns
+        reason = self._anew or ('every' if self.every and newer else None)
+        if reason:
+            self._anew = None
+            self.forecast = self._renewed(now, reason)
+        self.pending = self._advance()
+        return self.pending
+
+    def _advance(self) -> Prediction:
+        assert self.forecast is not None
+        try:
+            return self.forecast.advance_to(self._grid.stamp_ns)
+        except (ValueError, FloatingPointError) as error:
+            raise PredictionError(
+                'diverged',
+                f'prediction for {seconds(self._grid.stamp_ns)} s failed: {error}; starting again',
+            ) from error
+
+    def resume(self, now: int) -> None:
+        """Move the schedule by the length of a pause, with one period to get going."""
+        self._delay_ns += now + self.period_ns - self.due_ns
+
+    def take(self) -> Prediction:
+        """The pending prediction, to be published now."""
+        assert self.pending is not None
+        prediction, self.pending = self.pending, None
+        self.counts['published'] += 1
+        return prediction
+
+    def take_in_time(self, now: int) -> Prediction | None:
+        """The pending prediction; None where it is so late that it is left out."""
+        assert self.pending is not None
+        late, took = now - self.due_ns, sum(self.pending.step_times)
+        admitted = self._pacer.admits(late, now)
+        if late > self.period_ns:
+            self.counts['late' if admitted else 'skipped'] += 1
+            self._note_late(late * 1e-9, took)
+        if admitted:
+            return self.take()
+        self.pending = None
+        return None
+
+    def _note_late(self, late: float, took: float) -> None:
+        period = f'{self._model.period:.4g} s'
+        self._warn(
+            'late',
+            f'a prediction is {late:.3f} s late, more than the period of {period}; so far '
+            f'{self.counts["late"]} published late and {self.counts["skipped"]} not published; '
+            f'this one took {took:.4g} s to compute',
+        )
+        if self._pacer.overloaded and not self._told_overload:
+            self._told_overload = True
+            self._error(
+                f'this machine cannot keep up with a prediction every {period} ({took:.4g} s to '
+                'compute the last one): all come late; lower the rate, or track fewer spheres'
+            )
+
+    @property
+    def _newest(self) -> int:
+        """Stamp of the newest frame [ns]; -1 before the first."""
+        newest = self._window.stamp_ns
+        return -1 if newest is None else newest
+
+    def _renewed(self, now: int, reason: Reason) -> Forecast:
+        """Forecast from the newest frame, for a stamp that is not past."""
+        newest, self._delay_ns = self._newest, 0
+        if self._window.lead_ns + self._offset_ns < -CLOCK_TOLERANCE_NS:
+            # even the fastest frame is late: the tracker's clock stood still, or is slower
+            self._offset_ns = self._clock_offset(newest, now)
+            self._grid = Grid(newest, self._model.period)
+            self._grid.advance()
+            self._pacer.clear()
+            return self._new_forecast(reason)
+        # no frame comes before its time: where it does, the tracker's clock is ahead
+        lead = newest + self._offset_ns - self._window.arrival_ns
+        if lead > self.period_ns // 2:
+            self._offset_ns -= lead
+        if now - self.due_ns > self.period_ns:
+            self.counts['skipped'] += self._grid.skip_to(now - self._offset_ns)
+        self._grid.skip_to(newest + 1)
+        if reason == 'every':
+            self._grid.snap(newest)
+        return self._new_forecast(reason)
+
+    def _new_forecast(self, reason: Reason) -> Forecast:
+        window = self._window
+        try:
+            stamp, state = window.start()
+            forecast = self._model.forecast(state, stamp, window.ids)
+        except ValueError as error:
+            raise PredictionError(
+                'start', f'no start from these tracked frames: {error}'
+            ) from error
+        self.last_start = Start(stamp, window.window_ns, reason, window.ids, window.noise)
+        if reason != 'every':
+            self.last_error = None
+        self._on_start(self.last_start)
+        return forecast
+
+    def _clock_offset(self, stamp: int, now: int) -> int:
+        for known in (0, self._offset_ns):
+            if abs(now - stamp - known) <= CLOCK_TOLERANCE_NS:
+                return known
+        self._warn(
+            'offset',
+            f'tracked stamp {seconds(stamp)} s is {(now - stamp) * 1e-9:+.3f} s off the '
+            "node's clock, expected at most 1 s: predictions follow the tracker's stamps, in time "
+            'with their arrival; does use_sim_time fit?',
+        )
+        return now - stamp

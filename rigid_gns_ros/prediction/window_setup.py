@@ -1,0 +1,54 @@
+"""The tracking window that parameters ask for, in the node and wherever a recording is replayed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..tracking.window import TrackingWindow
+from .forecast import Forecaster
+
+# frames further apart than this many model steps, and than this time, are not fitted as one flight
+WINDOW_GAP_STEPS = 10
+WINDOW_GAP = 0.25  # [s]
+
+
+def longest_gap(model: Forecaster) -> float:
+    """Longest time between two frames that are fitted together [s]."""
+    return max(WINDOW_GAP_STEPS * model.native_dt, WINDOW_GAP)
+
+
+def window_of(
+    model: Forecaster,
+    parameters: Mapping[str, Any],
+    *,
+    check: Callable[[int], None],
+    on_gap: Callable[[float], None],
+) -> TrackingWindow:
+    """A window by the parameters of the simulator, as they are or as ~/scene recorded them.
+
+    Args:
+        model: Gives scene and time step.
+        parameters: By name.
+        check: See `TrackingWindow`.
+        on_gap: See `TrackingWindow`.
+    """
+
+    def given(name: str) -> float | None:
+        return float(parameters[name]) or None  # 0: the default
+
+    return TrackingWindow(
+        frame_id=str(parameters['frame_id']),
+        length=int(parameters['velocity_window']),
+        max_spheres=int(parameters['max_spheres']),
+        gravity=model.scene.gravity,
+        max_gap=longest_gap(model),
+        radius=model.radius,
+        check=check,
+        on_gap=on_gap,
+        scene=model.scene,
+        matched=bool(parameters['match_spheres']),
+        noise=given('tracking_noise'),
+        coast_time=given('coast_time'),
+        max_speed=given('max_speed'),
+    )

@@ -1,0 +1,91 @@
+"""One MCAP file of a bag, while it is written."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from ..encoding.definitions import full_text, type_hash
+from .bag_metadata import RecordedFile, RecordedTopic, qos_profiles, to_yaml
+
+LIBRARY = 'rigid_gns_ros'  # in the header: its sequence numbers count messages without a gap
+_CHUNK_SIZE = 768 * 1024  # rosbag2's
+_MESSAGE = 47  # bytes of a message record and of its entry in the index, beside its data
+
+
+class BagFile:
+    """A file that topics are registered in and messages added to. Used from one thread.
+
+    Args:
+        path: File to make; must not exist.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.information = RecordedFile(path.name)
+        self._raw = open(path, 'xb', buffering=0)  # noqa: SIM115 - closed by `close`
+        self._stream = io.BufferedWriter(self._raw)
+        self._writer = Writer(
+            self._stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.NONE
+        )
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._pending = 0  # bytes of the chunk in progress
+
+    @property
+    def size(self) -> int:
+        """Bytes written or about to be, without the index at the end."""
+        return self._stream.tell() + self._pending
+
+    def start(self) -> None:
+        """Write the head."""
+        self._writer.start(profile='ros2', library=LIBRARY)
+
+    def register(self, topic: RecordedTopic) -> None:
+        """Announce a topic with the full text of its type."""
+        if topic.type_name not in self._schemas:
+            self._schemas[topic.type_name] = self._writer.register_schema(
+                topic.type_name, 'ros2msg', full_text(topic.type_name).encode()
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name,
+            'cdr',
+            self._schemas[topic.type_name],
+            {
+                'offered_qos_profiles': to_yaml(qos_profiles(topic.qos)),
+                'topic_type_hash': type_hash(topic.type_name),
+            },
+        )
+
+    def add(self, topic: str, cdr: bytes, log_time_ns: int, sequence: int) -> None:
+        """Add a message."""
+        before = self._stream.tell()
+        self._writer.add_message(
+            self._channels[topic], log_time_ns, cdr, publish_time=log_time_ns, sequence=sequence
+        )
+        written = self._stream.tell() > before
+        self._pending = 0 if written else self._pending + len(cdr) + _MESSAGE
+        self.information.take(log_time_ns)
+
+    def flush(self) -> None:
+        """End the chunk and hand all to the operating system, where a kill cannot reach it."""
+        self._writer.flush()
+        self._pending = 0
+
+    def finish(self, information: dict[str, Any]) -> None:
+        """Write what rosbag2 knows of the bag so far, and the index."""
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
+        self._writer.finish()
+        self._stream.flush()
+        os.fsync(self._raw.fileno())
+        self.close()
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        self._raw.close()

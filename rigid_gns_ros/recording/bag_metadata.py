@@ -1,0 +1,128 @@
+"""What rosbag2 of ROS 2 Jazzy says about a bag: metadata.yaml, version 9."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import yaml
+
+from ..encoding.definitions import type_hash
+
+Qos = Literal['reliable', 'sensor_data', 'latched']
+# kind: (depth, reliability, durability)
+_QOS: dict[str, tuple[int, str, str]] = {
+    'reliable': (10, 'reliable', 'volatile'),
+    'sensor_data': (5, 'best_effort', 'volatile'),
+    'latched': (1, 'reliable', 'transient_local'),
+}
+
+
+@dataclass
+class RecordedTopic:
+    """A topic of a bag.
+
+    Args:
+        name: Resolved name.
+        type_name: Type, as `std_msgs/msg/String`.
+        qos: Profile of its publisher.
+        count: Messages in the files of the bag, repeated ones too.
+        sequence: Number of the next message; repeated ones do not count.
+    """
+
+    name: str
+    type_name: str
+    qos: Qos
+    count: int = 0
+    sequence: int = 0
+
+
+@dataclass
+class RecordedFile:
+    """A file of a bag: its name within the folder, messages, first and last log time [ns]."""
+
+    name: str
+    count: int = 0
+    first_ns: int = 0  # 0 in an empty file
+    last_ns: int = 0
+
+    def take(self, log_time_ns: int) -> None:
+        """Count a message."""
+        if not self.count:
+            self.first_ns = self.last_ns = log_time_ns
+        self.first_ns = min(self.first_ns, log_time_ns)
+        self.last_ns = max(self.last_ns, log_time_ns)
+        self.count += 1
+
+
+def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
+    """The `offered_qos_profiles` of one publisher."""
+    if qos not in _QOS:
+        raise ValueError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
+    depth, reliability, durability = _QOS[qos]
+    return [
+        {
+            'history': 'keep_last',
+            'depth': depth,
+            'reliability': reliability,
+            'durability': durability,
+            'deadline': _infinite(),
+            'lifespan': _infinite(),
+            'liveliness': 'automatic',
+            'liveliness_lease_duration': _infinite(),
+            'avoid_ros_namespace_conventions': False,
+        }
+    ]
+
+
+def bag_information(
+    files: Sequence[RecordedFile], topics: Sequence[RecordedTopic]
+) -> dict[str, Any]:
+    """The content of `rosbag2_bagfile_information` for a bag of MCAP files."""
+    used = [file for file in files if file.count]
+    first_ns = min((file.first_ns for file in used), default=0)
+    last_ns = max((file.last_ns for file in used), default=0)
+    return {
+        'version': 9,
+        'storage_identifier': 'mcap',
+        'duration': {'nanoseconds': last_ns - first_ns},
+        'starting_time': {'nanoseconds_since_epoch': first_ns},
+        'message_count': sum(file.count for file in files),
+        'topics_with_message_count': [
+            {
+                'topic_metadata': {
+                    'name': topic.name,
+                    'type': topic.type_name,
+                    'serialization_format': 'cdr',
+                    'offered_qos_profiles': qos_profiles(topic.qos),
+                    'type_description_hash': type_hash(topic.type_name),
+                },
+                'message_count': topic.count,
+            }
+            for topic in topics
+        ],
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [
+            {
+                'path': file.name,
+                'starting_time': {'nanoseconds_since_epoch': file.first_ns},
+                'duration': {'nanoseconds': file.last_ns - file.first_ns},
+                'message_count': file.count,
+            }
+            for file in files
+        ],
+        'custom_data': None,
+        'ros_distro': 'jazzy',
+    }
+
+
+def to_yaml(value: Any) -> str:
+    """Block-style YAML, keys in their order."""
+    return yaml.safe_dump(value, sort_keys=False, default_flow_style=False)
+
+
+def _infinite() -> dict[str, int]:
+    return {'sec': 9223372036, 'nsec': 854775807}  # a new one each: YAML writes aliases of one

@@ -1,0 +1,1 @@
+"""From frames of poses without names to spheres with velocities."""

@@ -1,0 +1,295 @@
+"""The spheres that are tracked: who is who, who is new, who is gone, and how each moves.
+
+A `TrackedSet` is the outcome of frames in the order of their stamps, and is never changed, so that
+a late frame can be put in its place by going on from the set before it. Arrival times play no part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigid_gns_core.state import Array, rotate_quaternions
+
+from ..messages import PoseArrayFrame
+from .admission import ADMIT_FRAMES, first_seen
+from .association import Indices, gates, match
+from .coasting import coast
+from .surroundings import Surroundings
+from .tracker_noise import KEPT, spread, third_differences
+from .velocity import FLIGHT, Motion, estimate_motion
+
+# frames before noise can be told
+_NOISE_FRAMES = 4
+# noise is taken for so many radii until it is told
+_NOISE_GUESS = 5e-3
+# a sphere is coasted for so many intervals at least
+_COAST_FRAMES = 2.5
+# one whose frames agree with no motion so many times in a row has been matched wrongly, and is left
+# for what is there to be found anew
+_WILD = 5
+
+
+class Loose(NamedTuple):
+    """Poses of a frame that no sphere claimed, shape (k, 7)."""
+
+    poses: Array
+
+
+@dataclass(frozen=True)
+class Following:
+    """How spheres are followed.
+
+    Args:
+        around: Surfaces, gravity and radii.
+        length: Frames from which motion is estimated.
+        matched: Whether poses are matched; else they always come in the same order.
+        noise: Of each coordinate of a position [m]; None: estimated.
+        coast_time: A sphere not seen for longer is dropped [s], but never for two frames.
+        max_speed: New spheres that are faster are not found [m/s].
+        radius: Of the largest sphere [m].
+    """
+
+    around: Surroundings
+    length: int
+    matched: bool
+    noise: float | None
+    coast_time: float
+    max_speed: float
+    radius: float
+
+    @property
+    def memory(self) -> int:
+        """Number of frames kept."""
+        return max(self.length, _NOISE_FRAMES)
+
+
+@dataclass(frozen=True)
+class TrackedSet:
+    """Spheres at the newest frame, in the order of their ids.
+
+    Args:
+        stamps: Of the frames in memory [ns], rising, shape (m,).
+        ids: Shape (n,).
+        poses: In each frame, shape (m, n, 7); what was not seen is zero.
+        seen: Whether a sphere was seen in a frame, shape (m, n).
+        last_seen: Stamp of the last frame that holds it [ns], shape (n,).
+        motion: Of all spheres at the newest frame, where poses are matched.
+        next_id: Of the next new sphere.
+        loose: Poses that no sphere claimed, of the newest two frames.
+        differences: Newest third differences [m].
+        missed: Number of spheres that were not seen in the newest frame.
+        wild: How many times in a row no motion explained three frames, shape (n,).
+    """
+
+    stamps: NDArray[np.int64]
+    ids: NDArray[np.int64]
+    poses: Array
+    seen: NDArray[np.bool_]
+    last_seen: NDArray[np.int64]
+    motion: Motion
+    next_id: int = 0
+    loose: tuple[Loose, ...] = ()
+    differences: Array = field(default_factory=lambda: np.zeros(0))
+    missed: int = 0
+    wild: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @classmethod
+    def empty(cls, next_id: int = 0, differences: Array | None = None) -> TrackedSet:
+        """No frame and no sphere yet."""
+        no_ids = np.zeros(0, dtype=np.int64)
+        return cls(
+            stamps=no_ids,
+            ids=no_ids,
+            poses=np.zeros((0, 0, 7)),
+            seen=np.zeros((0, 0), dtype=bool),
+            last_seen=no_ids,
+            motion=Motion.unknown(np.zeros((0, 7))),
+            next_id=next_id,
+            differences=np.zeros(0) if differences is None else differences,
+        )
+
+    def noise(self, following: Following) -> float:
+        """Standard deviation of each coordinate [m]: given, estimated, or a guess."""
+        if following.noise is not None:
+            return following.noise
+        told = spread(self.differences)
+        return _NOISE_GUESS * following.radius if told is None else told
+
+    def after(self, frame: PoseArrayFrame, following: Following) -> TrackedSet:
+        """The set after the next frame, whose stamp is later than that of all before."""
+        step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
+        poses = frame.poses.copy()
+        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        expected = self.motion
+        if following.matched:
+            expected = _expected(self, following, step_ns * 1e-9)
+        found = self._found(poses, expected, following, step_ns * 1e-9)
+        held = found >= 0
+        row = np.zeros((len(self.ids), 7))
+        row[held] = poses[found[held]]
+        claimed = np.zeros(len(poses), dtype=bool)
+        claimed[found[held]] = True
+        since = frame.stamp_ns - np.where(held, frame.stamp_ns, self.last_seen)
+        keep = (self.wild < _WILD) | (not following.matched)
+        keep &= since <= max(following.coast_time * 1e9, _COAST_FRAMES * step_ns)
+        tail = slice(-(following.memory - 1), None)
+        grown = TrackedSet(
+            stamps=np.append(self.stamps[tail], np.int64(frame.stamp_ns)),
+            ids=self.ids[keep],
+            poses=np.concatenate([self.poses[tail], row[None]])[:, keep],
+            seen=np.concatenate([self.seen[tail], held[None]])[:, keep],
+            last_seen=np.where(held, frame.stamp_ns, self.last_seen)[keep],
+            motion=expected.part(keep),
+            next_id=self.next_id,
+            loose=(*self.loose[-(ADMIT_FRAMES - 1) :], Loose(poses[~claimed])),
+            differences=self.differences,
+            missed=int((~held & keep).sum()),
+            wild=self.wild[keep],
+        )
+        grown = grown._admit(following)
+        grown = grown._hear_noise(following)
+        if not following.matched:  # motion is asked for by `window_motion`, not by the next frame
+            return grown
+        motion = grown._estimated(max(following.length, ADMIT_FRAMES), following)
+        return replace(grown, motion=motion, wild=grown._wild(motion))
+
+    def _found(self, poses: Array, expected: Motion, following: Following, time: float) -> Indices:
+        if not following.matched:
+            return np.arange(len(self.ids), dtype=np.int64)
+        radii = following.around.radii(self.ids)
+        noise = self.noise(following)
+        limit = following.max_speed
+        spread = np.hypot(noise, np.minimum(expected.errors, limit) * time)
+        speeds = np.minimum(np.linalg.norm(expected.velocities, axis=1), limit)
+        sure = expected.frames > 2
+        width = gates(speeds, expected.positions, radii, spread, time, sure)
+        found = match(expected.positions, poses[:, :3], width)
+        lost, free = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(poses)), found)
+        if len(lost) and len(free):  # one that was thrown back is off by twice its way
+            width = gates(2.0 * speeds, expected.positions, radii, spread, time, sure)
+            again = match(expected.positions[lost], poses[free, :3], width[lost])
+            found[lost[again >= 0]] = free[again[again >= 0]]
+        return found
+
+    def _admit(self, following: Following) -> TrackedSet:
+        """With the spheres that loose poses have turned out to be."""
+        need = min(following.length, ADMIT_FRAMES) if following.matched else 1
+        loose = [one.poses for one in self.loose[-need:]]
+        if len(loose) < need or not all(len(poses) for poses in loose):
+            return self
+        chains = first_seen(
+            [poses[:, :3] for poses in loose],
+            (self.stamps[-need:] - self.stamps[-1]) * 1e-9,
+            gravity=following.around.gravity,
+            radius=following.radius,
+            noise=self.noise(following),
+            max_speed=following.max_speed,
+            anybody=len(self.ids) > 0,
+        )
+        if not len(chains):
+            return self
+        count, total = len(chains), len(self.stamps)
+        poses = np.zeros((total, count, 7))
+        seen = np.zeros((total, count), dtype=bool)
+        rest = []
+        for back, (one, index) in enumerate(zip(loose, chains.T, strict=True)):
+            poses[total - need + back], seen[total - need + back] = one[index], True
+            rest.append(Loose(np.delete(one, index, axis=0)))
+        ids = self.next_id + np.arange(count, dtype=np.int64)
+        return replace(
+            self,
+            ids=np.append(self.ids, ids),
+            poses=np.concatenate([self.poses, poses], axis=1),
+            seen=np.concatenate([self.seen, seen], axis=1),
+            last_seen=np.append(self.last_seen, np.full(count, self.stamps[-1])),
+            wild=np.append(self.wild, np.zeros(count, dtype=np.int64)),
+            motion=self.motion.joined(Motion.unknown(poses[-1])),
+            next_id=self.next_id + count,
+            loose=tuple(rest),
+        )
+
+    def _hear_noise(self, following: Following) -> TrackedSet:
+        if following.noise is not None or len(self.stamps) < _NOISE_FRAMES or not len(self.ids):
+            return self
+        newest = slice(-_NOISE_FRAMES, None)
+        heard = third_differences(
+            (self.stamps[newest] - self.stamps[-1]) * 1e-9,
+            self.poses[newest, :, :3],
+            self.seen[newest],
+        )
+        kept = KEPT
+        if not following.matched:
+            # then a start is a function of the frames of its window alone
+            kept = heard.size * max(following.length - _NOISE_FRAMES + 1, 0)
+        heard = np.concatenate([self.differences, heard])
+        return replace(self, differences=heard[len(heard) - min(kept, len(heard)) :])
+
+    def _estimated(self, frames: int, following: Following) -> Motion:
+        """Estimates where spheres were seen twice in the window and now, else what was expected."""
+        window = slice(-frames, None)
+        seen = self.seen[window]
+        told = seen[-1] & (seen.sum(axis=0) > 1)
+        if not told.any():
+            return self._corrected(self.motion)
+        estimate = estimate_motion(
+            (self.stamps[window] - self.stamps[-1]) * 1e-9,
+            self.poses[window][:, told, :3],
+            self.poses[window][:, told, 3:],
+            around=following.around,
+            radii=following.around.radii(self.ids[told]),
+            noise=self.noise(following),
+            seen=seen[:, told],
+        )
+        if told.all():
+            return estimate
+        fields = {}
+        for name, value in vars(self._corrected(self.motion)).items():
+            fields[name] = value.copy()
+            fields[name][told] = getattr(estimate, name)
+        return Motion(**fields)
+
+    def _wild(self, motion: Motion) -> NDArray[np.int64]:
+        told = self.seen[-1] & (self.seen[-3:].sum(axis=0) > 2)
+        return np.where(told, np.where(motion.frames > 2, 0, self.wild + 1), self.wild)
+
+    def window_motion(self, following: Following) -> Motion:
+        """Motion from the last `length` frames: at rest from one, and two have no third to ask."""
+        if following.length >= ADMIT_FRAMES:
+            return (
+                self.motion if following.matched else self._estimated(following.length, following)
+            )
+        rest = self._corrected(self.motion)
+        if following.length == 1:
+            none = np.zeros_like(rest.velocities)
+            return replace(rest, velocities=none, angular_velocities=none)
+        return self._estimated(2, following)
+
+    def _corrected(self, expected: Motion) -> Motion:
+        """What was expected, at the places where spheres were seen."""
+        now = self.seen[-1][:, None]
+        return replace(
+            expected,
+            positions=np.where(now, self.poses[-1, :, :3], expected.positions),
+            quaternions=np.where(now, self.poses[-1, :, 3:], expected.quaternions),
+        )
+
+
+def _expected(before: TrackedSet, following: Following, time: float) -> Motion:
+    """The spheres at the next frame, as far as those before tell."""
+    motion = before.motion
+    if not len(before.ids):
+        return motion
+    positions, velocities = coast(
+        following.around,
+        motion.positions,
+        motion.velocities,
+        motion.kinds == FLIGHT,
+        following.around.radii(before.ids),
+        np.full(len(before.ids), time),
+    )
+    turned = rotate_quaternions(motion.quaternions, motion.angular_velocities * time)
+    return replace(motion, positions=positions, velocities=velocities, quaternions=turned)

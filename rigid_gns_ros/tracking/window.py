@@ -1,0 +1,300 @@
+"""Which tracked frames are accepted, and the start state that a window of them gives."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+
+import numpy as np
+
+from rigid_gns_core.scene import Scene
+from rigid_gns_core.state import State
+
+from ..messages import PoseArrayFrame
+from .refusal import RejectedFrame as RejectedFrame
+from .refusal import Throttle as Throttle
+from .refusal import check_poses
+from .refusal import seconds as seconds
+from .surroundings import Surroundings
+from .tracked_set import Following, TrackedSet
+
+# a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
+MAX_AHEAD_NS = 1_000_000_000
+# so many frames in a row refused for their stamps, while these rise, are a tracker begun anew
+RESTART_FRAMES = 5
+# positions further out than this many radii are no measurement
+MAX_DISTANCE = 1e6
+# defaults: spheres are coasted for so many times sqrt(r / g), and found up to so many times
+# sqrt(g r) of speed
+_COAST, _MAX_SPEED = 2.0, 50.0
+# frames of the same poses are refused so many times in a row, where spheres move by so many radii
+_REPEATS, _STILL = 3, 0.01
+
+_NOTHING = TrackedSet.empty()
+
+
+class TrackingWindow:
+    """The newest frames of a tracker, each checked on arrival, and the spheres that they show.
+
+    What comes out is a function of the frames accepted since `clear`, in the order of their stamps
+    (where poses are not matched, of those in the window alone): neither the time nor the order of
+    arrival matters, as long as a late frame still finds its place among those in memory.
+
+    Args:
+        frame_id: Coordinate frame that messages must be in.
+        length: Number of frames from which velocities are estimated; 1 means at rest.
+        max_spheres: Largest number of spheres accepted.
+        gravity: Acceleration of free flight [m/s^2].
+        max_gap: Longest time between two frames of a window [s]; after a longer one it starts anew.
+        radius: Of the largest sphere [m]; positions beyond a million radii are refused.
+        check: Called with the number of spheres of a first frame; ValueError where there cannot be
+            so many.
+        on_gap: Called with a time between two frames [s] that is longer than `max_gap`, where the
+            window was not yet full, as so slow a tracker never fills it.
+        scene: Surfaces that spheres bounce off; None: only frames that do not fit tell bounces.
+        matched: Whether poses are matched to spheres, which may then come in any order, be missing,
+            appear and vanish; else there is always the same number in the same order.
+        noise: Standard deviation of each coordinate of a position [m]; None: estimated.
+        coast_time: A sphere that is not seen is carried on for so long [s], and for two frames at
+            least; None: 2 sqrt(radius / gravity).
+        max_speed: New spheres that are faster are not found [m/s]; None: 50 sqrt(radius gravity).
+    """
+
+    def __init__(
+        self,
+        *,
+        frame_id: str,
+        length: int,
+        max_spheres: int,
+        gravity: tuple[float, float, float],
+        max_gap: float,
+        radius: float,
+        check: Callable[[int], None],
+        on_gap: Callable[[float], None],
+        scene: Scene | None = None,
+        matched: bool = False,
+        noise: float | None = None,
+        coast_time: float | None = None,
+        max_speed: float | None = None,
+    ) -> None:
+        size = float(np.linalg.norm(gravity)) or 1.0
+        natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
+        for name, value in (('noise', noise), ('coast_time', coast_time), ('max_speed', max_speed)):
+            if value is not None and not (value >= 0 and np.isfinite(value)):
+                raise ValueError(f'{name} is {value}, expected 0 or more')
+        self.frame_id, self.length, self.max_spheres = frame_id, length, max_spheres
+        self.max_gap_ns, self._check = round(max_gap * 1e9), check
+        self._far, self._on_gap = MAX_DISTANCE * radius, on_gap
+        around = Surroundings.unknown(gravity, radius) if scene is None else Surroundings.of(scene)
+        self.following = Following(
+            around=around,
+            length=length,
+            matched=matched,
+            noise=noise,
+            coast_time=_COAST * natural if coast_time is None else coast_time,
+            max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
+            radius=radius,
+        )
+        # newest frames, each with the spheres before it, to go on from when one comes late
+        self._frames: deque[tuple[PoseArrayFrame, TrackedSet]] = deque(maxlen=self.following.memory)
+        self._now = _NOTHING
+        self._state: State | None = None  # of the newest frame, where it was asked for
+        self._refused: list[PoseArrayFrame] = []  # for their stamps, which rise
+        self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
+        self._repeats = 0  # frames of the same content, in a row
+        self.arrival_ns = 0  # of the newest frame, by this node's clock
+        self.generation = 0  # changes with the set of spheres
+        self.counts: Counter[str] = Counter()  # of frames and spheres, by what became of them
+
+    @property
+    def full(self) -> bool:
+        """Whether there are enough frames to start from, and spheres in them."""
+        return len(self._now.stamps) >= self.length and len(self._now.ids) > 0
+
+    @property
+    def count(self) -> int | None:
+        """Number of spheres; None before the first."""
+        return len(self._now.ids) or None
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Of the spheres, in the order that `start` gives; a sphere keeps its own while tracked."""
+        return tuple(self._now.ids.tolist())
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of each coordinate of a position, given or estimated [m]."""
+        return self._now.noise(self.following)
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """Stamp of the newest frame [ns]; None before the first."""
+        return self._frames[-1][0].stamp_ns if self._frames else None
+
+    @property
+    def window_ns(self) -> tuple[int, ...]:
+        """Stamps of the frames that velocities come from, the newest last [ns]."""
+        return tuple(frame.stamp_ns for frame, _ in self._frames)[-self.length :]
+
+    @property
+    def lead_ns(self) -> int:
+        """Stamp minus arrival of the frame that was fastest, of the newest 20 [ns]."""
+        return max(self._leads, default=0)
+
+    def clear(self) -> None:
+        """Forget all frames and spheres."""
+        self._frames.clear()
+        self._refused.clear()
+        self._leads.clear()
+        self._repeats = 0
+        self._become(_NOTHING)
+
+    def add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
+        """Take the next frame, which arrived at `now_ns` of this node's clock.
+
+        Returns:
+            Whether all before were forgotten, as the tracker has begun anew.
+
+        Raises:
+            RejectedFrame: It cannot be used; what was there before is kept.
+        """
+        try:
+            restarted = self._add(frame, now_ns)
+        except RejectedFrame as error:
+            self.counts[error.kind] += 1
+            raise
+        self.counts['accepted'] += 1
+        return restarted
+
+    def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
+        if frame.frame_id != self.frame_id:
+            raise RejectedFrame(
+                'frame',
+                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} (parameter frame_id)',
+            )
+        self._check_count(len(frame.poses))
+        check_poses(frame.poses, self._far)
+        restarted = False
+        try:
+            self._check_stamp(frame.stamp_ns, now_ns)
+        except RejectedFrame:
+            if self._refused and frame.stamp_ns <= self._refused[-1].stamp_ns:
+                self._refused.clear()
+            self._refused.append(frame)
+            if len(self._refused) < RESTART_FRAMES:
+                raise
+            earlier_ones, restarted = self._refused[:-1], True
+            self.clear()
+            for earlier in earlier_ones:
+                self._take(earlier, now_ns)
+        self._check_content(frame)
+        self._take(frame, now_ns)
+        return restarted
+
+    def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
+        self._refused.clear()
+        later: list[PoseArrayFrame] = []
+        now, newborn = self._now, self._now.next_id
+        while self._frames and self._frames[-1][0].stamp_ns > frame.stamp_ns:
+            after, now = self._frames.pop()
+            later.insert(0, after)
+        if later:
+            self.counts['reordered'] += 1
+        else:
+            self._leads.append(frame.stamp_ns - now_ns)
+            self.arrival_ns = now_ns
+        anew = now.next_id < newborn
+        for one in (frame, *later):
+            if len(now.stamps) and one.stamp_ns - now.stamps[-1] > self.max_gap_ns:
+                if not self.full:
+                    self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
+                self._frames.clear()
+                matched = self.following.matched
+                now = TrackedSet.empty(now.next_id, now.differences) if matched else _NOTHING
+            self._frames.append((one, now))
+            now = now.after(one, self.following)
+        self.counts['missed'] += 0 if later else now.missed
+        # a late frame may have given other spheres the same ids
+        self._become(now, changed=anew)
+
+    def _become(self, now: TrackedSet, *, changed: bool = False) -> None:
+        before, self._now, self._state = self._now.ids, now, None
+        if changed or not np.array_equal(before, now.ids):
+            self.generation += 1
+            self.counts['appeared'] += len(np.setdiff1d(now.ids, before))
+            self.counts['vanished'] += len(np.setdiff1d(before, now.ids))
+
+    def start(self) -> tuple[int, State]:
+        """Stamp [ns] and state of the newest frame, with velocities from the whole window."""
+        if self._state is None:
+            motion = self._now.window_motion(self.following)
+            self._state = State(
+                positions=motion.positions,
+                quaternions=motion.quaternions,
+                velocities=motion.velocities,
+                angular_velocities=motion.angular_velocities,
+            )
+        return int(self._now.stamps[-1]), self._state
+
+    def _check_count(self, count: int) -> None:
+        known, matched = self.count, self.following.matched
+        if count == 0 and not (matched and known):
+            raise RejectedFrame('empty', 'it holds no poses, expected one per sphere')
+        if count > self.max_spheres:
+            raise RejectedFrame(
+                'max_spheres',
+                f'it holds {count} spheres, expected at most {self.max_spheres} '
+                '(parameter max_spheres)',
+            )
+        if known is None:
+            try:
+                self._check(count)
+            except ValueError as error:
+                raise RejectedFrame('model', str(error)) from error
+        elif count != known and not matched:
+            raise RejectedFrame(
+                'count',
+                f'it holds {count} spheres, expected {known} as before; call ~/reset '
+                'to start again with another number',
+            )
+
+    def _check_stamp(self, stamp: int, now: int) -> None:
+        last = self.stamp_ns
+        if last is not None and stamp <= last:
+            there = any(frame.stamp_ns == stamp for frame, _ in self._frames)
+            if not there and stamp > self._frames[0][0].stamp_ns:
+                return  # it is late, but has a place
+            raise RejectedFrame(
+                'duplicate' if there else 'late',
+                f'its stamp {seconds(stamp)} s does not come after {seconds(last)} s of the frame '
+                f'before, {"and is that of a frame taken" if there else "nor into the window"}; '
+                'expected increasing stamps, or a call of ~/reset when the tracker was '
+                f'started again ({RESTART_FRAMES} such frames with rising stamps do the same)',
+            )
+        if self.full and stamp - now > self.lead_ns + MAX_AHEAD_NS:
+            ahead = (stamp - now - self.lead_ns) * 1e-9
+            raise RejectedFrame(
+                'ahead',
+                f'its stamp {seconds(stamp)} s is {ahead:.3f} s ahead of its time by the frames '
+                f'before, expected at most {MAX_AHEAD_NS * 1e-9:g} s',
+            )
+
+    def _check_content(self, frame: PoseArrayFrame) -> None:
+        """Refuse the poses of the newest frame under a new stamp, where spheres move."""
+        if not self.following.matched or not self._frames or not len(frame.poses):
+            return
+        newest = self._frames[-1][0]
+        same = np.array_equal(newest.poses, frame.poses) and frame.stamp_ns > newest.stamp_ns
+        time = (frame.stamp_ns - newest.stamp_ns) * 1e-9
+        velocities = self._now.motion.velocities
+        travel = time * float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
+        # what stopped at once is believed after a few
+        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.following.radius:
+            self._repeats = 0
+            return
+        self._repeats += 1
+        raise RejectedFrame(
+            'content',
+            f'its poses are those of the frame {time:.3g} s before, in which spheres moved; '
+            'expected each measurement once',
+        )
