@@ -98,9 +98,7 @@ def listen(ending: Ending) -> dict[str, np.ndarray]:
     heard: dict[str, list[tuple[int, int, int, int]]] = {name: [] for name in TOPICS}
     # the queue is long enough for a listener that is held up for a second
     subscriptions = [
-        node.create_subscription(
-            kind, name, _note(heard[name]), QoSProfile(depth=100), raw=True
-        )
+        node.create_subscription(kind, name, _note(heard[name]), QoSProfile(depth=100), raw=True)
         for name, kind in TOPICS.items()
     ]
     executor = SingleThreadedExecutor()

@@ -109,6 +109,7 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
                     shuffle=True,
                 )
                 stored.attrs['unit'] = unit
+                file.flush()  # in this order: left to HDF5 it depends on when objects are freed
         with open(partial, 'r+b') as file:
             file.seek(_HEAD_SIZE)
             checksum = hashlib.file_digest(file, 'sha256').hexdigest()

@@ -56,13 +56,13 @@ def replayed(
             )
         else:
             error = 'the tracked frames in the bag give no such start'
-        if start.reason not in _FROM_NOTHING:
-            hear(heard, end)
-        if start.window_ns and (start.reason in _FROM_NOTHING or not _is_at(window, start)):
+        anew = start.reason in _FROM_NOTHING
+        latest = there.get(start.window_ns[0], end) if start.window_ns else end
+        hear(heard, max(heard, latest) if anew else end)
+        if start.window_ns and (anew or not _is_at(window, start)):
             # what was heard before was forgotten, at the latest at the first frame of the window;
             # earlier where no sphere was found in the first frames after that
             life += 1
-            latest = there.get(start.window_ns[0], end)
             for begin in range(latest, max(0, latest - _MOST_TRIED) - 1, -1):
                 window.clear()
                 hear(begin, end)

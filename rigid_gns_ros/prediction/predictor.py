@@ -79,7 +79,8 @@ class Predictor:
         self.forecast: Forecast | None = None
         self.pending: Prediction | None = None  # computed, not yet published
         self.last_start: Start | None = None
-        self.last_error: TrackingError | None = None  # of the present forecast
+        self._error_seen: TrackingError | None = None  # the last one of the present forecast
+        self._compared = False  # whether a frame was since the last `compute`
         self.counts = {'published': 0, 'late': 0, 'skipped': 0}
         self._grid = Grid(0, model.period)
         self._pacer = Pacer(self.period_ns)
@@ -116,7 +117,7 @@ class Predictor:
 
     def stop(self) -> None:
         """Forget what was predicted."""
-        self.forecast = self.pending = self.last_error = self._anew = None
+        self.forecast = self.pending = self._error_seen = self._anew = None
 
     def start_anew(self, now: int, reason: Reason) -> None:
         """Start from the newest frame and keep to the stamps; replaces the pending prediction.
@@ -131,19 +132,41 @@ class Predictor:
             self.pending = self._advance()
 
     def has_diverged(self) -> bool:
-        """Compare the forecast with the newest frame; whether `start: diverged` must start anew."""
+        """Take note of a new frame; whether `start: diverged` must start anew.
+
+        Only that start compares with each frame, as this takes milliseconds of fitting. With
+        `every` the first frame of a period is fitted here, as the next prediction waits for it.
+        """
         forecast, newest, window = self.forecast, self._newest, self._window
+        if forecast is None or self.resync.start == 'first' or (self.every and self._compared):
+            return False
+        before, self._compared = self._error_seen, True
+        self._compare()
+        if self.every or not window.full or newest <= forecast.start_ns:
+            return False
+        if forecast.recall(newest) is None:
+            # long ago, or not reached yet, as where computing has fallen behind
+            return newest > self._grid.stamp_ns + self.period_ns
+        return self._error_seen is not before and self.beyond_bound
+
+    @property
+    def last_error(self) -> TrackingError | None:
+        """Of the present forecast, to the newest frame that can be compared with it."""
+        self._compare()
+        return self._error_seen
+
+    def _compare(self) -> None:
+        """Compare the forecast with the newest frame, unless that was done."""
+        forecast, newest, window, known = self.forecast, self._newest, self._window, self.last_start
         if forecast is None or not window.full or newest <= forecast.start_ns:
-            return False
-        if self.last_error and newest == self.last_error.stamp_ns:
-            return False
-        follows = self.resync.start == 'diverged'
+            return
+        if self._error_seen and newest == self._error_seen.stamp_ns:
+            return
         predicted = forecast.recall(newest)
-        if predicted is None:  # long ago, or not reached yet, as where computing has fallen behind
-            return follows and newest > self._grid.stamp_ns + self.period_ns
+        if predicted is None or known is None or known.ids != window.ids:
+            return
         distances = np.linalg.norm(predicted - window.start()[1].positions, axis=1)
-        self.last_error = TrackingError(newest, float(distances.mean()), float(distances.max()))
-        return follows and self.beyond_bound
+        self._error_seen = TrackingError(newest, float(distances.mean()), float(distances.max()))
 
     @property
     def beyond_bound(self) -> bool:
@@ -161,6 +184,7 @@ class Predictor:
             PredictionError: The rollout diverged, or the newest frames give no start.
         """
         assert self.forecast is not None
+        self._compared = False
         self._grid.advance()
         # a slow tracker or a lost frame: it goes on period by period, however late, as a slow
         # machine would fall behind the more, the more it tried to compute at once
@@ -259,7 +283,7 @@ class Predictor:
             ) from error
         self.last_start = Start(stamp, window.window_ns, reason, window.ids, window.noise)
         if reason != 'every':
-            self.last_error = None
+            self._error_seen = None
         self._on_start(self.last_start)
         return forecast
 

@@ -1,0 +1,114 @@
+"""What a run of the simulator node left: its log, its bag, and what the others noted."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from mcap.records import Channel, Message
+from node_benchmark_peers import stamp_of
+
+from rigid_gns_ros.messages import decode_float64
+from rigid_gns_ros.recording.mcap_records import read_records
+
+COUNTS = re.compile(r'stopped: (\d+) published, (\d+) late, (\d+) skipped, (\d+) rejected')
+ERRORS = ('[ERROR]', '[FATAL]', 'Traceback')
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Predictions in the bag.
+
+    Args:
+        stamps: Sorted [ns], int64.
+        lateness: Log time less stamp of each [s].
+        step_times: Of the model [s].
+        files: Number of files.
+        warnings: What is wrong with the bag.
+    """
+
+    stamps: np.ndarray
+    lateness: np.ndarray
+    step_times: np.ndarray
+    files: int
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run left.
+
+    Args:
+        period: Of predictions [s].
+        tracked_dt: Time between tracked frames [s].
+        sent: See `node_benchmark_peers.play`.
+        heard: See `node_benchmark_peers.listen`.
+        counts: The node's own: published, late, skipped, rejected.
+        recorded: The bag; None: nothing was recorded.
+        memory: Seconds since the start and resident bytes of the simulator, shape (samples, 2).
+        processor_share: Of one core, that the simulator used.
+        errors: Lines of its log.
+        warnings: Number of warnings in its log.
+        load: Load average before and after.
+    """
+
+    period: float
+    tracked_dt: float
+    sent: np.ndarray
+    heard: dict[str, np.ndarray]
+    counts: dict[str, int]
+    recorded: Recorded | None
+    memory: np.ndarray
+    processor_share: float
+    errors: tuple[str, ...]
+    warnings: int
+    load: dict[str, Any]
+
+
+def read_counts(log: str) -> dict[str, int]:
+    found = COUNTS.search(log)
+    if found is None:
+        raise RuntimeError('the log of the simulator does not end with its counts')
+    names = ('published', 'late', 'skipped', 'rejected')
+    return dict(zip(names, map(int, found.groups()), strict=True))
+
+
+def errors_of(log: str) -> tuple[str, ...]:
+    """Lines of a log that tell errors."""
+    return tuple(line for line in log.splitlines() if any(word in line for word in ERRORS))
+
+
+def read_recorded(folder: Path) -> Recorded:
+    """Read message by message: the bag of half an hour need not fit into memory."""
+    information = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
+    files = information['rosbag2_bagfile_information']['relative_file_paths']
+    warnings: list[str] = []
+    predicted: list[tuple[int, int]] = []
+    step_times: list[float] = []
+    for file in files:
+        topics: dict[int, str] = {}
+        for record in read_records(folder / file, warnings):
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                topic = topics[record.channel_id]
+                if topic == '/predicted_poses':
+                    predicted.append((stamp_of(record.data), record.log_time))
+                elif topic == '/simulator/step_time':
+                    step_times.append(decode_float64(record.data))
+    rows = np.array(sorted(predicted), dtype=np.int64).reshape(-1, 2)
+    told = tuple(text.replace(str(folder), 'BAG') for text in warnings)
+    lateness = (rows[:, 1] - rows[:, 0]) * 1e-9
+    return Recorded(rows[:, 0], lateness, np.array(step_times), len(files), told)
+
+
+def quantiles(seconds: np.ndarray) -> dict[str, float] | None:
+    """Median, 99 % quantile and largest [ms]; None of nothing."""
+    if not len(seconds):
+        return None
+    values = (1e3 * np.quantile(seconds, (0.5, 0.99, 1.0))).round(3).tolist()
+    return dict(zip(('p50', 'p99', 'worst'), values, strict=True))

@@ -1,0 +1,119 @@
+"""What each part of the node's benchmark runs, and the numbers it makes of a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from node_benchmark_outcome import Outcome, quantiles
+from node_benchmark_run import Case
+
+SETTLING = 60.0  # memory is compared with that after so long, in shorter runs after half of it [s]
+
+# model steps per second go with sqrt(1 / radius): 10 Hz at 1 m, 70.7 Hz at 20 mm, 100 Hz at 10 mm
+CASES = {
+    'rate': [
+        Case(
+            f'{spheres} spheres, {hertz} Hz, {start}, {"busy core" if busy else "idle"}',
+            spheres,
+            radius,
+            1,
+            {'start': start},
+            busy=busy,
+        )
+        for busy in (False, True)
+        for spheres, hertz, radius in ((300, 10, 1.0), (50, 71, 0.02))
+        for start in ('first', 'every')
+    ],
+    'horizon': [
+        Case(
+            f'50 spheres of {size}, tracker at {hertz} Hz, {start}',
+            50,
+            radius,
+            stride,
+            {'start': start, 'horizon': '1.0'},
+            record=False,
+        )
+        # seven model steps of 20 mm are 0.099 s
+        for size, hertz, radius, stride in (
+            ('20 mm', 71, 0.02, 1),
+            ('20 mm', 10, 0.02, 7),
+            ('1 m', 10, 1.0, 1),
+        )
+        for start in ('first', 'every')
+    ],
+    'soak': [
+        Case(
+            '50 spheres of 10 mm, 100 Hz',
+            50,
+            0.01,
+            1,
+            {'start': 'every', 'record_max_size': '50.0'},
+        )
+    ],
+}
+
+
+def measure_rate(outcome: Outcome) -> dict[str, Any]:
+    """Whether predictions came in time, and all into the bag."""
+    recorded = outcome.recorded
+    assert recorded is not None
+    stamps, system = outcome.heard['predicted_poses'][:, :2].T
+    return {
+        'missed': missed(recorded.stamps, outcome.period),
+        'lost_in_bag': outcome.counts['published'] - len(recorded.stamps),
+        'heard_but_not_in_bag': len(np.setdiff1d(stamps, recorded.stamps)),
+        'in_bag': len(recorded.stamps),
+        'heard': len(stamps),
+        'files': recorded.files,
+        'bag_warnings': list(recorded.warnings),
+        'lateness_heard_ms': quantiles((system - stamps) * 1e-9),
+        'lateness_bag_ms': quantiles(recorded.lateness),
+        'step_time_ms': quantiles(recorded.step_times),
+    }
+
+
+def measure_horizon(outcome: Outcome) -> dict[str, Any]:
+    """How long a frame waited for its future."""
+    futures = outcome.heard['predicted_trajectory']
+    arrivals = {int(row[0]): int(row[2]) for row in futures}
+    first, last = (min(arrivals), max(arrivals)) if arrivals else (0, -1)
+    # before the first the window fills, after the last the node is stopped
+    frames = [(int(stamp), int(sent)) for stamp, sent in outcome.sent if first <= stamp <= last]
+    waits = [arrivals[stamp] - sent for stamp, sent in frames if stamp in arrivals]
+    return {
+        'frames': len(frames),
+        'without_future': len(frames) - len(waits),
+        'horizon_ms': quantiles(1e-9 * np.array(waits, dtype=np.float64)),
+        'message_bytes': int(futures[:, 3].max(initial=0)),
+    }
+
+
+def measure_soak(outcome: Outcome) -> dict[str, Any]:
+    """Growth of memory, and whether each prediction was made and recorded."""
+    times, resident = outcome.memory.T
+    settled = min(SETTLING, times[-1] / 2)
+    base = float(resident[times >= settled][0])
+    after = resident[times >= settled]
+    return {
+        **measure_rate(outcome),
+        'expected': outcome.counts['published'] + missed(stamps_of(outcome), outcome.period),
+        'settled_after_s': float(settled),
+        'memory_settled_bytes': int(base),
+        'memory_most_bytes': int(after.max()),
+        'memory_end_bytes': int(after[-1]),
+        'growth_percent': round(100 * (float(after.max()) / base - 1), 4),
+        'growth_at_end_percent': round(100 * (float(after[-1]) / base - 1), 4),
+        'memory_each_minute_bytes': resident[::60].astype(int).tolist(),
+    }
+
+
+def stamps_of(outcome: Outcome) -> np.ndarray:
+    """Stamps of the predictions in the bag [ns]."""
+    return outcome.recorded.stamps if outcome.recorded else np.empty(0, dtype=np.int64)
+
+
+def missed(stamps: np.ndarray, period: float) -> int:
+    """Stamps left out between the first and the last, which are a period [s] apart."""
+    steps = np.round(np.diff(stamps) * 1e-9 / period).astype(np.int64)
+    return int((steps - 1).sum())

@@ -1,0 +1,137 @@
+"""Tables of the node's benchmark, and the bounds it must keep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rigid_gns_core.evaluate import read_json
+
+BOUNDS = {
+    'missed': 0,
+    'lost_in_bag': 0,
+    'errors': 0,
+    'lateness_p99_idle_ms': 2.0,
+    'lateness_p99_busy_core_ms': 10.0,
+    'horizon_p99_ms': 50.0,
+    'memory_growth_percent': 1.0,
+}
+LATENESS = {'lateness_heard_ms': 'heard', 'lateness_bag_ms': 'bag'}
+
+
+def broken_bounds(part: str, report: Mapping[str, Any]) -> list[str]:
+    """Sentences about bounds that the cases of a part do not keep."""
+    if part == 'kills':
+        return []
+    cases = report['parts'].get(part, {})
+    return [f'{name}: {text}' for name, case in cases.items() for text in _broken(part, case)]
+
+
+def _broken(part: str, case: Mapping[str, Any]) -> Iterator[str]:
+    if case['errors']:
+        yield f'{case["errors"]} errors in the log, the first: {case["first_errors"][0]}'
+    if part == 'horizon':
+        yield from _over('horizon p99', case['horizon_ms'], BOUNDS['horizon_p99_ms'])
+        return
+    if case['missed'] or case['counts']['skipped']:
+        yield f'{case["missed"]} steps missed, {case["counts"]["skipped"]} skipped'
+    if case['lost_in_bag'] or case['heard_but_not_in_bag'] or case['bag_warnings']:
+        yield f'{case["lost_in_bag"]} predictions not in the bag; {case["bag_warnings"]}'
+    if part == 'rate':
+        bound = BOUNDS[f'lateness_p99_{"busy_core" if case["busy_core"] else "idle"}_ms']
+        for key, where in LATENESS.items():
+            yield from _over(f'lateness p99 ({where})', case[key], bound)
+    elif not case['growth_percent'] < BOUNDS['memory_growth_percent']:
+        yield f'memory grew by {case["growth_percent"]:.2f} %'
+
+
+def _over(name: str, found: Mapping[str, float] | None, bound: float) -> Iterator[str]:
+    if found is None:
+        yield f'{name}: nothing was measured'
+    elif not found['p99'] < bound:
+        yield f'{name} is {found["p99"]:.3g} ms, expected less than {bound:g} ms'
+
+
+def format_part(part: str, report: Mapping[str, Any]) -> str:
+    """Table of a part: one line per case."""
+    cases = report['parts'].get(part, {})
+    columns = {'rate': _rate_cells, 'horizon': _horizon_cells, 'soak': _soak_cells}[part]
+    rows = [{part: name, **columns(case), **_machine_cells(case)} for name, case in cases.items()]
+    return _aligned(rows) if rows else f'{part}: no case'
+
+
+def format_kills(path: Path) -> str:
+    """What benchmarks/bag_kills.py has measured."""
+    if not path.is_file():
+        return f'kills: {path.name} is not there; python benchmarks/bag_kills.py makes it'
+    report = read_json(path)
+    rows = [
+        {
+            'kills': kind,
+            'number': str(report[kind]['kills']),
+            'read': str(report[kind]['read']),
+            'worst loss [s]': f'{report[kind]["loss_s"]["worst"]:.2g}',
+        }
+        for kind in ('recorder', 'node')
+        if kind in report
+    ]
+    return _aligned(rows)
+
+
+def _rate_cells(case: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        'missed': str(case['missed']),
+        'skipped': str(case['counts']['skipped']),
+        'published': str(case['counts']['published']),
+        'lost': str(case['lost_in_bag']),
+        **{f'{where} p50/p99/worst ms': _quantiles(case[key]) for key, where in LATENESS.items()},
+        'step ms': _quantiles(case['step_time_ms']),
+    }
+
+
+def _horizon_cells(case: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        'frames': str(case['frames']),
+        'without': str(case['without_future']),
+        'p50/p99/worst ms': _quantiles(case['horizon_ms']),
+        'kB': f'{case["message_bytes"] / 1e3:.0f}',
+    }
+
+
+def _soak_cells(case: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        's': f'{case["seconds"]:g}',
+        'MB': f'{case["memory_settled_bytes"] / 1e6:.1f}',
+        'growth %': f'{case["growth_percent"]:.3f}',
+        'at the end %': f'{case["growth_at_end_percent"]:.3f}',
+        'published': f'{case["counts"]["published"]} of {case["expected"]}',
+        'lost': str(case['lost_in_bag']),
+        'errors': str(case['errors']),
+        'bag p50/p99/worst ms': _quantiles(case['lateness_bag_ms']),
+    }
+
+
+def _quantiles(found: Mapping[str, float] | None) -> str:
+    return '' if found is None else '/'.join(f'{value:.2f}' for value in found.values())
+
+
+def _machine_cells(case: Mapping[str, Any]) -> dict[str, str]:
+    loads = case['load_average'].values()
+    return {
+        'core %': f'{100 * case["processor_share"]:.0f}',
+        'load': ' to '.join('?' if load is None else f'{load[0]:.1f}' for load in loads),
+    }
+
+
+def _aligned(rows: Sequence[Mapping[str, str]]) -> str:
+    table = [list(rows[0]), *(list(row.values()) for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = [
+        '  '.join(
+            cell.rjust(width) if place else cell.ljust(width)
+            for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        ).rstrip()
+        for cells in table
+    ]
+    return '\n'.join([lines[0], '-' * len(lines[0]), *lines[1:]])
