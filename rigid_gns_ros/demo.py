@@ -13,6 +13,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from rigid_gns_core import cli
+
 from . import evaluate_bag
 
 LOG_TAIL = 25  # lines shown of a process that failed
@@ -106,7 +108,7 @@ def run_demo(folder: Path, duration: float) -> int:
         duration: How long to predict [s].
 
     Returns:
-        The exit code of the evaluation.
+        The exit code of evaluation and report.
 
     Raises:
         DemoError: A process failed.
@@ -142,9 +144,11 @@ def run_demo(folder: Path, duration: float) -> int:
         for process in processes:
             process.kill()
     print('demo: evaluating the bag\n', flush=True)
-    return evaluate_bag.main(
+    code = evaluate_bag.main(
         [str(bag), '--json', str(folder / 'report.json'), '--figure', str(folder / 'report.png')]
     )
+    # the replay, to be opened in any browser
+    return code or cli.main(['report', str(bag), '--out', str(folder / 'report.html')])
 
 
 def node_environment(folder: Path) -> dict[str, str]:

@@ -53,12 +53,14 @@ def test_the_demonstration(tmp_path: Path) -> None:
     assert report['frames']['compared'] >= 20
     assert report['recording']['predicted'] == '/predicted_poses'
     assert (folder / 'report.png').read_bytes().startswith(b'\x89PNG')
+    assert 'id="replay"' in (folder / 'report.html').read_text(encoding='utf-8')
     assert (folder / 'bag' / 'metadata.yaml').is_file()
     for text in (
         'Normalized Cumulative Energy Gain',
         'Lateness',
         str(folder / 'bag'),
         'report.png',
+        'report.html',
     ):
         assert text in output
     assert not nodes_of(folder)
