@@ -118,6 +118,9 @@ def main() -> int:
     if not (arguments.seconds > 0 and arguments.minutes > 0):
         parser.error('--seconds and --minutes must be more than 0')
     parts = [part for part in PARTS if part in (arguments.parts or PARTS)]
+    names = [case.name for part in parts for case in CASES.get(part, ())]
+    if names and not any(arguments.only in name for name in names):
+        parser.error(f'no case holds {arguments.only!r}; cases: {"; ".join(names)}')
     try:
         report = load_report(arguments.json)
     except ValueError as error:
@@ -135,7 +138,9 @@ def main() -> int:
     for part in parts:
         print('\n' + (format_kills(KILLS) if part == 'kills' else format_part(part, report)))
         broken += broken_bounds(part, report)
-    print('\n' + ('\n'.join(f'NOT MET: {text}' for text in broken) or 'all bounds are met'))
+    print(
+        '\n' + ('\n'.join(f'NOT MET: {text}' for text in broken) or 'all bounds are met by these')
+    )
     return 1 if broken else 0
 
 

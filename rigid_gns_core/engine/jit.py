@@ -37,9 +37,14 @@ def _folder() -> Path:
 _FOLDER = _folder()
 
 
+_seen_compiled = False
+
+
 def is_compiled() -> bool:
-    """Whether an earlier process has left machine code of these sources."""
-    return any(_FOLDER.rglob('*.nbc'))
+    """Whether this or an earlier process has left machine code of these sources."""
+    global _seen_compiled  # the disk is searched no more, once it was found
+    _seen_compiled = _seen_compiled or any(_FOLDER.rglob('*.nbc'))
+    return _seen_compiled
 
 
 def compiled(function: Function) -> Function:

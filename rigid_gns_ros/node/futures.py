@@ -67,17 +67,23 @@ class Futures:
         """Ask for the future of the newest frame."""
         if not self._seconds:
             return
-        try:
-            stamp_ns, state = self._window.start()
-            rollout = self._model.forecast(state, stamp_ns, self._window.ids).rollout
-        except ValueError as error:
-            self._warn('horizon', f'no future from these tracked frames: {error}')
-            return
-        steps, ids = steps_of(self._seconds, rollout.dt), self._window.ids
-        job = Job(rollout, stamp_ns, steps, self._window.frame_id, ids)
-        if not self._horizon.request(job):
+        if not self._horizon.request(self._begin):
             self._health.future_superseded()
         self._turn.trigger()
+
+    def _begin(self) -> Job | None:
+        """The future of what is then the newest frame, at its start."""
+        window = self._window
+        if not window.full:
+            return None  # the tracker paused, and its frames are too few again
+        try:
+            stamp_ns, state = window.start()
+            rollout = self._model.forecast(state, stamp_ns, window.ids).rollout
+        except ValueError as error:
+            self._warn('horizon', f'no future from these tracked frames: {error}')
+            return None
+        steps = steps_of(self._seconds, rollout.dt)
+        return Job(rollout, stamp_ns, steps, window.frame_id, window.ids)
 
     def _work(self) -> None:
         future = self._horizon.work(TURN)

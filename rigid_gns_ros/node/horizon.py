@@ -6,6 +6,7 @@ No ROS in here, and no thread: docs/decisions.md says why.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -66,7 +67,7 @@ class Horizon:
     """Computes one future at a time, and then the newest that was asked for."""
 
     def __init__(self) -> None:
-        self._waiting: Job | None = None
+        self._waiting: Callable[[], Job | None] | None = None
         self._job: Job | None = None
         self._states: list[State] = []
         self._took = 0.0
@@ -76,9 +77,14 @@ class Horizon:
         """Whether there is something to compute."""
         return self._job is not None or self._waiting is not None
 
-    def request(self, job: Job) -> bool:
-        """Ask for a future. False where an older one that waited is dropped for it."""
-        superseded, self._waiting = self._waiting is not None, job
+    def request(self, make: Callable[[], Job | None]) -> bool:
+        """Ask for a future. False where an older one that waited is dropped for it.
+
+        Args:
+            make: Makes the job when its turn comes, as to begin takes milliseconds that would be
+                lost for one that is dropped; None: there is no future.
+        """
+        superseded, self._waiting = self._waiting is not None, make
         return not superseded
 
     def cancel(self) -> None:
@@ -89,7 +95,8 @@ class Horizon:
         """Compute for `budget` [s], and one model step at least; the future, where it is ready."""
         begun = time.perf_counter()
         if self._job is None:
-            self._job, self._waiting = self._waiting, None
+            make, self._waiting = self._waiting, None
+            self._job = make() if make else None
             if self._job is None:
                 return None
             self._states, self._took = [self._job.rollout.state], 0.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -159,28 +160,27 @@ def rebounds(
 
 def before_contact(flights: Sums, turns: Sums, sigma: Array, left_out: float, first: int) -> Before:
     """For each frame from `first` on, the cheapest motion through frames before it."""
-    everyone = np.arange(len(sigma))
-    rows = []
-    for frame in range(first, len(flights.totals) - 1):
-        begin = np.arange(max(0, frame - _REACH), frame - 1)
-        lines = flights.lines(begin, np.full(len(begin), frame))
-        cost = lines.misfits.sum(axis=-1) / sigma**2 + left_out * flights.counts[begin]
-        cost = np.where(lines.counts > 1.5, cost, np.inf)
-        best = cost.argmin(axis=0), everyone
-        spin = turns.lines(begin, np.full(len(begin), frame))
-        rows.append(
-            Before(
-                cost[best],
-                lines.origins[best],
-                lines.slopes[best],
-                lines.middles[best],
-                lines.spans[best],
-                lines.counts[best],
-                spin.origins[best],
-                spin.slopes[best],
-            )
-        )
-    return Before(*(np.stack(field) for field in zip(*rows, strict=True)))
+    frames = range(first, len(flights.totals) - 1)
+    begins = [np.arange(max(0, frame - _REACH), frame - 1) for frame in frames]
+    # all stretches at once, as for so few numbers the calls take the time
+    begin, lengths = np.concatenate(begins), [len(one) for one in begins]
+    end = np.repeat(frames, lengths)
+    lines, spin = flights.lines(begin, end), turns.lines(begin, end)
+    cost = lines.misfits.sum(axis=-1) / sigma**2 + left_out * flights.counts[begin]
+    cost = np.where(lines.counts > 1.5, cost, np.inf)
+    borders = pairwise(np.cumsum([0, *lengths]))
+    cheapest = [start + cost[start:stop].argmin(axis=0) for start, stop in borders]
+    best = np.stack(cheapest), np.arange(len(sigma))
+    return Before(
+        cost[best],
+        lines.origins[best],
+        lines.slopes[best],
+        lines.middles[best],
+        lines.spans[best],
+        lines.counts[best],
+        spin.origins[best],
+        spin.slopes[best],
+    )
 
 
 def after_contact(

@@ -171,7 +171,7 @@ def test_a_future_comes_in_turns(model: Forecaster, falling: Falling) -> None:
     at_once, in_turns = Horizon(), Horizon()
     assert at_once.work(1e9) is None and not at_once.busy
     for horizon in (at_once, in_turns):
-        assert horizon.request(job(model, falling(0.0), 7, 5)) and horizon.busy
+        assert horizon.request(lambda: job(model, falling(0.0), 7, 5)) and horizon.busy
     whole = at_once.work(1e9)
     turns = [in_turns.work(0.0) for _ in range(5)]
     assert turns[:4] == [None] * 4 and not in_turns.busy
@@ -183,10 +183,10 @@ def test_a_future_comes_in_turns(model: Forecaster, falling: Falling) -> None:
 def test_only_the_newest_frame_waits(model: Forecaster, falling: Falling) -> None:
     """A frame that comes while a future is computed waits; one that comes then replaces it."""
     horizon = Horizon()
-    assert horizon.request(job(model, falling(0.0), 0, 2))
+    assert horizon.request(lambda: job(model, falling(0.0), 0, 2))
     assert horizon.work(0.0) is None
-    assert horizon.request(job(model, falling(0.1), 1, 2))
-    assert not horizon.request(job(model, falling(0.2), 2, 2))  # in place of 1
+    assert horizon.request(lambda: job(model, falling(0.1), 1, 2))
+    assert not horizon.request(lambda: job(model, falling(0.2), 2, 2))  # in place of 1
     stamps = []
     while horizon.busy:
         future = horizon.work(0.0)
@@ -194,11 +194,27 @@ def test_only_the_newest_frame_waits(model: Forecaster, falling: Falling) -> Non
     assert stamps == [0, 2]
 
 
+def test_what_is_dropped_is_never_begun(model: Forecaster, falling: Falling) -> None:
+    begun: list[int] = []
+
+    def make(stamp_ns: int) -> Job:
+        begun.append(stamp_ns)
+        return job(model, falling(0.0), stamp_ns, 2)
+
+    horizon = Horizon()
+    for stamp_ns in range(3):
+        horizon.request(lambda stamp_ns=stamp_ns: make(stamp_ns))
+    assert not begun
+    assert horizon.work(1e9) is not None and begun == [2]
+    horizon.request(lambda: None)  # there is no future
+    assert horizon.work(1e9) is None and not horizon.busy
+
+
 def test_what_is_cancelled_never_comes(model: Forecaster, falling: Falling) -> None:
     horizon = Horizon()
-    horizon.request(job(model, falling(0.0), 0, 2))
+    horizon.request(lambda: job(model, falling(0.0), 0, 2))
     horizon.work(0.0)
-    horizon.request(job(model, falling(0.0), 1, 2))
+    horizon.request(lambda: job(model, falling(0.0), 1, 2))
     horizon.cancel()
     assert not horizon.busy and horizon.work(1.0) is None
 
@@ -217,7 +233,8 @@ def test_a_future_that_diverges_ends_early(model: Forecaster, falling: Falling) 
             return self._step()
 
     horizon, whole = Horizon(), job(model, falling(0.0), 5, 10)
-    horizon.request(replace(whole, rollout=Broken(whole.rollout)))  # type: ignore[arg-type]
+    broken = replace(whole, rollout=Broken(whole.rollout))  # type: ignore[arg-type]
+    horizon.request(lambda: broken)
     future = horizon.work(1e9)
     assert future and future.error == 'a predicted value is not finite'
     assert len(decode_trajectory(future.cdr).times_ns) == 3

@@ -100,6 +100,22 @@ def test_first_tells_the_error_and_runs_on(
     assert [start['reason'] for start in starts(close())] == ['first']
 
 
+def test_first_fits_no_frame_before_somebody_asks_for_the_error(
+    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fit takes milliseconds, in which a prediction would have to wait."""
+    setup = simulated(start='first')
+    setup.start(falling(0.0))
+    setup.run(1)
+    window, fitted = setup.node.simulation.window, []
+    start = window.start
+    monkeypatch.setattr(window, 'start', lambda: (fitted.append(window.stamp_ns), start())[1])
+    setup.node.simulation.on_tracked(PoseArrayCodec('world', 3).encode(falling(0.1), T0 + DT))
+    assert window.stamp_ns == T0 + DT and not fitted
+    assert setup.node.simulation.predictor.last_error.worst == pytest.approx(0.1)
+    assert fitted == [T0 + DT]
+
+
 def test_diverged_catches_up_with_a_tracker_that_is_ahead(
     simulated: Simulated, falling: Falling, expected: Rollout
 ) -> None:

@@ -1,0 +1,94 @@
+"""The benchmark of the node: every part runs, and its report holds what is promised. No timings."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / 'benchmarks' / 'node_benchmark.py'
+CASES = {
+    'rate': '50 spheres, 71 Hz, every, idle',
+    'horizon': '50 spheres of 1 m, tracker at 10 Hz, first',
+    'soak': '50 spheres of 10 mm, 100 Hz',
+}
+LENGTH = ('--seconds', '2', '--minutes', '0.05')
+
+
+def benchmark(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+@pytest.fixture(scope='module')
+def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    path = tmp_path_factory.mktemp('benchmark') / 'report.json'
+    for part, only in CASES.items():
+        done = benchmark(part, '--only', only, '--json', str(path), *LENGTH)
+        assert done.returncode in (0, 1), done.stderr  # 1: too slow here
+        assert not done.stderr and only in done.stdout
+    return path, json.loads(path.read_text(encoding='utf-8'))
+
+
+@pytest.mark.slow
+def test_each_part_measures_its_case(report: tuple[Path, dict[str, Any]]) -> None:
+    path, content = report
+    assert {part: list(cases) for part, cases in content['parts'].items()} == {
+        part: [only] for part, only in CASES.items()
+    }
+    rate, horizon, soak = (content['parts'][part][only] for part, only in CASES.items())
+    for case in (rate, horizon, soak):
+        assert case['spheres'] == 50 and case['errors'] == 0 and not case['first_errors']
+        assert set(case['counts']) == {'published', 'late', 'skipped', 'rejected'}
+        assert set(case['load_average']) == {'before', 'after'}
+    for case in (rate, soak):
+        assert case['lost_in_bag'] == case['heard_but_not_in_bag'] == 0
+        assert case['in_bag'] == case['counts']['published'] > 0 and not case['bag_warnings']
+        assert case['heard'] > 0
+        for key in ('lateness_heard_ms', 'lateness_bag_ms', 'step_time_ms'):
+            assert 0 <= case[key]['p50'] <= case[key]['p99'] <= case[key]['worst']
+    assert rate['predictions_hz'] == pytest.approx(70.711, abs=0.01)
+    assert soak['predictions_hz'] == pytest.approx(100.0, abs=0.1)
+    assert 0 < horizon['horizon_ms']['p50'] <= horizon['horizon_ms']['worst']
+    assert horizon['message_bytes'] > 50_000
+    assert soak['memory_settled_bytes'] > 10**7
+    assert soak['expected'] == soak['in_bag'] + soak['missed']
+    assert str(path.parent) not in path.read_text(encoding='utf-8')
+
+
+@pytest.mark.slow
+def test_what_is_measured_is_kept(report: tuple[Path, dict[str, Any]]) -> None:
+    path, content = report
+    done = benchmark('soak', 'kills', '--json', str(path), *LENGTH)
+    assert 'recorder' in done.stdout and CASES['soak'] in done.stdout
+    after = json.loads(path.read_text(encoding='utf-8'))
+    assert after['parts']['soak'] == content['parts']['soak']
+    assert after['parts']['kills']['made_by'] == 'benchmarks/bag_kills.py'
+
+
+@pytest.mark.slow
+def test_figures_of_another_machine_are_not_mixed_in(
+    report: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    _, content = report
+    other = tmp_path / 'other.json'
+    other.write_text(json.dumps(content | {'machine': {'cpu': 'abacus'}}), encoding='utf-8')
+    done = benchmark('kills', '--json', str(other))
+    assert done.returncode == 2 and 'another machine' in done.stderr
+
+
+def test_an_unknown_part_is_told() -> None:
+    done = benchmark('rates')
+    assert done.returncode == 2 and "no part 'rates'" in done.stderr
