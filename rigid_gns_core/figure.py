@@ -178,7 +178,7 @@ def _draw_view(
             **style,
         )
         axes.add_collection(circles, autolim=False)
-    _clean(axes)
+    clean_axes(axes)
 
 
 def _draw_surfaces(axes: Axes, scene: Scene, view: Array, pick: list[int]) -> None:
@@ -228,7 +228,7 @@ def _draw_energy(
     axes.set_xlim(0, max(reference.times[-1], reference.dt))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     axes.grid(color=GRID, linewidth=0.8)
-    _clean(axes)
+    clean_axes(axes)
 
 
 def _draw_error(
@@ -263,7 +263,7 @@ def _draw_error(
     axes.set_ylabel(f'distance to {name} [m]', color=INK)
     axes.grid(color=GRID, linewidth=0.8)
     axes.legend(frameon=False, fontsize=9, loc='lower right')
-    _clean(axes)
+    clean_axes(axes)
 
 
 def _legend(figure: Figure, names: tuple[str, str]) -> None:
@@ -292,9 +292,10 @@ def _energy_unit(peak: float) -> tuple[float, str]:
     return 1e-6, 'µJ'
 
 
-def _clean(axes: Axes) -> None:
+def clean_axes(axes: Axes, label_size: int = 9) -> None:
+    """Axes without a box, the look of all charts; labels in points."""
     for side in ('top', 'right'):
         axes.spines[side].set_visible(False)
     for side in ('left', 'bottom'):
         axes.spines[side].set_color(SURFACE)
-    axes.tick_params(colors=INK, labelsize=9)
+    axes.tick_params(colors=INK, labelsize=label_size)

@@ -16,6 +16,8 @@ from .state import Array, rotation_between
 
 # standard deviation of a third difference of values that have one of 1: 1, 3, 3, 1 squared
 _THIRD = float(np.sqrt(20.0))
+# a normal distribution: part of its smallest quarter, and its mean square when cut at 3
+_QUARTER, _CUT = 0.3186, 0.9733
 # a deviation of so many standard deviations is a contact, not noise
 SIGMAS = 5.0
 # a rotation of more than this in one step may have been tracked the other way round [rad]
@@ -80,8 +82,8 @@ def estimate_noise(parts: list[tuple[Array, Array, Array]]) -> PoseNoise:
         places.append(np.diff(positions, 3, axis=0)[even].ravel())
         turned = rotation_between(quaternions[:-1], quaternions[1:])
         turns.append(np.diff(turned, 2, axis=0)[even].ravel())
-    position = _spread(np.concatenate(places)) / _THIRD
-    return PoseNoise(position, _spread(np.concatenate(turns)) / _THIRD if tracked else None)
+    position = normal_spread(np.concatenate(places)) / _THIRD
+    return PoseNoise(position, normal_spread(np.concatenate(turns)) / _THIRD if tracked else None)
 
 
 def tracked_starts(
@@ -120,17 +122,19 @@ def tracked_starts(
     return TrackedStarts(velocities, spins, trusted)
 
 
-def _spread(values: Array) -> float:
-    """Standard deviation of the normal part of values, the rest of which are outliers."""
-    size = np.abs(values)
-    if not len(size):
+def normal_spread(values: Array) -> float:
+    """Standard deviation of the normal part of values, the rest are contacts; 0 of none."""
+    if not len(values):
         return 0.0
-    # the smallest quarter of a normal distribution lies within 0.3186; contacts are above
-    spread = float(np.quantile(size, 0.25)) / 0.3186
+    size = np.sort(np.abs(values))
+    # a normal distribution: its smallest quarter ends there
+    found = float(size[len(size) // 4]) / _QUARTER
+    squares = np.cumsum(size**2)
     for _ in range(20):
-        kept = size[size <= 3.0 * spread]
-        if not len(kept):
+        kept = int(np.searchsorted(size, 3.0 * found, side='right'))
+        if not kept:
             break
-        # of a normal distribution cut at 3, the mean square is 0.9733 of the whole
-        spread = float(np.sqrt(np.mean(kept**2) / 0.9733))
-    return spread
+        before, found = found, float(np.sqrt(squares[kept - 1] / kept / _CUT))
+        if found == before:
+            break
+    return found

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..figure import GRID, INK, SURFACE
+from ..figure import GRID, INK, clean_axes
 from .scenes import FRAME
 
 if TYPE_CHECKING:
@@ -137,11 +137,7 @@ def _draw(axes: Axes, scene: Mapping[str, Any], name: str) -> None:
     axes.set_ylabel('mean position error [m] (better: down)', color=INK)
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
-    for side in ('top', 'right'):
-        axes.spines[side].set_visible(False)
-    for side in ('left', 'bottom'):
-        axes.spines[side].set_color(SURFACE)
-    axes.tick_params(colors=INK, labelsize=9)
+    clean_axes(axes)
 
 
 def _draw_family(

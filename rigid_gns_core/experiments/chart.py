@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..figure import GRID, INK, SURFACE
+from ..figure import GRID, INK, clean_axes
 from ..metrics.table import LAWS
 from .points import Panel, Point, panels_of, printed_numbers
 from .text import LONG, SET_NAMES, SHORT
@@ -183,10 +183,6 @@ def _clean(axes: Axes, panel: Panel, along: bool, axis: str, first: bool) -> Non
         axes.locator_params(axis='x', nbins=4) if not panel.logarithmic else None
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
-    for side in ('top', 'right'):
-        axes.spines[side].set_visible(False)
-    for side in ('left', 'bottom'):
-        axes.spines[side].set_color(SURFACE)
-    axes.tick_params(colors=INK, labelsize=8)
+    clean_axes(axes, 8)
     title = f'{SET_NAMES[panel.which]}: {NAMES.get(panel.metric, panel.metric)}'
     axes.set_title(title, loc='left', fontsize=9, color=INK, pad=16 if along else 6)

@@ -13,7 +13,6 @@ import numpy as np
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, Trajectory
-from rigid_gns_core.tracked_motion import estimate_noise
 
 from ..bag_reader import Bag, Topic
 from ..learning.resample import resample
@@ -104,9 +103,7 @@ def score_rollouts(
         )
     model = forecaster(scene, options.model)
     parts = cut(decoded.frames, GAP * float(np.median(rising)))
-    noise = estimate_noise(
-        [(part.times, part.poses[..., :3], part.poses[..., 3:]) for part in parts.segments]
-    ).position
+    noise = parts.noise().position
     refused, notes = Counter(parts.refused), []
     references = []
     for part in parts.segments:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigid_gns_core.state import Array
+from rigid_gns_core.tracked_motion import PoseNoise, estimate_noise
 
 from ..bag_reader import Bag, BagError, Topic
 from ..messages import PoseArrayFrame
@@ -51,6 +52,12 @@ class Cut:
     segments: list[Segment]
     refused: dict[str, int]
     cuts: dict[str, int]
+
+    def noise(self) -> PoseNoise:
+        """Noise of the tracker, see `estimate_noise`."""
+        return estimate_noise(
+            [(part.times, part.poses[..., :3], part.poses[..., 3:]) for part in self.segments]
+        )
 
 
 def find_tracked(bag: Bag, name: str | None, said: Iterable[str] = ()) -> Topic:

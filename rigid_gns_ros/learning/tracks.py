@@ -17,7 +17,7 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.similarity import ModelUnits, Similarity
 from rigid_gns_core.state import Trajectory
-from rigid_gns_core.tracked_motion import PoseNoise, estimate_noise
+from rigid_gns_core.tracked_motion import PoseNoise
 
 from ..bag_reader import Bag, BagError, read_bag
 from ..evaluation.alignment import decode_topic
@@ -112,9 +112,7 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
         )
     gap = options.max_gap or _GAP * max(dt, interval)
     parts = cut(decoded.frames, gap * 1e9)
-    noise = estimate_noise(
-        [(part.times, part.poses[..., :3], part.poses[..., 3:]) for part in parts.segments]
-    )
+    noise = parts.noise()
     usable = [part for part in parts.segments if part.times[-1] >= (options.min_steps - 1e-6) * dt]
     if not usable:
         longest = max((part.times[-1] for part in parts.segments), default=0.0)

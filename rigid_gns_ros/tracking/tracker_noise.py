@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigid_gns_core.state import Array
+from rigid_gns_core.tracked_motion import normal_spread
 
 # newest third differences kept: their number gives the noise within some per cent
 KEPT = 1200
 # fewer tell too little
 LEAST = 24
-# a normal distribution: part of its smallest quarter, and its mean square when cut at 3
-_QUARTER, _CUT = 0.3186, 0.9733
 
 
 def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -> Array:
@@ -32,21 +31,5 @@ def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -
 
 
 def spread(values: Array) -> float | None:
-    """Standard deviation of the normal part of values, the rest of which are contacts.
-
-    Returns:
-        None where there are too few to tell.
-    """
-    if len(values) < LEAST:
-        return None
-    size = np.sort(np.abs(values))
-    found = float(size[len(size) // 4]) / _QUARTER
-    squares = np.cumsum(size**2)
-    for _ in range(20):
-        kept = int(np.searchsorted(size, 3.0 * found, side='right'))
-        if not kept:
-            break
-        before, found = found, float(np.sqrt(squares[kept - 1] / kept / _CUT))
-        if found == before:
-            break
-    return found
+    """Standard deviation of the normal part of values; None where they are too few to tell."""
+    return normal_spread(values) if len(values) >= LEAST else None
