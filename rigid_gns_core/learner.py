@@ -111,7 +111,7 @@ class Learner(ABC, Generic[N]):
         self.trajectories = trajectories
         self.parameters: list[Tensor] = list(network.parameters())
         self.averaged = [parameter.detach().clone() for parameter in self.parameters]
-        self.optimizer = torch.optim.Adam(self.parameters, lr=config.learning_rate)
+        self.optimizer = torch.optim.Adam(self.parameters, lr=config.learning_rate, fused=True)
         self.step = 0
         self.shared_loss: Callable[[int], Tensor] = self.loss_at
         if self.processes.size > 1:
