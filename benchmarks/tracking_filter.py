@@ -22,8 +22,8 @@ from tracking_filter_matching import cost_of_a_frame, follow
 from tracking_filter_plain import plain_fit
 from tracking_filter_truth import Truth, box, table
 
-from rigid_gns_core.evaluate import read_json, write_json
 from rigid_gns_core.state import Array
+from rigid_gns_core.strict_json import read_json, write_json
 from rigid_gns_ros.tracking.surroundings import Surroundings
 from rigid_gns_ros.tracking.velocity import estimate_motion
 
@@ -46,12 +46,14 @@ def classes(truth: Truth, frame: int, window: int, noise: float, gap: Array) -> 
 def gaps(truth: Truth) -> Array:
     """Distance of each sphere from what is nearest [m], shape (frames, n)."""
     around = Surroundings.of(truth.scene)
-    radii = np.full(truth.trajectory.count, truth.radius)
     found = []
     for places in truth.trajectory.positions:
         apart = np.linalg.norm(places[:, None] - places, axis=-1) - 2.0 * truth.radius
         np.fill_diagonal(apart, np.inf)
-        found.append(np.minimum(np.abs(apart).min(axis=1), around.nearest(places, radii)[1]))
+        local = np.einsum('nkc,kdc->nkd', places[:, None] - around.points, around.axes)
+        inside = (np.abs(local[..., :2]) <= around.halves).all(axis=-1)
+        beside = np.where(inside, np.abs(local[..., 2] - truth.radius), np.inf)
+        found.append(np.minimum(np.abs(apart).min(axis=1), beside.min(axis=1)))
     return np.array(found)
 
 

@@ -11,7 +11,8 @@ from rigid_gns_core.dataset import demo_record
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, State, Trajectory
-from rigid_gns_core.teacher import Teacher, TeacherSettings
+from rigid_gns_core.teacher import Teacher
+from rigid_gns_core.teacher_settings import TeacherSettings
 
 BALLS = 12  # of the table
 

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from rigid_gns_core.engine.vector import length, minus, row
 from rigid_gns_core.state import Array
 
-from .collisions import pairs_near
+from .collisions import Pairs, pairs_near
+from .jit import entry, plain
 
 Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 # standard deviations of noise that a gate adds
 GATE_SIGMAS = 6.0
@@ -31,6 +34,7 @@ def match(predicted: Array, found: Array, gates: Array) -> Indices:
     Returns:
         Index into `found` of each sphere, -1 where none is within its gate, shape (n,).
     """
+    predicted, found, gates = plain(predicted), plain(found), plain(gates)
     none = np.full(len(predicted), -1, dtype=np.int64)
     if not len(predicted) or not len(found):
         return none
@@ -39,21 +43,55 @@ def match(predicted: Array, found: Array, gates: Array) -> Indices:
     claimed = np.bincount(nearest[inside], minlength=len(found))
     if claimed.max(initial=0) <= 1:  # each has its nearest: no sum can be smaller
         return np.where(inside, nearest, none)
-    squares = np.square(predicted[:, None] - found).sum(axis=-1)
-    cost = np.minimum(squares / gates[:, None] ** 2, 1.0)
+    # only those hang on each other that gates join to a pose that is the nearest of several
+    joined, wanted = np.zeros(len(predicted), dtype=bool), claimed > 1
+    _join(joined, wanted, np.empty(len(found), dtype=np.int64), predicted, found, gates)
+    spheres, poses = np.flatnonzero(joined), np.flatnonzero(wanted)
+    index = np.where(inside, nearest, none)
+    squares = np.square(predicted[spheres, None] - found[poses]).sum(axis=-1)
+    cost = np.minimum(squares / gates[spheres, None] ** 2, 1.0)
     rows, columns = linear_sum_assignment(cost)
     kept = cost[rows, columns] < 1.0
-    none[rows[kept]] = columns[kept]
-    return none
+    index[spheres] = -1
+    index[spheres[rows[kept]]] = poses[columns[kept]]
+    return index
+
+
+@entry
+def _join(
+    spheres: Flags, poses: Flags, waiting: Indices, predicted: Array, found: Array, gates: Array
+) -> None:
+    """Mark all spheres and poses that gates join to marked poses.
+
+    Args:
+        spheres: Marks, shape (n,).
+        poses: Marks, shape (k,).
+        waiting: Overwritten, shape (k,).
+        predicted: Where spheres are expected [m], shape (n, 3).
+        found: Positions [m], shape (k, 3).
+        gates: Of spheres [m], shape (n,).
+    """
+    count = 0
+    for k in range(len(poses)):
+        if poses[k]:
+            waiting[count] = k
+            count += 1
+    while count:
+        count -= 1
+        place = row(found, waiting[count])
+        for i in range(len(spheres)):
+            if spheres[i] or length(minus(place, row(predicted, i))) > gates[i]:
+                continue
+            spheres[i] = True
+            for k in range(len(poses)):
+                if not poses[k] and length(minus(row(found, k), row(predicted, i))) <= gates[i]:
+                    poses[k] = True
+                    waiting[count] = k
+                    count += 1
 
 
 def gates(
-    speeds: Array,
-    positions: Array,
-    radii: Array,
-    spread: Array,
-    time: float,
-    sure: NDArray[np.bool_],
+    speeds: Array, positions: Array, radii: Array, spread: Array, time: float, sure: Flags
 ) -> Array:
     """How far spheres may be from where they are expected [m], shape (n,).
 
@@ -69,9 +107,19 @@ def gates(
         sure: Whether a speed is that of three frames or more, shape (n,): one that was matched
             wrongly must not widen the gates of others.
     """
-    travel = speeds * time
-    i, j = pairs_near(positions, radii + travel)
+    positions, radii, travel = plain(positions), plain(radii), plain(speeds * time)
     fastest = travel.copy()
-    np.maximum.at(fastest, i, np.where(sure[j], travel[j], 0.0))
-    np.maximum.at(fastest, j, np.where(sure[i], travel[i], 0.0))
+    _raise(fastest, travel, sure, pairs_near(positions, radii + travel))
     return radii + GATE_SIGMAS * spread + fastest
+
+
+@entry
+def _raise(fastest: Array, travel: Array, sure: Flags, pairs: Pairs) -> None:
+    """Raise the way of each sphere to that of the fastest sure one that can reach it."""
+    one, other = pairs
+    for k in range(len(one)):
+        i, j = one[k], other[k]
+        if sure[j]:
+            fastest[i] = max(fastest[i], travel[j])
+        if sure[i]:
+            fastest[j] = max(fastest[j], travel[i])

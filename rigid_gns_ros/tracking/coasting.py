@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_gns_core.engine.quaternions import turn
+from rigid_gns_core.engine.vector import dot, minus, plus, put, row, times
 from rigid_gns_core.state import Array
 
-from .collisions import exchange, meeting, pairs_near
-from .surroundings import Contacts, Surroundings, after_impact
+from .collisions import NONE_NEAR, Pairs, exchange, meeting, pairs_near
+from .impacts import Surfaces, after_impact, first_impact, placed
+from .jit import entry, in_place, plain
+from .stretches import Flags
+from .surroundings import Surroundings
 
 # a contact may lie so many spans of the time back
 _BEHIND = 0.5
+_HELD = (0.0, 0.0, 0.0)  # acceleration of what is carried
 
 
 def coast(
@@ -35,57 +43,101 @@ def coast(
         radii: [m], shape (n,).
         time: How long [s], shape (n,).
     """
-    g = falls[:, None] * around.gravity
-    # noise may have put a sphere behind what it is about to meet
-    hits = around.first_contact(places, speeds, radii, -_BEHIND * time, time)
-    when = np.where(
-        falls & (time > 0) & np.isfinite(hits.times), np.maximum(hits.times, 0.0), np.inf
-    )
-    change = np.zeros_like(speeds)
-    hit = np.flatnonzero(np.isfinite(when))
-    if len(hit):
-        incoming = speeds[hit] + around.gravity * when[hit, None]
-        contact = Contacts(*(field[hit] for field in hits))
-        change[hit] = after_impact(incoming, np.zeros_like(incoming), contact, radii[hit])[0]
-        change[hit] -= incoming
-    i, j, met = _meetings(around, places, speeds, g, radii, time)
-    if len(i):
-        first = when.copy()
-        np.minimum.at(first, i, met)
-        np.minimum.at(first, j, met)
-        both = (met <= first[i]) & (met <= first[j])
-        i, j, at = i[both], j[both], met[both, None]
-        push = exchange(
-            places[j] - places[i] + (speeds[j] - speeds[i]) * at,
-            speeds[j] - speeds[i],
-            around.bounce,
-        )
-        change[i], change[j], when[i], when[j] = push, -push, at[:, 0], at[:, 0]
-    t = time[:, None]
-    rest = np.where(np.isfinite(when), time - when, 0.0)[:, None]
-    found = places + speeds * t + 0.5 * g * t**2 + change * rest
-    later = speeds + g * t + change
-    if len(hit):  # a second bounce would follow: it is held on the surface
-        at = when[hit, None]
-        place = places[hit] + speeds[hit] * at + 0.5 * g[hit] * at**2
-        height = ((found[hit] - place) * hits.normals[hit]).sum(axis=-1)
-        struck = when[hit] == np.maximum(hits.times[hit], 0.0)
-        found[hit] -= np.where(struck, np.minimum(height, 0.0), 0.0)[:, None] * hits.normals[hit]
+    places, speeds, radii, time = plain(places), plain(speeds), plain(radii), plain(time)
+    pairs = NONE_NEAR
+    if around.known:
+        fall = np.where(falls, np.linalg.norm(around.gravity), 0.0) * time
+        pairs = pairs_near(places, radii + (np.linalg.norm(speeds, axis=1) + fall) * time)
+    return _coast(around.surfaces, pairs, places, speeds, falls, radii, time)
+
+
+def turn_on(quaternions: Array, spins: Array, time: float) -> Array:
+    """Rotations, shape (n, 4), after a while [s] at spins [rad/s], shape (n, 3)."""
+    turned = np.array(quaternions, dtype=np.float64, order='C')
+    _turn(turned, plain(spins), time)
+    return turned
+
+
+@entry
+def _turn(quaternions: Array, spins: Array, time: float) -> None:
+    for i in range(len(spins)):
+        turn(quaternions, i, row(spins, i), time)
+
+
+@entry
+def _coast(
+    surfaces: Surfaces,
+    pairs: Pairs,
+    places: Array,
+    speeds: Array,
+    falls: Flags,
+    radii: Array,
+    time: Array,
+) -> tuple[Array, Array]:
+    n = len(radii)
+    # of the contact: when, by how much it changes a velocity, and the normal of a surface
+    when, change, normals = np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3))
+    for i in range(n):
+        if not (falls[i] and time[i] > 0):
+            continue
+        place, speed = row(places, i), row(speeds, i)
+        # noise may have put a sphere behind what it is about to meet
+        hit = first_impact(surfaces, place, speed, radii[i], -_BEHIND * time[i], time[i])
+        if hit.time < math.inf:
+            when[i] = max(hit.time, 0.0)
+            incoming = plus(speed, times(when[i], surfaces.gravity))
+            put(change, i, minus(after_impact(incoming, _HELD, hit, radii[i])[0], incoming))
+            put(normals, i, hit.normal)
+    met, first = np.full(len(pairs[0]), np.inf), when.copy()
+    _push(surfaces, pairs, places, speeds, radii, time, when, change, normals, met, first)
+    found, later = np.empty((n, 3)), np.empty((n, 3))
+    for i in range(n):
+        place, speed, push = row(places, i), row(speeds, i), row(change, i)
+        g = surfaces.gravity if falls[i] else _HELD
+        rest = time[i] - when[i] if when[i] < math.inf else 0.0
+        there = plus(placed(place, speed, g, time[i]), times(rest, push))
+        normal = row(normals, i)
+        if when[i] < math.inf:  # a second bounce would follow: it is held on the surface
+            height = dot(minus(there, placed(place, speed, g, when[i])), normal)
+            there = minus(there, times(min(height, 0.0), normal))
+        put(found, i, there)
+        put(later, i, plus(plus(speed, times(time[i], g)), push))
     return found, later
 
 
-def _meetings(
-    around: Surroundings, places: Array, speeds: Array, g: Array, radii: Array, time: Array
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Pairs that meet, and when [s]."""
-    none = np.zeros(0, dtype=np.int64)
-    if not around.known:
-        return none, none, np.zeros(0)
-    travel = (np.linalg.norm(speeds, axis=1) + np.linalg.norm(g, axis=1) * time) * time
-    i, j = pairs_near(places, radii + travel)
-    if not len(i):
-        return none, none, np.zeros(0)
-    met = meeting(places[j] - places[i], speeds[j] - speeds[i], radii[i] + radii[j])
-    span = np.minimum(time[i], time[j])
-    good = (span > 0) & (met >= -_BEHIND * span) & (met <= span)
-    return i[good], j[good], np.maximum(met[good], 0.0)
+@in_place
+def _push(
+    surfaces: Surfaces,
+    pairs: Pairs,
+    places: Array,
+    speeds: Array,
+    radii: Array,
+    time: Array,
+    when: Array,
+    change: Array,
+    normals: Array,
+    met: Array,
+    first: Array,
+) -> None:
+    """Put the meetings of spheres that come before their other contacts in the place of these."""
+    one, other = pairs
+    for k in range(len(one)):
+        i, j = one[k], other[k]
+        offset, speed = minus(row(places, j), row(places, i)), minus(row(speeds, j), row(speeds, i))
+        at, span = meeting(offset, speed, radii[i] + radii[j]), min(time[i], time[j])
+        if span > 0 and at >= -_BEHIND * span and at <= span:
+            met[k] = max(at, 0.0)
+            first[i], first[j] = min(first[i], met[k]), min(first[j], met[k])
+    for side in range(2):  # of meetings at the same time the last counts, and a second sphere's
+        for k in range(len(one)):
+            i, j, at = one[k], other[k], met[k]
+            if at == math.inf or at > first[i] or at > first[j]:
+                continue
+            speed = minus(row(speeds, j), row(speeds, i))
+            offset = plus(minus(row(places, j), row(places, i)), times(at, speed))
+            push = exchange(offset, speed, surfaces.bounce)
+            who = j if side else i
+            put(change, who, times(-1.0, push) if side else push)
+            if at < when[who]:
+                when[who] = at
+                put(normals, who, _HELD)

@@ -2,46 +2,61 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from rigid_gns_core.engine.neighbours import find_pairs
+from rigid_gns_core.engine.vector import Vector, dot, length, minus, row, times
 from rigid_gns_core.state import Array
 
+from .jit import in_place
 
-def pairs_near(positions: Array, reach: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+# first and second spheres of pairs, shape (m,) each
+Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
+NONE_NEAR: Pairs = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
+def pairs_near(positions: Array, reach: Array) -> Pairs:
     """Pairs i < j of spheres no further apart than the sum of their reaches [m], shape (n,)."""
-    pairs = cKDTree(positions).query_pairs(2.0 * reach.max(initial=0.0), output_type='ndarray')
-    i, j = pairs[np.lexsort(pairs.T[::-1])].T
-    near = np.linalg.norm(positions[i] - positions[j], axis=1) <= reach[i] + reach[j]
-    return i[near], j[near]
+    if not len(reach):
+        return NONE_NEAR
+    return find_pairs(positions, reach, np.ones(len(reach), dtype=bool))
 
 
-def meeting(offsets: Array, speeds: Array, touch: Array) -> Array:
+@in_place
+def within(positions: Array, reach: Array, i: int, j: int) -> bool:
+    """Whether two spheres are no further apart than the sum of their reaches [m], shape (n,)."""
+    return bool(length(minus(row(positions, i), row(positions, j))) <= reach[i] + reach[j])
+
+
+@in_place
+def meeting(offset: Vector, speed: Vector, touch: float) -> float:
     """Time at which spheres in relative uniform motion come to touch [s]; NaN where they do not.
 
     Args:
-        offsets: From one centre to the other at time 0 [m], shape (..., 3).
-        speeds: Of the other relative to the one [m/s], shape (..., 3).
-        touch: Sum of the radii [m], shape that fits (...).
+        offset: From one centre to the other at time 0 [m].
+        speed: Of the other relative to the one [m/s].
+        touch: Sum of the radii [m].
     """
-    a = np.square(speeds).sum(axis=-1)
-    b = (offsets * speeds).sum(axis=-1)
-    c = np.square(offsets).sum(axis=-1) - touch**2
-    with np.errstate(invalid='ignore', divide='ignore'):
-        root = np.sqrt(b**2 - a * c)
-        when = np.where(b < 0, c / (root - b), (-b - root) / a)
-    return np.where(np.isfinite(when) & (root > 0), when, np.nan)
+    a, b, c = dot(speed, speed), dot(offset, speed), dot(offset, offset) - touch**2
+    square = b * b - a * c
+    if not square > 0:
+        return math.nan
+    root = math.sqrt(square)
+    return c / (root - b) if b < 0 else (-b - root) / a
 
 
-def exchange(offsets: Array, speeds: Array, restitution: float) -> Array:
-    """Change of the velocity of the first of two equal spheres that collide [m/s], shape (..., 3).
+@in_place
+def exchange(offset: Vector, speed: Vector, restitution: float) -> Vector:
+    """Change of the velocity of the first of two equal spheres that collide [m/s].
 
     Args:
-        offsets: From its centre to the other's at the contact [m], shape (..., 3).
-        speeds: Of the other relative to it [m/s], shape (..., 3).
+        offset: From its centre to the other's at the contact [m].
+        speed: Of the other relative to it [m/s].
         restitution: Of the pair.
     """
-    normals = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
-    closing = np.minimum((speeds * normals).sum(axis=-1, keepdims=True), 0.0)
-    return 0.5 * (1.0 + restitution) * closing * normals
+    normal = times(1.0 / length(offset), offset)
+    closing = min(dot(speed, normal), 0.0)
+    return times(0.5 * (1.0 + restitution) * closing, normal)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from rigid_gns_core.engine.vector import Vector, plus, put
 from rigid_gns_core.state import Array
 
-from .stretches import Lines
+from .jit import in_place
+from .stretches import Flags, line_through
 
-FLIGHT, CARRIED, AMONG = 0, 1, 2
+Indices = NDArray[np.int64]
+
+# NumPy's integers: of Python's, compiled code would have a copy for each value
+FLIGHT, CARRIED, AMONG = np.int64(0), np.int64(1), np.int64(2)
 # charge for a frame left out: one that fits costs 3 on average, and over 12 once in 140
 LEFT_OUT = 12.0
 
@@ -57,103 +63,137 @@ class Motion:
         return Motion(**{n: np.concatenate([value, getattr(other, n)]) for n, value in fields})
 
 
-class Flight(NamedTuple):
-    """Motions after contacts, of n spheres; origins and slopes as in `Lines`.
+class Found(NamedTuple):
+    """One explanation of a sphere's window.
 
     Args:
-        cost: Infinite where there is none, shape (..., n).
-        origins: Shape (..., n, 3).
-        slopes: Shape (..., n, 3).
-        frames: Number of frames explained, shape (..., n).
-        errors: Standard deviation of each component of velocity [m/s], shape (..., n).
+        cost: Squared residuals in units of the noise, and charges; infinite where there is none.
+        origin: Place at the last frame, less where the sphere was seen last, and less the fall [m].
+        slope: Velocity at the last frame [m/s].
+        frames: Number of frames explained.
+        error: Standard deviation of each component of velocity [m/s].
     """
 
-    cost: Array
-    origins: Array
-    slopes: Array
-    frames: NDArray[np.int64]
-    errors: Array
+    cost: float
+    origin: Vector
+    slope: Vector
+    frames: int
+    error: float
 
 
-@dataclass
-class Best:
-    """The cheapest motion found so far, for each sphere.
+class Contact(NamedTuple):
+    """What changed a motion.
 
     Args:
-        cost: Squared residuals in units of the noise, and charges, shape (n,).
-        origins: Places at the last frame, less where the sphere was seen last [m], shape (n, 3).
-        slopes: Velocities at the last frame [m/s], shape (n, 3).
+        frame: The first after it.
+        time: Of the contact [s].
+        angle: Rotation vector at the contact [rad].
+        law: Spin after it, by the law of impact [rad/s].
+    """
+
+    frame: int
+    time: float
+    angle: Vector
+    law: Vector
+
+
+class Best(NamedTuple):
+    """The cheapest explanation found so far, for each sphere.
+
+    Args:
+        cost: As in `Found`, shape (n,).
+        origins: Shape (n, 3).
+        slopes: Shape (n, 3).
         kinds: Of motion, shape (n,).
         begin: First frame since a contact, shape (n,).
         frames: Number of frames explained, shape (n,).
         errors: Standard deviations of velocity [m/s], shape (n,).
-        rebound: Frame after a contact, negative where it is with a sphere; else 0; shape (n,).
+        struck: Whether it begins with a `Contact`, whose fields follow, shape (n,).
+        times: Shape (n,).
+        angles: Shape (n, 3).
+        laws: Shape (n, 3).
     """
 
     cost: Array
     origins: Array
     slopes: Array
-    kinds: NDArray[np.int64]
-    begin: NDArray[np.int64]
-    frames: NDArray[np.int64]
+    kinds: Indices
+    begin: Indices
+    frames: Indices
     errors: Array
-    rebound: NDArray[np.int64]
+    struck: Flags
+    times: Array
+    angles: Array
+    laws: Array
 
     @classmethod
-    def none(cls, seen: NDArray[np.bool_]) -> Best:
-        """At rest where last seen, with all other frames left out; seen has shape (frames, n)."""
-        n = seen.shape[1]
-        last = len(seen) - 1 - np.argmax(seen[::-1], axis=0)
+    def at_rest(cls, seen: Flags, last: Indices) -> Best:
+        """At rest where last seen, with all other frames left out; arguments as in `Window`."""
+        n = len(last)
         return cls(
-            cost=LEFT_OUT * (seen.sum(axis=0) - 1.0) + 1e-9,
+            cost=LEFT_OUT * (seen.sum(axis=1) - 1.0) + 1e-9,
             origins=np.zeros((n, 3)),
             slopes=np.zeros((n, 3)),
-            kinds=np.zeros(n, dtype=np.int64),
-            begin=last,
+            kinds=np.full(n, FLIGHT),
+            begin=last.copy(),
             frames=np.ones(n, dtype=np.int64),
             errors=np.full(n, np.inf),
-            rebound=np.zeros(n, dtype=np.int64),
+            struck=np.zeros(n, dtype=bool),
+            times=np.zeros(n),
+            angles=np.zeros((n, 3)),
+            laws=np.zeros((n, 3)),
         )
 
-    def take(self, cost: Array, **values: ArrayLike) -> None:
-        """Replace what costs more."""
-        better = cost < self.cost
-        self.cost = np.where(better, cost, self.cost)
-        for name, value in values.items():
-            old = getattr(self, name)
-            setattr(self, name, np.where(better[:, None] if old.ndim == 2 else better, value, old))
 
-    def take_tails(self, lines: Lines, sigma: Array, kind: int, extra: Array) -> None:
-        """Try each tail of the window as one motion, at an extra charge, shape (n,)."""
-        left_out = LEFT_OUT * (lines.counts[0] - lines.counts)
-        cost = lines.misfits.sum(axis=-1) / sigma**2 + left_out + extra
-        cost = np.where(lines.counts > 1.5, cost, np.inf)
-        begin = cost.argmin(axis=0)
-        rows = begin, np.arange(len(sigma))
-        with np.errstate(divide='ignore'):
-            errors = sigma / np.sqrt(lines.spans[rows])
-        self.take(
-            cost[rows],
-            origins=lines.origins[rows],
-            slopes=lines.slopes[rows],
-            kinds=kind,
-            begin=begin,
-            frames=lines.counts[rows].astype(np.int64),
-            errors=errors,
-            rebound=0,
-        )
+@in_place
+def take(best: Best, i: int, found: Found, kind: np.int64, begin: int) -> bool:
+    """Replace the explanation of sphere i where it costs more; whether it did."""
+    if not found.cost < best.cost[i]:
+        return False
+    best.cost[i] = found.cost
+    put(best.origins, i, found.origin)
+    put(best.slopes, i, found.slope)
+    best.kinds[i], best.begin[i], best.frames[i] = kind, begin, found.frames
+    best.errors[i], best.struck[i] = found.error, False
+    return True
 
-    def take_contact(
-        self, after: Flight, frame: int, name: int, kinds: NDArray[np.int64], extra: Array
-    ) -> None:
-        """Try motions after a contact in front of a frame; `name` is what `rebound` gets."""
-        self.take(
-            after.cost + extra,
-            origins=after.origins,
-            slopes=after.slopes,
-            kinds=kinds,
-            begin=frame,
-            frames=after.frames,
-            errors=after.errors,
-            rebound=name,
-        )
+
+@in_place
+def take_tail(
+    best: Best,
+    i: int,
+    sums: Array,
+    begin: int,
+    sigma: float,
+    kind: np.int64,
+    extra: float,
+    off: Vector,
+) -> None:
+    """Try the frames from `begin` on as one motion.
+
+    Args:
+        best: Takes it where it costs less.
+        i: Of the sphere.
+        sums: Of its places, less the known acceleration, as `sum_up` makes them.
+        begin: First frame of the motion.
+        sigma: Noise [m].
+        kind: Of motion.
+        extra: Charge.
+        off: From the line to the sphere's centre [m].
+    """
+    line = line_through(sums, begin, len(sums) - 1)
+    if line.seen < 1.5:
+        return
+    cost = line.misfit / sigma**2 + LEFT_OUT * (sums[-1, 0] - line.seen) + extra
+    error = sigma / math.sqrt(line.span)
+    found = Found(cost, plus(line.origin, off), line.slope, int(line.seen), error)
+    take(best, i, found, kind, begin)
+
+
+@in_place
+def take_contact(best: Best, i: int, found: Found, kind: np.int64, contact: Contact) -> None:
+    """Try a motion that begins with a contact."""
+    if take(best, i, found, kind, contact.frame):
+        best.struck[i], best.times[i] = True, contact.time
+        put(best.angles, i, contact.angle)
+        put(best.laws, i, contact.law)

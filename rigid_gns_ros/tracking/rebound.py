@@ -7,24 +7,23 @@ that velocity, as uncertain as materials are, which counts where the frames afte
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
+import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rigid_gns_core.engine.vector import Vector, across, dot, length, minus, plus, row, times
 from rigid_gns_core.state import Array
 
-from .motions import Flight
-from .stretches import Sums
-from .surroundings import Contacts, Surroundings, after_impact
+from .frames import Window
+from .impacts import Surfaces, after_impact, first_impact
+from .jit import in_place
+from .motions import FLIGHT, LEFT_OUT, Best, Contact, Found, take_contact
+from .stretches import line_through
 
 # what is known of a rebound before it is seen: parts of the changes that the law says
 _NORMAL, _TANGENT = 0.1, 0.3
-# a contact may be found a little outside of its two frames: standard deviations of the flight
-SLACK = 3.0
+# a contact may be found a little outside of its two frames: standard deviations of the flight, but
+# at most a part of the interval
+SLACK, MOST_SLACK = 3.0, 0.25
 # contacts are sought so many frames back, and the flights before them so long: what was earlier
 # adds little, and cost would grow with the square of the window
 _REACH = 10
@@ -35,205 +34,184 @@ IMPACT = 8.0
 _SOON = 0.3
 
 
-@dataclass(frozen=True)
-class Rebound:
-    """Motions with a contact in front of frame `first`, the next, ..., each shape (m, n, ...).
-
-    Args:
-        first: The first of these frames.
-        flights: After the contacts, stacked; infinite cost where there is none.
-        times: Of the contacts [s].
-        angles: Rotation vectors at the contacts [rad].
-        laws: Spins after them, by the law of impact [rad/s].
-    """
-
-    first: int
-    flights: Flight
-    times: Array
-    angles: Array
-    laws: Array
-
-    def by_frame(self) -> Iterator[tuple[int, Flight]]:
-        """Frame after the contact, and the flights from there."""
-        for row in range(len(self.times)):
-            yield row + self.first, Flight(*(field[row] for field in self.flights))
-
-    def spins(
-        self,
-        frame: NDArray[np.int64],
-        spheres: NDArray[np.int64],
-        turned: Array,
-        stamps: Array,
-        mask: NDArray[np.bool_],
-    ) -> Array:
-        """Spins of spheres seen once since a contact in front of `frame`, shape (m, 3)."""
-        row = frame - self.first
-        last = len(stamps) - 1 - np.argmax(mask[::-1, spheres], axis=0)
-        since = stamps[last] - self.times[row, spheres]
-        angle = turned[last, spheres] - self.angles[row, spheres]
-        long = since > _SOON * (stamps[frame] - stamps[frame - 1])
-        seen = angle / np.where(long, since, 1.0)[:, None]
-        tracked = np.abs(turned[:, spheres]).max(axis=(0, 2)) > 1e-9
-        spins = np.where(long[:, None], seen, self.laws[row, spheres])
-        return np.where(tracked[:, None], spins, 0.0)
-
-
 class Before(NamedTuple):
-    """The flight before a contact, the longest that fits, for each frame after it."""
-
-    cost: Array
-    origins: Array
-    slopes: Array
-    middles: Array
-    spans: Array
-    counts: Array
-    angles: Array
-    spins: Array
-
-
-def rebounds(
-    flights: Sums,
-    turns: Sums,
-    stamps: Array,
-    origin: Array,
-    around: Surroundings,
-    radii: Array,
-    sigma: Array,
-    left_out: float,
-) -> Rebound:
-    """Fit all of them.
+    """The motion before a contact, the longest that fits.
 
     Args:
-        flights: Sums of places less `origin` and the fall.
-        turns: Sums of rotation vectors.
-        stamps: Times of the frames, at least three [s], shape (frames,).
-        origin: What places are counted from [m], shape (n, 3).
-        around: Surfaces and materials.
-        radii: [m], shape (n,).
-        sigma: Noise [m], shape (n,).
-        left_out: Charge for a frame that is not explained.
+        cost: As in `Found`.
+        origin: Place at time 0, as the sums have it [m].
+        slope: [m/s].
+        middle: Mean time of its frames [s].
+        span: Sum of squared distances in time from it [s^2].
+        seen: Number of frames that show it.
+        angle: Rotation vector at time 0 [rad].
+        spin: [rad/s].
     """
-    first = max(2, len(stamps) - _REACH)
-    before = before_contact(flights, turns, sigma, left_out, first)
-    frames = np.arange(first, len(stamps))
-    begin, end = stamps[frames - 1, None], stamps[frames, None]
-    counts = np.maximum(before.counts, 1.0)
-    spans = np.where(before.spans > 0, before.spans, np.inf)
-    middle = 0.5 * (begin + end)
-    spread = sigma * np.sqrt(1.0 / counts + (middle - before.middles) ** 2 / spans)
-    speed = np.linalg.norm(before.slopes + around.gravity * middle[..., None], axis=-1)
-    slack = np.minimum(SLACK * spread / np.maximum(speed, 1e-300), 0.25 * (end - begin))
-    hits = around.first_contact(
-        before.origins + origin, before.slopes, radii, begin - slack, end + slack
-    )
-    hit = np.isfinite(hits.times) & np.isfinite(before.cost)
-    when = np.clip(np.where(hit, hits.times, middle), begin, end)
-    t = when[..., None]
-    angles = before.angles + before.spins * t
-    incoming = before.slopes + around.gravity * t
-    contacts = Contacts(when, *hits[1:])
-    law, spins = after_impact(incoming, before.spins, contacts, np.broadcast_to(radii, when.shape))
-    change = law - incoming
-    along = (change * hits.normals).sum(axis=-1)
-    across = np.linalg.norm(change - along[..., None] * hits.normals, axis=-1)
-    drift = sigma**2 / spans + (1e-6 * speed) ** 2  # never without any doubt
-    # of a spin that no tracker follows nothing is known
-    unknown = np.where(
-        np.abs(turns.powers[-1]).sum(axis=-1) > 0, across, hits.friction * np.abs(along)
-    )
-    after = after_contact(
-        flights,
-        frames,
-        when,
-        before.origins + before.slopes * t,
-        1.0 / (1.0 / counts + (when - before.middles) ** 2 / spans),
-        law - around.gravity * t,
-        hits.normals,
-        sigma**2 / (drift + (_NORMAL * along) ** 2 + 1e-30),
-        sigma**2 / (drift + (_TANGENT * unknown) ** 2 + (0.02 * along) ** 2 + 1e-30),
-        sigma,
-    )
-    cost = np.where(hit, before.cost + after.cost + IMPACT, np.inf)
-    explained = after.frames + before.counts.astype(np.int64)
-    return Rebound(first, after._replace(cost=cost, frames=explained), when, angles, spins)
+
+    cost: float
+    origin: Vector
+    slope: Vector
+    middle: float
+    span: float
+    seen: float
+    angle: Vector
+    spin: Vector
 
 
-def before_contact(flights: Sums, turns: Sums, sigma: Array, left_out: float, first: int) -> Before:
-    """For each frame from `first` on, the cheapest motion through frames before it."""
-    frames = range(first, len(flights.totals) - 1)
-    begins = [np.arange(max(0, frame - _REACH), frame - 1) for frame in frames]
-    # all stretches at once, as for so few numbers the calls take the time
-    begin, lengths = np.concatenate(begins), [len(one) for one in begins]
-    end = np.repeat(frames, lengths)
-    lines, spin = flights.lines(begin, end), turns.lines(begin, end)
-    cost = lines.misfits.sum(axis=-1) / sigma**2 + left_out * flights.counts[begin]
-    cost = np.where(lines.counts > 1.5, cost, np.inf)
-    borders = pairwise(np.cumsum([0, *lengths]))
-    cheapest = [start + cost[start:stop].argmin(axis=0) for start, stop in borders]
-    best = np.stack(cheapest), np.arange(len(sigma))
+@in_place
+def before_contact(sums: Array, turns: Array, sigma: float, frame: int) -> Before:
+    """The cheapest motion through frames before `frame`, which is the third or a later one."""
+    first = max(0, frame - _REACH)
+    cost, cheapest = math.inf, first
+    for begin in range(first, frame - 1):
+        line = line_through(sums, begin, frame)
+        own = line.misfit / sigma**2 + LEFT_OUT * sums[begin, 0]
+        if line.seen > 1.5 and own < cost:
+            cost, cheapest = own, begin
+    line, spin = line_through(sums, cheapest, frame), line_through(turns, cheapest, frame)
     return Before(
-        cost[best],
-        lines.origins[best],
-        lines.slopes[best],
-        lines.middles[best],
-        lines.spans[best],
-        lines.counts[best],
-        spin.origins[best],
-        spin.slopes[best],
+        cost, line.origin, line.slope, line.middle, line.span, line.seen, spin.origin, spin.slope
     )
 
 
-def after_contact(
-    flights: Sums,
-    frames: NDArray[np.int64],
-    when: Array,
-    places: Array,
-    weight: Array,
-    expected: Array,
-    normals: Array,
-    along: Array,
-    across: Array,
-    sigma: Array,
-) -> Flight:
-    """Lines through the frames from `frames` on, the place of contact, and an expected slope.
+@in_place
+def variance_at(before: Before, time: float) -> float:
+    """Variance of a place on the motion before, in units of that of a measurement."""
+    return 1.0 / before.seen + (time - before.middle) ** 2 / before.span
+
+
+@in_place
+def take_rebounds(best: Best, i: int, window: Window, surfaces: Surfaces, extra: float) -> None:
+    """Try a rebound in front of each frame.
 
     Args:
-        flights: Sums of places less the fall.
-        frames: First frame after each contact, shape (s,).
-        when: Of the contacts [s], shape (s, n).
-        places: Less the fall, at the contacts [m], shape (s, n, 3).
-        weight: Of these in units of a frame's, shape (s, n).
-        expected: Slopes [m/s], shape (s, n, 3).
-        normals: Shape (s, n, 3).
-        along: Weight of the expected slope along the normal [s^2], shape (s, n).
-        across: The same in the other directions [s^2].
-        sigma: Noise [m], shape (n,).
+        best: Takes those that cost least.
+        i: Of the sphere.
+        window: Three frames or more.
+        surfaces: And gravity.
+        extra: Charge.
     """
-    w, t = weight[..., None], when[..., None]
-    totals = flights.totals[-1] - flights.totals[frames]
-    counts = totals[..., 0]
-    ones = counts + weight
-    times = totals[..., 1] + weight * when
-    squares = totals[..., 2] + weight * when**2
-    values = totals[..., 3:6] + w * places
-    moments = totals[..., 6:9] + w * t * places
-    powers = totals[..., 9:] + w * places**2
-    span = squares - times**2 / ones
-    slope = np.zeros_like(places)
-    total = (powers - values**2 / ones[..., None]).sum(axis=-1)
-    covariance = moments - (times / ones)[..., None] * values
-    normal = (covariance * normals).sum(axis=-1)[..., None] * normals
-    wanted = (expected * normals).sum(axis=-1)[..., None] * normals
-    for part, goal, prior in (
-        (normal, wanted, along[..., None]),
-        (covariance - normal, expected - wanted, across[..., None]),
-    ):
-        own = (part + prior * goal) / (span[..., None] + prior)
-        slope += own
-        # residuals of places and of the slope, at the best slope
-        total += (own**2 * span[..., None] - 2.0 * own * part + prior * (own - goal) ** 2).sum(-1)
-    origin = (values - slope * times[..., None]) / ones[..., None]
-    errors = sigma / np.sqrt(span + np.minimum(along, across))
-    seen = counts > 0.5
-    cost = np.where(seen, np.maximum(total, 0.0) / sigma**2, np.inf)
-    return Flight(cost, origin, slope, counts.astype(np.int64), errors)
+    stamps, flights, turns = window.stamps, window.flights[i], window.turns[i]
+    origin, radius, sigma = row(window.origin, i), window.radii[i], window.sigma[i]
+    gravity = surfaces.gravity
+    for frame in range(max(2, len(stamps) - _REACH), len(stamps)):
+        before = before_contact(flights, turns, sigma, frame)
+        if not before.cost + IMPACT + extra < best.cost[i]:
+            continue  # what comes after costs something too
+        begin, end = stamps[frame - 1], stamps[frame]
+        middle = 0.5 * (begin + end)
+        speed = length(plus(before.slope, times(middle, gravity)))
+        doubt = SLACK * sigma * math.sqrt(variance_at(before, middle)) / max(speed, 1e-300)
+        slack = min(doubt, MOST_SLACK * (end - begin))
+        place = plus(origin, before.origin)
+        hit = first_impact(surfaces, place, before.slope, radius, begin - slack, end + slack)
+        if hit.time == math.inf:
+            continue
+        when = min(max(hit.time, begin), end)
+        incoming = plus(before.slope, times(when, gravity))
+        law, spin = after_impact(incoming, before.spin, hit, radius)
+        change = minus(law, incoming)
+        along, tangent = dot(change, hit.normal), length(across(change, hit.normal))
+        drift = sigma**2 / before.span + (1e-6 * speed) ** 2  # never without any doubt
+        # of a spin that no tracker follows nothing is known
+        turned = turns[-1, 9] + turns[-1, 10] + turns[-1, 11] > 0
+        unknown = tangent if turned else hit.friction * abs(along)
+        after = after_contact(
+            flights,
+            frame,
+            when,
+            plus(before.origin, times(when, before.slope)),
+            1.0 / variance_at(before, when),
+            minus(law, times(when, gravity)),
+            hit.normal,
+            sigma**2 / (drift + (_NORMAL * along) ** 2 + 1e-30),
+            sigma**2 / (drift + (_TANGENT * unknown) ** 2 + (0.02 * along) ** 2 + 1e-30),
+            sigma,
+        )
+        contact = Contact(frame, when, plus(before.angle, times(when, before.spin)), spin)
+        take_contact(best, i, joined(before, after, extra), FLIGHT, contact)
+
+
+@in_place
+def joined(before: Before, after: Found, extra: float) -> Found:
+    """The motions before and after a contact, as one explanation."""
+    cost = before.cost + after.cost + IMPACT + extra
+    return Found(cost, after.origin, after.slope, after.frames + int(before.seen), after.error)
+
+
+@in_place
+def after_contact(
+    sums: Array,
+    frame: int,
+    when: float,
+    place: Vector,
+    weight: float,
+    expected: Vector,
+    normal: Vector,
+    along: float,
+    across: float,
+    sigma: float,
+) -> Found:
+    """The line through the frames from `frame` on, the place of contact, and an expected slope.
+
+    Args:
+        sums: Of places, less the known acceleration.
+        frame: The first after the contact.
+        when: Time of the contact [s].
+        place: Less the known acceleration, at the contact [m].
+        weight: Of this in units of a frame's.
+        expected: Slope [m/s].
+        normal: Of the contact.
+        along: Weight of the expected slope along the normal [s^2].
+        across: The same in the other directions [s^2].
+        sigma: Noise [m].
+    """
+    count = sums[-1, 0] - sums[frame, 0]
+    ones = count + weight
+    first = sums[-1, 1] - sums[frame, 1] + weight * when
+    span = sums[-1, 2] - sums[frame, 2] + weight * when**2 - first**2 / ones
+    own = times(weight, place)
+    value = plus(_since(sums, frame, 3), own)
+    power = _since(sums, frame, 9)
+    total = power[0] + power[1] + power[2] + dot(own, place) - dot(value, value) / ones
+    moment = plus(_since(sums, frame, 6), times(when, own))
+    covariance = minus(moment, times(first / ones, value))
+    part, goal = dot(covariance, normal), dot(expected, normal)
+    normal_slope = (part + along * goal) / (span + along)
+    # residuals of places and of the slope, at the best slope
+    total += normal_slope**2 * span - 2.0 * normal_slope * part + along * (normal_slope - goal) ** 2
+    rest, aim = minus(covariance, times(part, normal)), minus(expected, times(goal, normal))
+    level = times(1.0 / (span + across), plus(rest, times(across, aim)))
+    off = minus(level, aim)
+    total += dot(level, level) * span - 2.0 * dot(level, rest) + across * dot(off, off)
+    slope = plus(level, times(normal_slope, normal))
+    origin = times(1.0 / ones, minus(value, times(first, slope)))
+    cost = max(total, 0.0) / sigma**2 if count > 0.5 else math.inf
+    return Found(cost, origin, slope, int(count), sigma / math.sqrt(span + min(along, across)))
+
+
+@in_place
+def _since(sums: Array, frame: int, column: int) -> Vector:
+    """Sums of three columns over the frames from `frame` on."""
+    return (
+        sums[-1, column] - sums[frame, column],
+        sums[-1, column + 1] - sums[frame, column + 1],
+        sums[-1, column + 2] - sums[frame, column + 2],
+    )
+
+
+@in_place
+def spin_since(best: Best, i: int, window: Window) -> Vector:
+    """Spin of sphere i, seen once since its contact [rad/s]."""
+    stamps, turned = window.stamps, window.turned[i]
+    largest = 0.0
+    for frame in range(len(turned)):
+        for axis in range(3):
+            largest = max(largest, abs(turned[frame, axis]))
+    if largest <= 1e-9:  # nobody tracks it
+        return 0.0, 0.0, 0.0
+    last, frame = window.last[i], best.begin[i]
+    since = stamps[last] - best.times[i]
+    if since <= _SOON * (stamps[frame] - stamps[frame - 1]):
+        return row(best.laws, i)
+    return times(1.0 / since, minus(row(turned, last), row(best.angles, i)))

@@ -35,12 +35,14 @@ def check_poses(poses: Array, far: float) -> None:
             f'sphere {int(np.argmax(out))} is {out.max():.3g} m out, expected at most '
             f'{far:.3g} m (a million radii); are positions in metres?',
         )
-    norms = np.linalg.norm(poses[:, 3:], axis=1)
-    if (norms < 1e-6).any():
+    norms = np.hypot.reduce(poses[:, 3:], axis=1)  # squares could overflow
+    off = (norms < 1e-6) | (norms > 1e6)
+    if off.any():
+        sphere = int(np.argmax(off))
         raise RejectedFrame(
             'quaternion',
-            f'the quaternion of sphere {int(np.argmin(norms))} has norm '
-            f'{norms.min():.2g}, expected 1; send (0, 0, 0, 1) where a rotation is unknown',
+            f'the quaternion of sphere {sphere} has norm {norms[sphere]:.2g}, expected 1; send '
+            '(0, 0, 0, 1) where a rotation is unknown',
         )
 
 

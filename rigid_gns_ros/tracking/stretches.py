@@ -1,91 +1,97 @@
-"""Least-squares lines through all stretches of a window at once, by sums from its beginning."""
+"""Least-squares lines through stretches of a sphere's window, by sums from its beginning."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_gns_core.engine.vector import Vector
 from rigid_gns_core.state import Array
 
+from .jit import in_place
 
-class Lines(NamedTuple):
-    """Lines value = origin + slope t through s stretches of n spheres.
+Flags = NDArray[np.bool_]
+
+# columns of sums: weights, times and squared times, then values, times times values and squared
+# values, three of each
+COLUMNS = 12
+
+
+class Line(NamedTuple):
+    """A line value = origin + slope t through a stretch of frames.
 
     Args:
-        origins: Values at time 0, shape (s, n, d).
-        slopes: Shape (s, n, d).
-        misfits: Sums of squared residuals over frames, shape (s, n, d).
-        counts: Number of frames seen, shape (s, n).
-        middles: Mean time of these [s], shape (s, n).
-        spans: Sum of squared distances in time from it [s^2], shape (s, n).
+        origin: Value at time 0.
+        slope: Per second.
+        misfit: Sum of squared residuals over frames and components.
+        seen: Number of frames that show it.
+        middle: Mean time of these [s].
+        span: Sum of squared distances in time from it [s^2].
     """
 
-    origins: Array
-    slopes: Array
-    misfits: Array
-    counts: Array
-    middles: Array
-    spans: Array
+    origin: Vector
+    slope: Vector
+    misfit: float
+    seen: float
+    middle: float
+    span: float
 
 
-@dataclass(frozen=True)
-class Sums:
+@in_place
+def sum_up(sums: Array, times: Array, values: Array, seen: Flags, begin: int) -> None:
     """Sums over the frames before each one.
 
     Args:
-        totals: Of weights, times, squared times, values, times times values and squared values, in
-            one array as one sum is faster than six; shape (frames + 1, n, 3 + 3 * 3).
+        sums: Overwritten, shape (frames + 1, COLUMNS).
+        times: [s], shape (frames,).
+        values: Shape (frames, 3).
+        seen: Whether there is a value, shape (frames,).
+        begin: What is earlier than this frame does not count.
     """
-
-    totals: Array
-
-    @classmethod
-    def of(cls, times: Array, values: Array, weights: Array) -> Sums:
-        """Sums of values of shape (frames, n, 3) with weights 0 or 1, shape (frames, n)."""
-        totals = np.zeros((len(times) + 1, *weights.shape[1:], 12))
-        terms, t = totals[1:], times[:, None]
-        terms[..., 0] = weights
-        np.multiply(weights, t, out=terms[..., 1])
-        np.multiply(terms[..., 1], t, out=terms[..., 2])
-        np.multiply(values, weights[..., None], out=terms[..., 3:6])
-        np.multiply(terms[..., 3:6], t[..., None], out=terms[..., 6:9])
-        np.multiply(terms[..., 3:6], values, out=terms[..., 9:])
-        np.cumsum(terms, axis=0, out=terms)
-        return cls(totals)
-
-    @property
-    def counts(self) -> Array:
-        """Number of frames seen before each, shape (frames + 1, n)."""
-        return self.totals[..., 0]
-
-    @property
-    def powers(self) -> Array:
-        """Sums of squared values, shape (frames + 1, n, 3)."""
-        return self.totals[..., 9:]
-
-    def part(self, spheres: NDArray[np.int64]) -> Sums:
-        """Those of some spheres."""
-        return Sums(self.totals[:, spheres])
-
-    def lines(self, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Lines:
-        """Lines through frames `begin` to `end`, `end` not included; both of shape (s,)."""
-        totals = self.totals[end] - self.totals[begin]
-        ones, first, second = (totals[..., index] for index in range(3))
-        values, moments, powers = totals[..., 3:6], totals[..., 6:9], totals[..., 9:]
-        count = np.maximum(ones, 1.0)
-        middle = first / count
-        span = np.where(ones > 1.5, second - first * middle, 0.0)
-        mean = values / count[..., None]
-        covariance = moments - middle[..., None] * values
-        slope = covariance / np.where(span > 0, span, np.inf)[..., None]
-        misfit = np.maximum(powers - values * mean - slope * covariance, 0.0)
-        return Lines(mean - slope * middle[..., None], slope, misfit, ones, middle, span)
+    sums[0] = 0.0
+    for frame in range(len(times)):
+        for column in range(COLUMNS):
+            sums[frame + 1, column] = sums[frame, column]
+        if frame < begin or not seen[frame]:
+            continue
+        row, t = sums[frame + 1], times[frame]
+        row[0] += 1.0
+        row[1] += t
+        row[2] += t * t
+        for axis in range(3):
+            value = values[frame, axis]
+            row[3 + axis] += value
+            row[6 + axis] += value * t
+            row[9 + axis] += value * value
 
 
-def tail_frames(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First frame, and the one after the last, of each tail of two frames or more."""
-    begin = np.arange(count - 1)
-    return begin, np.full(count - 1, count)
+@in_place
+def line_through(sums: Array, begin: int, end: int) -> Line:
+    """The line through frames `begin` to `end`, `end` not included."""
+    ones = sums[end, 0] - sums[begin, 0]
+    first = sums[end, 1] - sums[begin, 1]
+    count = max(ones, 1.0)
+    middle = first / count
+    span = sums[end, 2] - sums[begin, 2] - first * middle if ones > 1.5 else 0.0
+    x = _component(sums, begin, end, 0, count, middle, span)
+    y = _component(sums, begin, end, 1, count, middle, span)
+    z = _component(sums, begin, end, 2, count, middle, span)
+    origin, slope = (x[0], y[0], z[0]), (x[1], y[1], z[1])
+    return Line(origin, slope, x[2] + (y[2] + z[2]), ones, middle, span)
+
+
+@in_place
+def _component(
+    sums: Array, begin: int, end: int, axis: int, count: float, middle: float, span: float
+) -> tuple[float, float, float]:
+    """Origin, slope and misfit of one component."""
+    value = sums[end, 3 + axis] - sums[begin, 3 + axis]
+    moment = sums[end, 6 + axis] - sums[begin, 6 + axis]
+    power = sums[end, 9 + axis] - sums[begin, 9 + axis]
+    mean = value / count
+    covariance = moment - middle * value
+    slope = covariance / span if span > 0 else 0.0
+    misfit = max(power - value * mean - slope * covariance, 0.0)
+    return mean - slope * middle, slope, misfit

@@ -12,15 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_gns_core.state import Array, rotate_quaternions
+from rigid_gns_core.state import Array
 
 from ..messages import PoseArrayFrame
 from .admission import ADMIT_FRAMES, first_seen
 from .association import Indices, gates, match
-from .coasting import coast
+from .coasting import coast, turn_on
+from .motions import FLIGHT, Motion
 from .surroundings import Surroundings
-from .tracker_noise import KEPT, spread, third_differences
-from .velocity import FLIGHT, Motion, estimate_motion
+from .tracker_noise import KEPT, Heard, third_differences
+from .velocity import estimate_motion
 
 # frames before noise can be told
 _NOISE_FRAMES = 4
@@ -80,7 +81,7 @@ class TrackedSet:
         motion: Of all spheres at the newest frame, where poses are matched.
         next_id: Of the next new sphere.
         loose: Poses that no sphere claimed, of the newest two frames.
-        differences: Newest third differences [m].
+        heard: Of the noise.
         missed: Number of spheres that were not seen in the newest frame.
         wild: How many times in a row no motion explained three frames, shape (n,).
     """
@@ -93,12 +94,12 @@ class TrackedSet:
     motion: Motion
     next_id: int = 0
     loose: tuple[Loose, ...] = ()
-    differences: Array = field(default_factory=lambda: np.zeros(0))
+    heard: Heard = field(default_factory=Heard)
     missed: int = 0
     wild: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
-    def empty(cls, next_id: int = 0, differences: Array | None = None) -> TrackedSet:
+    def empty(cls, next_id: int = 0, heard: Heard | None = None) -> TrackedSet:
         """No frame and no sphere yet."""
         no_ids = np.zeros(0, dtype=np.int64)
         return cls(
@@ -109,14 +110,14 @@ class TrackedSet:
             last_seen=no_ids,
             motion=Motion.unknown(np.zeros((0, 7))),
             next_id=next_id,
-            differences=np.zeros(0) if differences is None else differences,
+            heard=heard or Heard(),
         )
 
     def noise(self, following: Following) -> float:
         """Standard deviation of each coordinate [m]: given, estimated, or a guess."""
         if following.noise is not None:
             return following.noise
-        told = spread(self.differences)
+        told = self.heard.spread
         return _NOISE_GUESS * following.radius if told is None else told
 
     def after(self, frame: PoseArrayFrame, following: Following) -> TrackedSet:
@@ -146,7 +147,7 @@ class TrackedSet:
             motion=expected.part(keep),
             next_id=self.next_id,
             loose=(*self.loose[-(ADMIT_FRAMES - 1) :], Loose(poses[~claimed])),
-            differences=self.differences,
+            heard=self.heard,
             missed=int((~held & keep).sum()),
             wild=self.wild[keep],
         )
@@ -216,7 +217,7 @@ class TrackedSet:
         if following.noise is not None or len(self.stamps) < _NOISE_FRAMES or not len(self.ids):
             return self
         newest = slice(-_NOISE_FRAMES, None)
-        heard = third_differences(
+        values = third_differences(
             (self.stamps[newest] - self.stamps[-1]) * 1e-9,
             self.poses[newest, :, :3],
             self.seen[newest],
@@ -224,9 +225,8 @@ class TrackedSet:
         kept = KEPT
         if not following.matched:
             # then a start is a function of the frames of its window alone
-            kept = heard.size * max(following.length - _NOISE_FRAMES + 1, 0)
-        heard = np.concatenate([self.differences, heard])
-        return replace(self, differences=heard[len(heard) - min(kept, len(heard)) :])
+            kept = values.size * max(following.length - _NOISE_FRAMES + 1, 0)
+        return replace(self, heard=self.heard.after(values, kept))
 
     def _estimated(self, frames: int, following: Following) -> Motion:
         """Estimates where spheres were seen twice in the window and now, else what was expected."""
@@ -291,5 +291,5 @@ def _expected(before: TrackedSet, following: Following, time: float) -> Motion:
         following.around.radii(before.ids),
         np.full(len(before.ids), time),
     )
-    turned = rotate_quaternions(motion.quaternions, motion.angular_velocities * time)
+    turned = turn_on(motion.quaternions, motion.angular_velocities, time)
     return replace(motion, positions=positions, velocities=velocities, quaternions=turned)

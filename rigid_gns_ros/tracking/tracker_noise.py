@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +15,27 @@ from rigid_gns_core.tracked_motion import normal_spread
 KEPT = 1200
 # fewer tell too little
 LEAST = 24
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What has been heard of the noise.
+
+    Args:
+        values: Newest third differences [m], shape (m,).
+    """
+
+    values: Array = field(default_factory=lambda: np.zeros(0))
+
+    @cached_property
+    def spread(self) -> float | None:
+        """Standard deviation of their normal part [m]; None where they are too few to tell."""
+        return normal_spread(self.values) if len(self.values) >= LEAST else None
+
+    def after(self, values: Array, most: int) -> Heard:
+        """With newer ones, of which and of the older ones at most so many are kept."""
+        both = np.concatenate([self.values, values])
+        return Heard(both[len(both) - min(most, len(both)) :])
 
 
 def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -> Array:
@@ -27,9 +51,5 @@ def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -
     factors /= np.linalg.norm(factors)
     whole = positions[:, seen.all(axis=0)]
     # differences first: they are small where positions are not
-    return np.einsum('f,fnc->nc', factors, whole - whole[-1:]).ravel()
-
-
-def spread(values: Array) -> float | None:
-    """Standard deviation of the normal part of values; None where they are too few to tell."""
-    return normal_spread(values) if len(values) >= LEAST else None
+    differences: Array = np.einsum('f,fnc->nc', factors, whole - whole[-1:])
+    return differences.ravel()

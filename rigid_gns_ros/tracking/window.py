@@ -17,6 +17,7 @@ from .refusal import check_poses
 from .refusal import seconds as seconds
 from .surroundings import Surroundings
 from .tracked_set import Following, TrackedSet
+from .warm import warm_up
 
 # a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
 MAX_AHEAD_NS = 1_000_000_000
@@ -77,6 +78,7 @@ class TrackingWindow:
         coast_time: float | None = None,
         max_speed: float | None = None,
     ) -> None:
+        warm_up()
         size = float(np.linalg.norm(gravity)) or 1.0
         natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
         for name, value in (('noise', noise), ('coast_time', coast_time), ('max_speed', max_speed)):
@@ -187,7 +189,8 @@ class TrackingWindow:
             self.clear()
             for earlier in earlier_ones:
                 self._take(earlier, now_ns)
-        self._check_content(frame)
+        if not restarted:
+            self._check_content(frame)
         self._take(frame, now_ns)
         return restarted
 
@@ -210,7 +213,7 @@ class TrackingWindow:
                     self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
                 self._frames.clear()
                 matched = self.following.matched
-                now = TrackedSet.empty(now.next_id, now.differences) if matched else _NOTHING
+                now = TrackedSet.empty(now.next_id, now.heard) if matched else _NOTHING
             self._frames.append((one, now))
             now = now.after(one, self.following)
         self.counts['missed'] += 0 if later else now.missed

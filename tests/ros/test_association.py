@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import linear_sum_assignment
 
 from rigid_gns_ros.tracking.admission import first_seen, triples
 from rigid_gns_ros.tracking.association import gates, match
@@ -41,6 +42,23 @@ def test_two_that_have_the_same_nearest_share_out_by_the_least_sum() -> None:
     np.testing.assert_array_equal(match(expected, found, np.full(2, 3.0)), [0, 1])
     # but not where that is out of its gate: a sphere that has gone takes nothing from others
     np.testing.assert_array_equal(match(expected, found[:1], np.full(2, 1.5)), [-1, 0])
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('lost', [0, 20])
+def test_in_a_crowd_the_sum_is_the_least_of_all(seed: int, lost: int) -> None:
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(0.0, 12.0, (80, 3))
+    found = rng.permutation(places + rng.normal(0.0, 0.5, places.shape))[lost:]
+    width = rng.uniform(0.5, 2.0, 80)
+    squares = np.square(places[:, None] - found).sum(axis=-1) / width[:, None] ** 2
+    cost = np.minimum(squares, 1.0)
+    least = cost[linear_sum_assignment(cost)].sum()
+    index = match(places, found, width)
+    held = np.flatnonzero(index >= 0)
+    assert len(set(index[held])) == len(held)
+    total = cost[held, index[held]].sum() + len(found) - len(held)
+    np.testing.assert_allclose(total, least, rtol=1e-12)
 
 
 def test_gates_grow_with_noise_and_with_what_can_strike() -> None:

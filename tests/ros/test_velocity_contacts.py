@@ -190,3 +190,17 @@ def test_a_sphere_not_seen_lately_is_coasted_through_a_bounce() -> None:
     )
     np.testing.assert_allclose(motion.velocities[0], speeds[-1, 0], atol=1e-9)
     np.testing.assert_allclose(motion.positions[0], places[-1, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize('name', ['positions', 'quaternions', 'radii', 'seen'])
+def test_shapes_that_disagree_are_refused(name: str) -> None:
+    given = {
+        'positions': np.zeros((3, 2, 3)),
+        'quaternions': np.ones((3, 2, 4)),
+        'radii': np.ones(2),
+        'seen': np.ones((3, 2), dtype=bool),
+    }
+    given[name] = given[name][..., :1]
+    around = Surroundings.of(level_scene(UP['z']))
+    with pytest.raises(ValueError, match=f'{name} have shape'):
+        estimate_motion(np.arange(3.0), **given, around=around, noise=0.1)

@@ -1,0 +1,124 @@
+"""All explanations of a window, sphere by sphere, and what the cheapest one says of its end."""
+
+from __future__ import annotations
+
+from rigid_gns_core.engine.quaternions import turn
+from rigid_gns_core.engine.vector import Vector, plus, put, row, times
+from rigid_gns_core.state import Array
+
+from .carried import take_carried
+from .collisions import Pairs, within
+from .frames import Window
+from .impacts import Surfaces, nearest, placed
+from .jit import entry, in_place
+from .knocks import Meetings, take_knocks
+from .motions import AMONG, FLIGHT, Best, take_tail
+from .rebound import spin_since, take_rebounds
+from .stretches import line_through, sum_up
+
+# charge for flight beside a surface, which has two unknowns more than being carried by it
+_FREEDOM = 4.0
+_NONE = (0.0, 0.0, 0.0)
+
+
+@entry
+def fit(
+    best: Best,
+    window: Window,
+    surfaces: Surfaces,
+    pairs: Pairs,
+    held: Array,
+    meetings: Meetings,
+    sums: Array,
+    level: Array,
+) -> None:
+    """Find the best explanations.
+
+    Args:
+        best: At rest; takes what costs less.
+        window: Two frames or more.
+        surfaces: And gravity.
+        pairs: Of spheres that may touch, or have met lately.
+        held: Charge of each for being held by what the scene does not know, shape (n,).
+        meetings: Overwritten.
+        sums: Overwritten, shape (frames + 1, COLUMNS).
+        level: Overwritten, shape (frames + 1, 4).
+    """
+    for k in range(len(pairs[0])):
+        i, j = pairs[0][k], pairs[1][k]
+        if within(window.origin, window.touch, i, j):
+            held[i] = held[j] = 0.0
+    for i in range(len(window.last)):
+        _explain(best, i, window, surfaces, held[i], sums, level)
+    if len(window.stamps) > 2 and surfaces.known:
+        take_knocks(best, window, surfaces, pairs, meetings)
+
+
+@in_place
+def _explain(
+    best: Best, i: int, window: Window, surfaces: Surfaces, held: float, sums: Array, level: Array
+) -> None:
+    """Try all motions of one sphere alone.
+
+    Args:
+        best: Takes those that cost least.
+        i: Of the sphere.
+        window: Two frames or more.
+        surfaces: And gravity.
+        held: Charge for being held.
+        sums: Overwritten, shape (frames + 1, COLUMNS).
+        level: Overwritten, shape (frames + 1, 4).
+    """
+    frames, sigma = len(window.stamps), window.sigma[i]
+    index, gap = nearest(surfaces, row(window.origin, i), window.radii[i])
+    beside = gap <= window.near[i]
+    freedom = _FREEDOM if beside else 0.0
+    for begin in range(frames - 1):
+        take_tail(best, i, window.flights[i], begin, sigma, FLIGHT, freedom, _NONE)
+    # two frames fit every motion: without a scene it is flight
+    if surfaces.known or frames > 2:
+        for begin in range(frames - 1):
+            take_tail(best, i, window.straight[i], begin, sigma, AMONG, held, _NONE)
+    if beside:
+        take_carried(best, i, window, surfaces, index, sums, level)
+    if surfaces.known and frames > 2:
+        take_rebounds(best, i, window, surfaces, freedom)
+
+
+@entry
+def finish(
+    best: Best,
+    window: Window,
+    gravity: Vector,
+    places: Array,
+    speeds: Array,
+    spins: Array,
+    quaternions: Array,
+    sums: Array,
+) -> None:
+    """What the best explanations say of spheres where they were seen last.
+
+    Args:
+        best: The explanations.
+        window: Their frames.
+        gravity: Acceleration of free flight [m/s^2].
+        places: Overwritten, shape (n, 3).
+        speeds: Overwritten, shape (n, 3).
+        spins: Overwritten, shape (n, 3).
+        quaternions: As measured, turned to where they are at the last frame, shape (n, 4).
+        sums: Overwritten, shape (frames + 1, COLUMNS).
+    """
+    for i in range(len(places)):
+        at, slope = window.stamps[window.last[i]], row(best.slopes, i)
+        g = gravity if best.kinds[i] == FLIGHT else _NONE
+        origin = plus(row(window.origin, i), row(best.origins, i))
+        put(places, i, placed(origin, slope, g, at))
+        put(speeds, i, plus(slope, times(at, g)) if best.frames[i] > 1 else _NONE)
+        # from the frames since the last contact
+        begin = best.begin[i]
+        sum_up(sums, window.stamps, window.turned[i], window.seen[i], begin)
+        if best.struck[i] and sums[-1, 0] < 1.5:
+            put(spins, i, spin_since(best, i, window))
+        else:
+            put(spins, i, line_through(sums, begin, len(window.stamps)).slope)
+        turn(quaternions, i, row(spins, i), -at)

@@ -1,0 +1,34 @@
+"""How the filter is compiled: as the engine, whose code it calls, but without fused sums."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import rigid_gns_core.engine
+from rigid_gns_core.machine_code import Function, MachineCode
+from rigid_gns_core.state import Array
+
+_CODE = MachineCode('tracking', Path(__file__).parent, Path(rigid_gns_core.engine.__file__).parent)
+is_compiled = _CODE.exists
+
+
+def in_place(function: Function) -> Function:
+    """Machine code of `function` for the filter's own use: Python itself must not call it.
+
+    It makes no array, so that nothing counts references. Sums are neither fused nor reordered:
+    between explanations that cost the same, rounding decides.
+    """
+    return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+
+
+def entry(function: Function) -> Function:
+    """The same for functions that Python calls; no lock is held meanwhile."""
+    return _CODE.of(function, nogil=True)
+
+
+def plain(values: ArrayLike) -> Array:
+    """Numbers in the one layout that entries are compiled for; another would be compiled anew."""
+    return np.require(values, np.float64, ['C', 'W'])

@@ -1,0 +1,39 @@
+"""The filter, ready: compiled before the first tracked frame, not in the middle of a run."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+
+import numpy as np
+
+from rigid_gns_core.scene import Plane, Scene
+
+from .association import gates, match
+from .coasting import turn_on
+from .jit import is_compiled
+from .surroundings import Surroundings
+from .velocity import estimate_motion
+
+
+@cache
+def warm_up() -> None:
+    """Compile what is not compiled yet, or read it from the disk; once in a process."""
+    if not is_compiled():
+        print('rigid_gns: compiling the tracking filter, once; about 15 s', file=sys.stderr)
+    frames, ones = 4, np.ones(2)
+    places = np.tile([[0.0, 0.0, 1.0], [0.0, 1.5, 1.0]], (frames, 1, 1))
+    seen = np.ones((frames, 2), dtype=bool)
+    seen[-1, 0] = False  # is carried on
+    motion = estimate_motion(
+        0.1 * np.arange(frames),
+        places,
+        np.tile([0.0, 0.0, 0.0, 1.0], (frames, 2, 1)),
+        around=Surroundings.of(Scene(surfaces=(Plane(),))),
+        radii=ones,
+        noise=1e-3,
+        seen=seen,
+    )
+    turn_on(motion.quaternions, motion.angular_velocities, 0.1)
+    width = gates(ones, motion.positions, ones, ones, 0.1, seen[0])
+    match(motion.positions, motion.positions[:1], width)  # both want it
