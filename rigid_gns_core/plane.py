@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,11 +105,13 @@ class Plane:
             if value is not None:
                 set_field(self, name, float(np.asarray(checked_property(name, float(value)))))
 
-    @property
+    @cached_property
     def axes(self) -> Array:
-        """Rows: direction, normal x direction, normal; shape (3, 3)."""
+        """Rows: direction, normal x direction, normal; shape (3, 3), read-only."""
         direction, normal = np.asarray(self.direction), np.asarray(self.normal)
-        return np.stack([direction, np.cross(normal, direction), normal])
+        axes = np.stack([direction, np.cross(normal, direction), normal])
+        axes.setflags(write=False)
+        return axes
 
     @classmethod
     def box(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,22 +17,19 @@ from .batch import in_threads, paired, usable_cores
 from .checkpoint import CheckpointError, Tensors, find_model, load_card, load_weights
 from .config import from_mapping
 from .scene import Scene
-from .similarity import ModelUnits, Similarity
+from .similarity import ModelUnits, Similarity, in_units
 from .state import State, Trajectory
+from .stepper import Advance, Stepper, state_at
 
-
-class Stepper(Protocol):
-    """Advances a state in the model's units."""
-
-    def step(self) -> State:
-        """The state one model step later."""
-        ...
+# steps are taken together for so long, after which Ctrl-C is heard [s]
+_BLOCK = 0.1
 
 
 class Rollout:
     """A simulation in progress: `state` is now, `step` advances it by `dt` [s].
 
-    `stepper` is the model's own, with what it tells of itself.
+    `stepper` is the model's own, with what it tells of itself; `done` is called with
+    the number of steps that were taken.
     """
 
     def __init__(self, stepper: Stepper, similarity: Similarity, state: State, dt: float) -> None:
@@ -40,6 +38,7 @@ class Rollout:
         self.state = state
         self.dt = dt
         self.steps = 0
+        self.done: Callable[[int], object] | None = None
 
     def step(self) -> State:
         """Advance by `dt` and return the new state.
@@ -50,24 +49,40 @@ class Rollout:
             FloatingPointError: The rollout diverged; `state` is the last finite one.
         """
         state = self.similarity.to_world(self.stepper.step())
-        self.state = state
-        self.steps += 1
+        self._moved(state, 1)
         return state
+
+    def advance(self, steps: int) -> Advance:
+        """Advance by several dt at once, or to where it diverges; the same states as by `step`."""
+        states, error = self.stepper.advance(steps)
+        if len(states):
+            states = self.similarity.to_world(states)
+            self._moved(state_at(states, -1), len(states))
+        return Advance(states, error)
+
+    def _moved(self, state: State, steps: int) -> None:
+        self.state = state
+        self.steps += steps
+        if self.done is not None:
+            self.done(steps)
 
     def run(self, steps: int) -> Outcome:
         """Advance `steps` times, or to where it diverges."""
-        shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
-        count, error = len(self.state), ''
-        arrays = {name: np.full((steps + 1, count, k), np.nan) for name, k in shapes.items()}
-        for step in range(steps + 1):
-            if step:
-                try:
-                    self.step()
-                except FloatingPointError as diverged:
-                    error = f'{diverged} (step {step} of {steps})'
-                    break
-            for name in shapes:
-                arrays[name][step] = getattr(self.state, name)
+        arrays = {}
+        for name, now in vars(self.state).items():
+            arrays[name] = np.full((steps + 1, *now.shape), np.nan)
+            arrays[name][0] = now
+        done, block, error = 0, 1, ''
+        while done < steps and not error:
+            begun = time.perf_counter()
+            states, error = self.advance(min(block, steps - done))
+            for name, values in vars(states).items() if len(states) else ():
+                arrays[name][done + 1 : done + 1 + len(states)] = values
+            done += len(states)
+            if time.perf_counter() - begun < _BLOCK:
+                block *= 2
+        if error:
+            error = f'{error} (step {done + 1} of {steps})'
         return Outcome(Trajectory(dt=self.dt, **arrays), error)
 
 
@@ -103,7 +118,7 @@ class Simulator(ABC):
 
     def native_dt(self, scene: Scene) -> float:
         """The model's time step for this radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
-        return self.units.dt * Similarity.between(scene, self.units).time
+        return self.units.dt * in_units(scene, self.units)[0].time
 
     @abstractmethod
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
@@ -169,6 +184,7 @@ class Simulator(ABC):
         steps: int = 300,
         *,
         workers: int | None = None,
+        done: Callable[[int], object] | None = None,
     ) -> list[Trajectory]:
         """Predict many starts, what-ifs of one scene or scenes of their own, on several cores.
 
@@ -184,6 +200,8 @@ class Simulator(ABC):
                 shape (n, 3), where n may differ.
             steps: Steps of `native_dt` of each scene.
             workers: Threads; None: one per usable core.
+            done: Called with each number of steps that a start has taken, in its thread; never on
+                a device, where all take their steps at once.
 
         Raises:
             ValueError: A start is wrong, or the model cannot serve its scene; before any runs.
@@ -197,6 +215,7 @@ class Simulator(ABC):
                 rollouts.append(self._begin(scene, **given))
             except ValueError as error:
                 raise ValueError(f'start {index}: {error}') from error
+            rollouts[-1].done = done
         outcomes = self._run(rollouts, steps, workers or usable_cores())
         for index, outcome in enumerate(outcomes):
             if outcome.error:
@@ -223,8 +242,8 @@ class Simulator(ABC):
         }
         state = State(**given)
         self.check(scene, len(state), stacklevel=4)  # warnings point at who asked for it
-        similarity = Similarity.between(scene, self.units)
-        stepper = self.stepper(similarity.scene(scene), similarity.to_model(state))
+        similarity, similar = in_units(scene, self.units)
+        stepper = self.stepper(similar, similarity.to_model(state))
         return Rollout(stepper, similarity, state, self.native_dt(scene))
 
 

@@ -8,6 +8,7 @@ Materials have no units and carry over.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -99,6 +100,13 @@ class Similarity:
             state.velocities @ (turn * (self.length / self.time)),
             state.angular_velocities @ (turn / self.time),
         )
+
+
+@lru_cache(maxsize=64)
+def in_units(scene: Scene, units: ModelUnits) -> tuple[Similarity, Scene]:
+    """Similarity to a model, and the scene in its units; kept, as many rollouts share a scene."""
+    similarity = Similarity.between(scene, units)
+    return similarity, similarity.scene(scene)
 
 
 def _divide(value: float | tuple[float, ...], by: float) -> float | tuple[float, ...]:

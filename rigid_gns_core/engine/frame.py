@@ -9,7 +9,7 @@ from .candidates import Candidates, find_candidates, reach_of
 from .contacts import find_contacts
 from .impulses import no_impulses
 from .islands import Islands, connect, no_islands
-from .jit import compiled, entry, in_place
+from .jit import compiled, in_place
 from .memory import Memory, pressing, recall, remember
 from .neighbours import Flags, Indices
 from .overlap import push_out
@@ -26,7 +26,7 @@ _CATCHES = 3
 _PRIMING = 60
 
 
-@entry
+@compiled
 def advance(
     world: World,
     spheres: Spheres,

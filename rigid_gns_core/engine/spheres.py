@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ..state import Array
-from .jit import compiled
+from .jit import compiled, in_place
 
 
 class Spheres(NamedTuple):
@@ -26,3 +28,29 @@ def copy_spheres(spheres: Spheres) -> Spheres:
         spheres.velocities.copy(),
         spheres.angular_velocities.copy(),
     )
+
+
+@in_place
+def is_finite(spheres: Spheres) -> bool:
+    """Whether all values are."""
+    for i in range(len(spheres.positions)):
+        for k in range(3):
+            moving = spheres.velocities[i, k] + spheres.angular_velocities[i, k]
+            if not np.isfinite(spheres.positions[i, k] + moving):
+                return False
+        for k in range(4):
+            if not np.isfinite(spheres.quaternions[i, k]):
+                return False
+    return True
+
+
+@in_place
+def store(spheres: Spheres, made: Spheres, frame: int) -> None:
+    """Write a state into frame `frame` of `made`, shapes (frames, n, k)."""
+    for i in range(len(spheres.positions)):
+        for k in range(3):
+            made.positions[frame, i, k] = spheres.positions[i, k]
+            made.velocities[frame, i, k] = spheres.velocities[i, k]
+            made.angular_velocities[frame, i, k] = spheres.angular_velocities[i, k]
+        for k in range(4):
+            made.quaternions[frame, i, k] = spheres.quaternions[i, k]

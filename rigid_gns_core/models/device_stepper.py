@@ -17,6 +17,7 @@ from torch import Tensor
 
 from ..scene import Scene
 from ..state import Array, State
+from ..stepper import Stepper
 from .configs import GNSConfig
 from .device_graph import DeviceScenes, Links, links_of, padded
 from .gns import GNS, GNBlock
@@ -42,7 +43,7 @@ class DeviceMotion(NamedTuple):
     angular_velocities: Tensor
 
 
-class DeviceStepper:
+class DeviceStepper(Stepper):
     """Rolls one scene or several side by side out in the model's units.
 
     Args:
@@ -204,7 +205,8 @@ def diverged(rows: Array) -> NDArray[np.bool_]:
     if not rows.shape[-2]:
         return np.zeros(rows.shape[:-2], dtype=bool)
     with np.errstate(invalid='ignore'):
-        return ~(np.abs(rows[..., 7:]).max(axis=(-2, -1)) < 1e9)  # also true for NaN
+        within: NDArray[np.bool_] = np.abs(rows[..., 7:]).max(axis=(-2, -1)) < 1e9
+    return ~within  # also true for NaN
 
 
 def state_of(rows: Array) -> State:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
+from rclpy.clock import ROSClock
 from rclpy.node import Node
+
+EARLY = 1_000_000  # by which the timer fires, and the rest is slept: it wakes late by that [ns]
 
 
 class Alarm:
@@ -17,17 +21,40 @@ class Alarm:
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._node, self._callback = node, callback
         self._timer = node.create_timer(1.0, self._ring, autostart=False)
+        self._due: int | None = None
 
     def set(self, time_ns: int) -> None:
         """Ring when the node's clock reaches `time_ns`; at once where that is past."""
-        delay = time_ns - self._node.get_clock().now().nanoseconds
-        self._timer.timer_period_ns = max(delay, 0)
+        self._due = time_ns
+        # a simulated clock does not run while one sleeps
+        early = 0 if self._simulated else EARLY
+        self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
+
+    @property
+    def remaining(self) -> float:
+        """Until it rings [s]; less than 0 where it is late, infinite where it is not set."""
+        return float('inf') if self._due is None else self._left(self._due) * 1e-9
 
     def cancel(self) -> None:
         """Do not ring."""
         self._timer.cancel()
+        self._due = None
 
     def _ring(self) -> None:
         self._timer.cancel()
+        due, self._due = self._due, None
+        if due is None:
+            return
+        left = min(self._left(due), EARLY)
+        if left > 0 and not self._simulated:
+            time.sleep(left * 1e-9)
         self._callback()
+
+    @property
+    def _simulated(self) -> bool:
+        clock = self._node.get_clock()
+        return isinstance(clock, ROSClock) and clock.ros_time_is_active
+
+    def _left(self, time_ns: int) -> int:
+        return time_ns - self._node.get_clock().now().nanoseconds

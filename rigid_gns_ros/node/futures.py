@@ -15,11 +15,13 @@ from .horizon import Future, Horizon, Job, steps_of
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-TURN = 2e-3  # of the executor, after which predictions and frames come first [s]
+# a turn of the executor, after which predictions and frames come first: what is free until the next
+# prediction less a margin, no shorter than a prediction and no longer than a frame may wait [s]
+MARGIN, SHORTEST, LONGEST = 1.5e-3, 2e-3, 10e-3
 
 
 class Futures:
-    """Publishes the future from the newest frame, computed in short turns of the executor.
+    """Publishes the future from the newest frame, computed in turns of the executor.
 
     Args:
         node: Its executor computes and publishes.
@@ -28,6 +30,7 @@ class Futures:
         channels: Topics.
         drawing: Draws the futures.
         health: Is told of them.
+        free: Time until the next prediction is due [s].
         warn: Called with a kind and a sentence; may be called often.
     """
 
@@ -40,9 +43,10 @@ class Futures:
         channels: Channels,
         drawing: Drawing,
         health: Health,
+        free: Callable[[], float],
         warn: Callable[[str, str], None],
     ) -> None:
-        self._model, self._window = model, window
+        self._model, self._window, self._free = model, window, free
         self._channels, self._drawing, self._health = channels, drawing, health
         self._warn = warn
         self._seconds = 0.0
@@ -86,7 +90,7 @@ class Futures:
         return Job(rollout, stamp_ns, steps, window.frame_id, window.ids)
 
     def _work(self) -> None:
-        future = self._horizon.work(TURN)
+        future = self._horizon.work(min(max(self._free() - MARGIN, SHORTEST), LONGEST))
         if future is not None:
             self._publish(future)
         if self._horizon.busy:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rigid_gns_core.state import Array, State
+from rigid_gns_core.stepper import stacked
 
 from ..encoding.trajectory_message import encode_trajectory
 
@@ -69,7 +70,7 @@ class Horizon:
     def __init__(self) -> None:
         self._waiting: Callable[[], Job | None] | None = None
         self._job: Job | None = None
-        self._states: list[State] = []
+        self._blocks: list[State] = []  # states that are stacked
         self._took = 0.0
 
     @property
@@ -92,44 +93,43 @@ class Horizon:
         self._waiting = self._job = None
 
     def work(self, budget: float) -> Future | None:
-        """Compute for `budget` [s], and one model step at least; the future, where it is ready."""
+        """Compute for about `budget` [s], and one step at least; the future, where it is ready."""
         begun = time.perf_counter()
         if self._job is None:
             make, self._waiting = self._waiting, None
             self._job = make() if make else None
             if self._job is None:
                 return None
-            self._states, self._took = [self._job.rollout.state], 0.0
-        job, states, error = self._job, self._states, ''
-        while len(states) <= job.steps:
-            try:
-                state = job.rollout.step()
-            except FloatingPointError as diverged:
-                error = str(diverged)
-            else:
-                if not np.isfinite(state.positions).all():
-                    error = 'a predicted position is not finite'
-            if error:
+            self._blocks, self._took = [stacked([self._job.rollout.state])], 0.0
+        job, error = self._job, ''
+        steps = 1  # of which the first tell how long one takes
+        while job.rollout.steps < job.steps:
+            turn = time.perf_counter()
+            block = job.rollout.advance(min(steps, job.steps - job.rollout.steps))
+            if len(block.states):
+                self._blocks.append(block.states)
+            if error := block.error:
                 break
-            states.append(state)
-            if len(states) <= job.steps and time.perf_counter() - begun >= budget:
-                self._took += time.perf_counter() - begun
+            now = time.perf_counter()
+            left = budget - (now - begun)
+            if left <= 0 and job.rollout.steps < job.steps:
+                self._took += now - begun
                 return None
+            steps = max(1, int(left / (now - turn) * steps))
         self._job = None
-        future = _future(job, states, error)
+        future = _future(job, self._blocks, error)
         return replace(future, took=self._took + time.perf_counter() - begun)
 
 
-def _future(job: Job, states: list[State], error: str) -> Future:
-    poses = _stack(states, 'positions', 'quaternions')
-    twists = _stack(states, 'velocities', 'angular_velocities')
-    times = [round(step * job.rollout.dt * 1e9) for step in range(len(states))]
+def _future(job: Job, blocks: list[State], error: str) -> Future:
+    poses = _joined(blocks, 'positions', 'quaternions')
+    twists = _joined(blocks, 'velocities', 'angular_velocities')
+    times = [round(step * job.rollout.dt * 1e9) for step in range(len(poses))]
     names = [f'sphere_{sphere}' for sphere in job.ids]
     cdr = encode_trajectory(job.stamp_ns, job.frame_id, names, times, poses, twists)
     return Future(job, cdr, poses[:, :, :3], 0.0, error)
 
 
-def _stack(states: list[State], *names: str) -> Array:
-    return np.stack(
-        [np.concatenate([getattr(state, name) for name in names], axis=1) for state in states]
-    )
+def _joined(blocks: list[State], *names: str) -> Array:
+    fields = [np.concatenate([getattr(block, name) for block in blocks]) for name in names]
+    return np.concatenate(fields, axis=2)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...scene import Scene
 from ...state import Array, State, rotate_quaternions
+from ...stepper import Stepper
 from ..configs import ContactConfig
 from .candidates import Candidates, find_candidates
 from .guard import Guard
@@ -22,7 +23,7 @@ from .step import Motion, frame
 from .world import World
 
 
-class ContactStepper:
+class ContactStepper(Stepper):
     """Rolls a contact model out in the model's units.
 
     Args:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.state import State
+from rigid_gns_core.stepper import Stepper
 from rigid_gns_ros.encoding.trajectory_message import FutureFrame, decode_trajectory
 from rigid_gns_ros.node.horizon import Horizon, Job, steps_of
 from rigid_gns_ros.prediction.forecast import Forecaster
@@ -220,20 +220,20 @@ def test_what_is_cancelled_never_comes(model: Forecaster, falling: Falling) -> N
 
 
 def test_a_future_that_diverges_ends_early(model: Forecaster, falling: Falling) -> None:
-    class Broken:
-        """A rollout that breaks in its third step."""
+    class Broken(Stepper):
+        """Breaks in its third step."""
 
-        def __init__(self, rollout: Any) -> None:
-            self.state, self.dt, self._step, self._left = rollout.state, 0.1, rollout.step, 2
+        def __init__(self, whole: Stepper) -> None:
+            self._step, self._left = whole.step, 2
 
-        def step(self) -> Any:
+        def step(self) -> State:
             self._left -= 1
             if self._left < 0:
                 raise FloatingPointError('a predicted value is not finite')
             return self._step()
 
-    horizon, whole = Horizon(), job(model, falling(0.0), 5, 10)
-    broken = replace(whole, rollout=Broken(whole.rollout))  # type: ignore[arg-type]
+    horizon, broken = Horizon(), job(model, falling(0.0), 5, 10)
+    broken.rollout.stepper = Broken(broken.rollout.stepper)
     horizon.request(lambda: broken)
     future = horizon.work(1e9)
     assert future and future.error == 'a predicted value is not finite'
