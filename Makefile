@@ -18,7 +18,7 @@ CLEAN := env -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV -u LD_LIBRARY_PATH -u _R
 TESTS ?= tests
 
 .DEFAULT_GOAL := help
-.PHONY: help venv engine demo test lint format lock clean
+.PHONY: help venv engine demo test lint format docs lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -33,6 +33,7 @@ test: engine  ## run all tests (TESTS=tests/core for a part)
 
 engine: $(READY)  ## compile the engine once (a minute), so that nothing waits for it later
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.engine
+	@$(CLEAN) $(BIN)/python -m rigid_gns_ros.tracking
 
 lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files
 	@$(CLEAN) $(BIN)/ruff check .
@@ -43,6 +44,9 @@ lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files
 format: $(READY)  ## let ruff format the code and repair what it can
 	@$(CLEAN) $(BIN)/ruff check --fix .
 	@$(CLEAN) $(BIN)/ruff format .
+
+docs: $(READY)  ## build the site in build/docs/: open index.html; a warning is an error
+	@$(CLEAN) $(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
 
 lock:  ## resolve requirements.lock anew from setup.py (Python 3.11, network)
 	@$(CLEAN) $(PYTHON) .ci/lock.py $(PIP_FLAGS)

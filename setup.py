@@ -19,6 +19,8 @@ CORE = [
     'mcap>=1.2',
     'numba>=0.61',
     'threadpoolctl>=3.1',
+    # tiny, pure Python, and part of every ROS 2 (its command line needs it): no extra of its own
+    'argcomplete>=3.1',
     'joblib>=1.5',  # processes of this machine and of clusters: `generate`, `experiment`
 ]
 # What a user may want to choose (a CUDA or a CPU torch), cannot have everywhere (pybullet has no
@@ -42,6 +44,13 @@ EXTRAS = {
         'playwright>=1.40',  # drives a Chromium that is there already
         'colcon-common-extensions',
         'setuptools>=68,<80',
+    ],
+    # the site, `make docs`: all MIT or BSD, plain Python; the oldest that were tried together
+    'docs': [
+        'sphinx>=8.2',
+        'myst-parser>=4.0',
+        'furo>=2024.8.6',
+        'soupsieve<3',  # of furo; later ones need Python 3.11.5, Debian 12 has 3.11.2
     ],
     'dev': ['ruff>=0.9', 'mypy>=1.11', 'types-PyYAML', 'pre-commit>=3.6'],
 }

@@ -1,0 +1,94 @@
+"""Each page of README.md and docs/ does what it says: its snippets run, in order, in one folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from snippets import PAGES, ROOT, Reader, check_options, check_printed, mentioned, quick, snippets
+
+from rigid_gns_core import Scene, load_simulator
+from rigid_gns_ros.bag import BagWriter
+from rigid_gns_ros.messages import PoseArrayCodec, encode_string
+
+POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
+MORE_PAGES = [ROOT / 'CONTRIBUTING.md', ROOT / 'docs' / 'model' / 'README.md']
+
+
+def recorded_bag(name: str) -> None:
+    """A bag as the simulator records it: 4 s of three balls, predicted as they were tracked."""
+    scene = Scene()
+    positions = [[0.0, 0.0, 3.0], [0.5, 0.0, 6.0], [5.0, 0.0, 4.0]]
+    path = load_simulator().rollout(scene, positions, [[1.0, 0.5, 0.0]] * 3, steps=40)
+    poses = np.concatenate([path.positions, path.quaternions], axis=2)
+    noisy = poses + np.random.default_rng(0).normal(0.0, 1e-3, poses.shape)
+    codec, start = PoseArrayCodec('world', 3), 1_700_000_000_000_000_000
+    topics = {'tracked': '/tracked_poses', 'predicted': '/predicted_poses'}
+    said = {'scene': scene.to_mapping(), 'model': 'contact', 'dt': path.dt, 'period': path.dt}
+    with BagWriter(name) as bag:
+        bag.add_topic('/simulator/scene', 'std_msgs/msg/String', 'latched')
+        bag.write('/simulator/scene', encode_string(json.dumps(said | {'topics': topics})), start)
+        bag.add_topic('/tracked_poses', POSE_ARRAY, 'sensor_data')
+        bag.add_topic('/predicted_poses', POSE_ARRAY, 'reliable')
+        for k, time in enumerate(path.times):
+            stamp = start + round(1e9 * time)
+            bag.write('/tracked_poses', codec.encode(noisy[k], stamp), stamp)
+            bag.write('/predicted_poses', codec.encode(poses[k], stamp), stamp)
+
+
+def three_bags() -> None:
+    for name in ('bags/first', 'bags/second', 'recording'):
+        recorded_bag(name)
+
+
+def thesis() -> None:
+    """The page that `rigid-gns experiment --page` fills, and the results it takes."""
+    shutil.copytree(ROOT / 'docs' / 'thesis', 'docs/thesis')
+    shutil.copy(ROOT / 'docs' / 'thesis.md', 'docs/thesis.md')
+
+
+# What a page takes as given, where that is not bags.
+GIVEN: dict[str, Callable[[], None]] = {'thesis.md': thesis, 'tutorial.md': lambda: None}
+
+
+def tutorial(words: list[str]) -> list[str]:
+    """Of the tutorial all is as printed, but for half a minute of training."""
+    return {'generate': ['--workers', '1'], 'train': ['--steps', '1']}.get(words[1], [])
+
+
+@pytest.mark.parametrize(
+    'page', [page for page in PAGES if snippets(page)], ids=lambda page: page.stem
+)
+def test_snippets_run_as_printed(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for package in ('torch', 'pybullet', 'matplotlib', 'imageio_ffmpeg'):
+        pytest.importorskip(package, reason='a snippet needs it')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('PWD', str(tmp_path))
+    GIVEN.get(page.name, three_bags)()
+    Reader(tutorial if page.name == 'tutorial.md' else quick).read(page)
+
+
+@pytest.mark.parametrize(
+    'page',
+    [page for page in PAGES + MORE_PAGES if mentioned(page)],
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
+def test_options_in_the_text_are_there(page: Path) -> None:
+    for words in mentioned(page):
+        check_options(words)
+
+
+@pytest.mark.parametrize(
+    'expected', ['a 1 of 2', 'a 1 of 3\n0.7 m', 'a 1 of ...\n0.52 m\na 1 of 3', 'a 1']
+)
+def test_what_was_not_printed_is_found(expected: str) -> None:
+    printed = 'a 1 of 3\n\n  0.5 m\n'
+    check_printed('a 1 of ...\n...\n0.52 m', printed)
+    with pytest.raises(AssertionError, match='not printed'):
+        check_printed(expected, printed)
