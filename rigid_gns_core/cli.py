@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
+import select
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 # name: (module with add_arguments(parser) and run(arguments) -> int, one-line help)
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -16,7 +19,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'import': ('rigid_gns_ros.learning.import_bag', 'make a data set of the tracked poses in bags'),
     'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
-    'train': ('rigid_gns_core.train', 'train a simulator from a YAML recipe'),
+    'train': ('rigid_gns_core.train_command', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
     'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
     'report': (
@@ -37,19 +40,51 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.experiments.command',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
+    'info': ('rigid_gns_core.info', 'what is installed, what is missing, the shipped models'),
+    'completion': ('rigid_gns_core.completion', 'completion of commands and options in a shell'),
 }
+EPILOG = """examples:
+  rigid-gns info
+  rigid-gns rollout --scene box_154 --steps 200 --out rollout.h5
+  rigid-gns rollout --help
+
+rigid-gns COMMAND --help shows the options of a command and an example.
+
+exit code:
+  0    done
+  1    done, and a check failed
+  2    bad input, or something is missing: the last line on standard error says what to do
+  130  interrupted (Ctrl-C); generate, train and experiment go on when given again
+  141  the reader of the output left, as `head` does"""
+CHECK_FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 1, 2, 130, 141
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `rigid-gns COMMAND ...`; returns the exit code: 0 done, 1 a check failed, 2 bad input."""
-    argv = sys.argv[1:] if argv is None else list(argv)
+    """Run `rigid-gns COMMAND ...`; returns the exit code, see `EPILOG`."""
+    try:
+        try:
+            return _run(sys.argv[1:] if argv is None else list(argv))
+        finally:
+            sys.stdout.flush()  # here, where a reader that has left can be told from an error
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at the exit
+        return NO_READER
+
+
+def make_parser(command: str | None = None) -> argparse.ArgumentParser:
+    """Parser of all commands, with the options of one of them.
+
+    Raises:
+        ModuleNotFoundError: The command needs a module that is not installed.
+    """
     parser = argparse.ArgumentParser(
         prog='rigid-gns',
         description='Learned simulators of rigid spheres.',
-        epilog='rigid-gns COMMAND --help shows the options of a command and an example.',
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument('--version', action=_Version, help='show the version and exit')
     subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    chosen = next((word for word in argv if not word.startswith('-')), None)
     for name, (module, text) in COMMANDS.items():
         subparser = subparsers.add_parser(
             name,
@@ -57,27 +92,75 @@ def main(argv: Sequence[str] | None = None) -> int:
             description=text[0].upper() + text[1:] + '.',
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        if name == chosen:
-            try:
-                stage = importlib.import_module(module)
-            except ModuleNotFoundError as error:
-                print(
-                    f'rigid-gns {name}: error: {error}; this command needs an extra: '
-                    "pip install 'rigid_gns_ros[torch,teacher,plot]'",
-                    file=sys.stderr,
-                )
-                return 2
+        if name == command:
+            stage = importlib.import_module(module)
             stage.add_arguments(subparser)
             subparser.set_defaults(run=stage.run)
-    arguments = parser.parse_args(argv)
+    return parser
+
+
+class _Version(argparse.Action):
+    """`--version`, which looks the version up only when it is asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str) -> None:  # noqa: A002
+        super().__init__(option_strings, dest, nargs=0, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from .versions import PACKAGE, version_of
+
+        print(f'{parser.prog} {version_of(PACKAGE) or "of a source tree that is not installed"}')
+        parser.exit()
+
+
+def _run(argv: list[str]) -> int:
+    if '_ARGCOMPLETE' in os.environ:
+        _complete()
+    command = next((word for word in argv if not word.startswith('-')), None)
+    name = f'rigid-gns {command}' if command in COMMANDS else 'rigid-gns'
     try:
+        arguments = make_parser(command).parse_args(argv)
         return int(arguments.run(arguments) or 0)
-    except (ValueError, OSError, FloatingPointError, ModuleNotFoundError) as error:
-        print(f'rigid-gns {arguments.command}: error: {error}', file=sys.stderr)
-        return 2
+    except ModuleNotFoundError as error:
+        print(f'{name}: error: {_with_remedy(error)}', file=sys.stderr)
+        return BAD_INPUT
+    except (ValueError, OSError, FloatingPointError) as error:
+        if isinstance(error, BrokenPipeError) and _reader_left():
+            raise
+        print(f'{name}: error: {error}', file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
-        print(f'rigid-gns {arguments.command}: interrupted', file=sys.stderr)
-        return 130
+        print(f'{name}: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def _with_remedy(error: ModuleNotFoundError) -> str:
+    """What is missing, and how to get it; an error of our own says that already."""
+    from .extras import missing
+
+    if error.name is None or 'which is not installed' in str(error):
+        return str(error)
+    if error.name.partition('.')[0] in ('rigid_gns_core', 'rigid_gns_ros'):
+        raise error  # no input of a user's makes a module of ours vanish
+    return str(missing(error, 'this command'))
+
+
+def _reader_left() -> bool:
+    """Whether nobody reads standard output any more."""
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), select.POLLOUT)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
+
+
+def _complete() -> None:
+    """Answer a shell that asks what the next word can be, and exit."""
+    import argcomplete
+
+    from .completion import chosen_command
+
+    line, point = os.environ['COMP_LINE'], int(os.environ['COMP_POINT'])
+    argcomplete.autocomplete(
+        make_parser(chosen_command(COMMANDS, line, point)), always_complete_options='long'
+    )
 
 
 if __name__ == '__main__':

@@ -6,12 +6,13 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from .completion import completes, configs
 from .config import from_mapping
 from .dataset import (
     RECIPE_NAME,
@@ -31,7 +32,7 @@ from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
 from .sampling import load_scene, sample_start
 from .workers import WorkerDied, Workers, add_worker_arguments, chosen_workers
 
-EXAMPLE = """example:
+EXAMPLE = """examples:
   rigid-gns generate --config smoke --out data/smoke
   rigid-gns generate --scene box_154 --steps 600 --out box_154.h5
 
@@ -96,20 +97,22 @@ def generate_scene(
     dt: float = 0.1,
     substeps: int | None = None,
     contents: Contents = 'full',
+    done: Callable[[], object] | None = None,
 ) -> Path:
     """Simulate `steps` time steps of `dt` [s] of a scene file from its own start, into one file.
 
-    `substeps` is the teacher's, None: its default.
+    `substeps` is the teacher's, None: its default; `done` is called after each time step.
 
     Raises:
         ConfigError: No such scene, or a value of it is wrong.
         SamplingError: The spheres do not fit.
     """
-    from .teacher import TeacherSettings, simulate
+    from .teacher import simulate
+    from .teacher_settings import TeacherSettings
 
     scene, recipe = load_scene(name)
     settings = TeacherSettings() if substeps is None else TeacherSettings(substeps=substeps)
-    trajectory = simulate(scene, sample_start(scene, recipe), steps, dt, settings)
+    trajectory = simulate(scene, sample_start(scene, recipe), steps, dt, settings, done)
     record = Record(
         trajectory=trajectory,
         scene=scene,
@@ -127,14 +130,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `rigid-gns generate`."""
     parser.epilog = EXAMPLE
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument(
+    config = what.add_argument(
         '--config',
         metavar='NAME_OR_FILE',
         help='recipe of a data set: a name in config/data or a YAML file',
     )
-    what.add_argument(
+    scene = what.add_argument(
         '--scene', metavar='NAME_OR_FILE', help='one scene: a name in config/scenes or a YAML file'
     )
+    completes(config, configs('data'))
+    completes(scene, configs('scenes'))
     parser.add_argument(
         '--out',
         type=Path,
@@ -169,9 +174,15 @@ def run(arguments: argparse.Namespace) -> int:
             raise FileExistsError(f'{arguments.out} exists; remove it first')
         contents: Contents = 'poses' if arguments.poses_only else 'full'
         steps = SCENE_STEPS if arguments.steps is None else arguments.steps
-        path = generate_scene(
-            arguments.scene, arguments.out, steps, substeps=arguments.substeps, contents=contents
-        )
+        with Progress(steps, str(arguments.scene)) as progress:
+            path = generate_scene(
+                arguments.scene,
+                arguments.out,
+                steps,
+                substeps=arguments.substeps,
+                contents=contents,
+                done=progress.update,
+            )
         print(f'{path}: {path.stat().st_size / 1e6:.2f} MB')
         return 0
     if arguments.substeps is not None:
@@ -206,7 +217,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def resolve(recipe: DataRecipe) -> DataRecipe:
     """Recipe with every setting of the teacher, so that a changed default counts as a change."""
-    from .teacher import TeacherSettings
+    from .teacher_settings import TeacherSettings
 
     settings = from_mapping(TeacherSettings, recipe.teacher, 'teacher')
     return replace(recipe, teacher=asdict(settings))
@@ -249,7 +260,8 @@ def _is_whole(path: Path, recipe: DataRecipe) -> bool:
 
 def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, int, float]:
     """Make a trajectory; returns its index, the number of spheres and the time it took [s]."""
-    from .teacher import TeacherSettings, simulate
+    from .teacher import simulate
+    from .teacher_settings import TeacherSettings
 
     begin = time.monotonic()
     try:

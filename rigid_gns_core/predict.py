@@ -6,6 +6,7 @@ With `--samples` also what becomes of starts near it: how sure a prediction is.
 from __future__ import annotations
 
 import argparse
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,8 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from .completion import completes, configs, shipped_models
 from .config import positive
 from .dataset import Record, write_record
+from .progress import Progress
 from .rollout import load_simulator
 from .sampling import load_scene, sample_start
 from .state import Array, State, Trajectory
@@ -22,8 +25,12 @@ from .state import Array, State, Trajectory
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns rollout`."""
-    parser.add_argument('--model', default='', help='name of a shipped model, or a path')
-    parser.add_argument('--scene', default='box_154', help='scene file, or a name in config/scenes')
+    model = parser.add_argument('--model', default='', help='name of a shipped model, or a path')
+    scene = parser.add_argument(
+        '--scene', default='box_154', help='scene file, or a name in config/scenes'
+    )
+    completes(model, shipped_models)
+    completes(scene, configs('scenes'))
     parser.add_argument('--steps', type=int, default=300, help='steps of the model (default 300)')
     parser.add_argument('--seed', type=int, help="seed of the start instead of the scene's")
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
@@ -65,9 +72,16 @@ def run(arguments: argparse.Namespace) -> int:
     start = sample_start(scene, replace(recipe, seed=seed))
     starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]
     begin = time.perf_counter()
-    trajectories = simulator.rollout_batch(
-        scene, starts, arguments.steps, workers=arguments.threads
-    )
+    lock = threading.Lock()
+    with Progress(samples * arguments.steps, 'rollout') as progress:
+
+        def count(steps: int) -> None:
+            with lock:  # starts that run in threads are counted one by one
+                progress.update(steps)
+
+        trajectories = simulator.rollout_batch(
+            scene, starts, arguments.steps, workers=arguments.threads, done=count
+        )
     elapsed = time.perf_counter() - begin
     for index, trajectory in enumerate(trajectories):
         write_record(
@@ -114,7 +128,8 @@ def position_spread(trajectories: Sequence[Trajectory]) -> Array:
     """
     mean = sum(trajectory.positions for trajectory in trajectories) / len(trajectories)
     squares = sum(np.square(t.positions - mean).sum(axis=-1) for t in trajectories)
-    return np.sqrt(squares / len(trajectories))
+    deviation: Array = np.sqrt(squares / len(trajectories))
+    return deviation
 
 
 def print_spread(trajectories: Sequence[Trajectory]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .extras import missing
 from .report.comparison import Comparison, add_source, read_comparison
 from .report.quads import focus, visible_quads
 from .report.series import charts
@@ -126,8 +127,4 @@ def _rerun() -> Any:
     try:
         return importlib.import_module('rerun')
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            'the viewer needs Rerun, which is not installed: pip install '
-            "'rigid_gns_ros[viz]'; `rigid-gns report` needs nothing more than a browser",
-            name=error.name,
-        ) from error
+        raise missing(error, '`rigid-gns view`, unlike `report`,') from error

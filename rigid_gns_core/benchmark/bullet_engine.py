@@ -6,7 +6,8 @@ import numpy as np
 
 from ..scene import Scene
 from ..state import Array, State
-from ..teacher import Teacher, TeacherSettings
+from ..teacher import Teacher
+from ..teacher_settings import TeacherSettings
 
 
 class BulletSpheres(Teacher):

@@ -7,11 +7,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..evaluate import write_json
+from ..completion import completes
 from ..hard_cases.references import References
 from ..progress import Progress
 from ..rollout import load_simulator
-from ..teacher import TeacherSettings, load_pybullet
+from ..strict_json import write_json
+from ..teacher import load_pybullet
+from ..teacher_settings import TeacherSettings
 from .busy_core import measure_busy_core
 from .fresh import first_prediction, memory_per_sphere
 from .judge import floor_of, result
@@ -31,12 +33,14 @@ BUSY = ('contact 8', 'GNS', 'Bullet 24')
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns benchmark`."""
     parser.add_argument('--quick', action='store_true', help='seconds: few spheres and settings')
-    parser.add_argument(
+    scenes = parser.add_argument(
         '--scenes', nargs='*', metavar='NAME', help='only these, or none (default: all)'
     )
-    parser.add_argument(
+    peers = parser.add_argument(
         '--peers', nargs='+', metavar='FAMILY', help=f'only these: {", ".join(NOTES)}'
     )
+    completes(scenes, SCENES)
+    completes(peers, NOTES)
     parser.add_argument('--repeats', type=int, metavar='N', help='of all (default: 5; quick: 2)')
     parser.add_argument(
         '--reference-substeps',
@@ -61,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--figures', type=Path, metavar='DIR', help='one chart per scene, PNG, SVG')
     parser.epilog = '\n'.join(
         [
-            'example: rigid-gns benchmark --cache runs/benchmark --figures runs/benchmark',
+            'example:',
+            '  rigid-gns benchmark --cache runs/benchmark --figures runs/benchmark',
             'scenes:',
             *(f'  {name:10} {text}' for name, (text, _) in SCENES.items()),
             'peers:',
@@ -198,11 +203,16 @@ def _run_processes(
 ) -> dict[str, Any]:
     peers: list[Peer] = [peer for peer in field.peers if peer.name in BUSY]
     scene = scenes[0] if scenes else bench_scenes(['box'], quick=quick)[0]
-    return {
-        'first_prediction': first_prediction(1 if quick else max(3, repeats)),
-        'memory': memory_per_sphere(100 if quick else 100_000),
-        'busy_core': [measure_busy_core(peer, scene, repeats) for peer in peers],
-    }
+    with Progress(2 + len(peers), 'processes', unit='measurement') as progress:
+        first = first_prediction(1 if quick else max(3, repeats))
+        progress.update()
+        memory = memory_per_sphere(100 if quick else 100_000)
+        progress.update()
+        busy = []
+        for peer in peers:
+            busy.append(measure_busy_core(peer, scene, repeats))
+            progress.update()
+    return {'first_prediction': first, 'memory': memory, 'busy_core': busy}
 
 
 def _draw(folder: Path, entry: dict[str, Any], reference: str | None) -> None:

@@ -58,7 +58,8 @@ def _ask(what: str, spheres: int) -> dict[str, Any]:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise OSError(f'a process to measure failed: {done.stderr.strip()[-500:]}')
-    return json.loads(done.stdout.splitlines()[-1])
+    report: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return report
 
 
 def _predict(spheres: int, steps: int) -> None:

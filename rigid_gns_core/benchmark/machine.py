@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import platform
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from ..batch import usable_cores
+from ..versions import PACKAGE, versions_of
 
-PACKAGES = ('rigid_gns_ros', 'numpy', 'scipy', 'numba', 'pybullet', 'mujoco', 'torch')
+PACKAGES = (PACKAGE, 'numpy', 'scipy', 'numba', 'pybullet', 'mujoco', 'torch')
 THREADS = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')
 
 
@@ -22,7 +22,7 @@ def describe_machine() -> dict[str, Any]:
         'usable_cores': usable_cores(),
         'system': f'{platform.system()} {platform.machine()}',
         'python': platform.python_version(),
-        'versions': {name: _version(name) for name in PACKAGES},
+        'versions': versions_of(PACKAGES),
         'threads': {name: os.environ.get(name) for name in THREADS},
     }
 
@@ -52,10 +52,3 @@ def resident_bytes(which: str = 'VmRSS') -> int | None:
     lines = status.read_text().splitlines() if status.is_file() else []
     values = [line.split()[1] for line in lines if line.startswith(f'{which}:')]
     return 1024 * int(values[0]) if values else None
-
-
-def _version(name: str) -> str | None:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..extras import missing
 from ..scene import Plane, Scene
 from ..state import Array, State
 
@@ -51,10 +52,9 @@ def load_mujoco() -> ModuleType:
     try:
         import mujoco
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "mujoco is not installed: pip install 'rigid_gns_ros[bench]'", name='mujoco'
-        ) from error
-    return mujoco
+        raise missing(error, 'the peer MuJoCo') from error
+    module: ModuleType = mujoco
+    return module
 
 
 class MujocoSpheres:
@@ -98,7 +98,8 @@ class MujocoSpheres:
             self._mujoco.mj_step(self._model, self._data, self._substeps)
         except self._mujoco.FatalError as error:
             raise FloatingPointError(f'MuJoCo gave up: {error}') from error
-        return self._data.qpos.reshape(-1, 7)[:, :3].copy()
+        positions: Array = self._data.qpos.reshape(-1, 7)[:, :3].copy()
+        return positions
 
     def close(self) -> None:
         """Free MuJoCo's memory."""
@@ -198,4 +199,5 @@ def _unturned(quaternions: Array, vectors: Array) -> Array:
     """Vectors of the world in the frames of bodies, shape (n, 3)."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_quat(quaternions).inv().apply(vectors)
+    turned: Array = Rotation.from_quat(quaternions).inv().apply(vectors)
+    return turned

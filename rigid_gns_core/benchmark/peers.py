@@ -13,7 +13,8 @@ import numpy as np
 from ..rollout import Simulator, load_simulator
 from ..scene import Scene
 from ..state import Array, State
-from ..teacher import TeacherSettings, load_pybullet
+from ..teacher import load_pybullet
+from ..teacher_settings import TeacherSettings
 from .bullet_engine import BulletSpheres
 from .mujoco_engine import MujocoSettings, MujocoSpheres, describe, load_mujoco
 from .scenes import FRAME

@@ -24,7 +24,8 @@ class Lane:
     Args:
         peer: Who.
         seconds: Wall clock of each frame, one list for each repeat [s].
-        positions: Centres of the first repeat [m], the start included; ends where it blew up.
+        positions: Centres of each frame of the first repeat [m], the start included, shape (n, 3)
+            each; ends where it blew up.
         refused: Why it does not take the scene, or None.
         stopped: The error with which it blew up, or None.
     """

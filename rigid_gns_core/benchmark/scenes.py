@@ -84,7 +84,8 @@ def lattice(columns: tuple[int, int], count: int, pitch: float, low: float, jitt
     steps = np.stack([index % wide, index // wide % deep, index // (wide * deep)], axis=1)
     middle = np.array([(wide - 1) / 2, (deep - 1) / 2, 0.0])
     places = pitch * (steps - middle) + [0.0, 0.0, low]
-    return places + rng.uniform(-jitter, jitter, places.shape)
+    jittered: Array = places + rng.uniform(-jitter, jitter, places.shape)
+    return jittered
 
 
 def _box(quick: bool) -> BenchScene:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..config import ConfigError, find_config, from_mapping, load_yaml
-from ..gns_learner import GNSTrainConfig
+
+if TYPE_CHECKING:
+    from ..gns_learner import GNSTrainConfig
 
 OOD_SCENES = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
 
@@ -87,6 +89,8 @@ class Budget:
         Raises:
             ConfigError: `changes` name an unknown key; the allowed ones are listed.
         """
+        from ..gns_learner import GNSTrainConfig
+
         path = find_config('train', self.recipe)
         mapping = load_yaml(path)
         if (kind := mapping.pop('kind', None)) != 'gns':

@@ -7,13 +7,15 @@ import signal
 import sys
 from pathlib import Path
 
+from ..completion import completes, configs
+from ..strict_json import write_compact_json
 from ..workers import add_worker_arguments, chosen_workers
 from .budget import Budget, load_budget
 from .cell import Cell, cells_of
 from .chart import write_chart
 from .page import write_page
 from .runner import Folders, run_cells
-from .store import Store, write_compact
+from .store import DIGITS, Store
 from .study import Experiment, load_experiment, shipped_experiments
 from .table import make_table
 from .text import format_table
@@ -21,13 +23,15 @@ from .text import format_table
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns experiment`."""
-    parser.add_argument(
+    names = parser.add_argument(
         'names', nargs='*', metavar='NAME', help='experiments: shipped names or YAML files; or all'
     )
     parser.add_argument('--list', action='store_true', help='name all experiments and stop')
-    parser.add_argument(
+    budget = parser.add_argument(
         '--budget', default='cpu', metavar='NAME', help='cpu (default), smoke, full, or a YAML file'
     )
+    completes(names, lambda: [*configs('experiments')(), 'all'])
+    completes(budget, configs('budgets'))
     parser.add_argument('--seeds', type=int, nargs='+', help="seeds instead of the budget's")
     parser.add_argument('--only', nargs='+', metavar='VARIANT', help='only these variants')
     parser.add_argument(
@@ -89,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     failed = [] if arguments.no_run else _run_cells(order, budget, folders, store, arguments)
     for experiment in experiments:
         table = make_table(experiment, budget, seeds, store)
-        write_compact(out / f'{experiment.name}.json', table)
+        write_compact_json(out / f'{experiment.name}.json', table, DIGITS)
         figure = write_chart(out / f'{experiment.name}.png', table)
         print(f'{experiment.title}\n{budget.words}\n\n{format_table(table)}')
         print(f'numbers: {out / experiment.name}.json')

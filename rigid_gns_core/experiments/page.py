@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from ..config import ConfigError
-from ..evaluate import read_json
+from ..strict_json import read_json
 from .study import shipped_experiments
 from .text import format_table
 

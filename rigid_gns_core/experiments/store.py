@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import math
-import os
 import platform
 import subprocess
 from collections.abc import Mapping
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from ..config import to_mapping
-from ..evaluate import read_json
+from ..strict_json import read_json, write_compact_json
+from ..versions import PACKAGE, versions_of
 from .cell import VERSION, Cell
 
 DIGITS = 6
@@ -44,7 +41,7 @@ class Store:
     def write(self, cell: Cell, result: Mapping[str, Any]) -> Path:
         """Write a result whole, or leave the old file."""
         path = self.folder / cell.file_name
-        write_compact(path, {**describe_cell(cell), **result})
+        write_compact_json(path, {**describe_cell(cell), **result}, DIGITS)
         return path
 
 
@@ -70,13 +67,9 @@ def describe_cell(cell: Cell) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Of this package, Python, and what computes."""
-    found = {'python': platform.python_version()}
-    for name in ('rigid_gns_ros', *_PACKAGES):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+    found = versions_of((PACKAGE, *_PACKAGES))
+    present = {name: version for name, version in found.items() if version is not None}
+    return {'python': platform.python_version(), **present}
 
 
 @cache
@@ -94,39 +87,3 @@ def commit() -> str | None:
 
     changed = git('status', '--porcelain', '--untracked-files=no')
     return (git('rev-parse', 'HEAD') + ('+' if changed else '')) or None
-
-
-def write_compact(path: Path, report: Mapping[str, Any]) -> None:
-    """Write strict JSON, a line for each list of numbers; "inf" as in `evaluate.write_json`.
-
-    Raises:
-        ValueError: A value is NaN.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + '.part')
-    partial.write_text(_layout(_plain(report), '') + '\n', encoding='utf-8')
-    os.replace(partial, path)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        if math.isinf(value):
-            return 'inf' if value > 0 else '-inf'
-        return float(f'{value:.{DIGITS}g}')
-    return value
-
-
-def _layout(value: Any, indent: str) -> str:
-    """A line for each entry of a mapping, or of a list of mappings; the rest on one line."""
-    inner = indent + ' '
-    if isinstance(value, dict) and value:
-        lines = [f'{inner}{json.dumps(k)}: {_layout(v, inner)}' for k, v in value.items()]
-        return '{\n' + ',\n'.join(lines) + f'\n{indent}}}'
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        lines = [f'{inner}{_layout(item, inner)}' for item in value]
-        return '[\n' + ',\n'.join(lines) + f'\n{indent}]'
-    return json.dumps(value, allow_nan=False, ensure_ascii=False)

@@ -67,7 +67,8 @@ def _grid(*shape: int, spacing: float = 2.0) -> Array:
     """Centres of a cubic lattice around x = y = 0 that begins at z = 0 [m], shape (n, 3)."""
     places = np.stack(np.meshgrid(*map(np.arange, shape), indexing='ij'), -1).reshape(-1, 3)
     middle = np.array([(shape[0] - 1) / 2, (shape[1] - 1) / 2, 0.0])
-    return spacing * (places - middle)
+    centres: Array = spacing * (places - middle)
+    return centres
 
 
 def _line(*positions: tuple[float, float, float]) -> State:

@@ -155,7 +155,7 @@ def _distance(one: Trajectory, other: Trajectory, step: int) -> float:
 
 def _is_sound(case: Case, reference: Trajectory) -> bool:
     laws = measure_laws(replace(case, steps=reference.steps), reference)
-    return laws['finite'] and laws['inside'] and laws['energy_rise'] <= TEACHER_ENERGY_RISE
+    return bool(laws['finite'] and laws['inside'] and laws['energy_rise'] <= TEACHER_ENERGY_RISE)
 
 
 def _from_poses(trajectory: Trajectory) -> Trajectory:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ..evaluate import write_json
+from ..completion import completes, shipped_models
 from ..progress import Progress
-from ..teacher import TeacherSettings, load_pybullet
+from ..strict_json import write_json
+from ..teacher import load_pybullet
+from ..teacher_settings import TeacherSettings
+from ..versions import PACKAGE, version_of
 from .case import Case
 from .cases import DRIFT, ENERGY_RISE, hard_cases
 from .checks import LEAST_FLOOR, TEACHER_ENERGY_RISE
@@ -22,13 +24,17 @@ from .report import format_summary, format_table
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns hard-cases`."""
-    parser.add_argument(
+    model = parser.add_argument(
         '--model',
         nargs='+',
         metavar='NAME',
         help=f'shipped names, paths, or {TEACHER} (default: the shipped default)',
     )
-    parser.add_argument('--cases', nargs='+', metavar='NAME', help='only these (default: all)')
+    completes(model, lambda: [*shipped_models(), TEACHER])
+    only = parser.add_argument(
+        '--cases', nargs='+', metavar='NAME', help='only these (default: all)'
+    )
+    completes(only, [case.name for case in hard_cases()])
     parser.add_argument('--quick', action='store_true', help='fewer steps in long cases')
     parser.add_argument('--seed', type=int, default=0, help='of random starts (default: 0)')
     parser.add_argument(
@@ -52,7 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = '\n'.join(
         [
             'exit code: 1 if the default model fails a case',
-            'example: rigid-gns hard-cases --quick --cache runs/hard_cases',
+            'example:',
+            '  rigid-gns hard-cases --quick --cache runs/hard_cases',
             'cases:',
             *(f'  {case.name:14} {case.text}' for case in hard_cases()),
             'What each number means: docs/hard_cases.md.',
@@ -99,12 +106,8 @@ def _report(
     settings: TeacherSettings,
     rows: list[dict[str, Any]],
 ) -> dict[str, Any]:
-    try:
-        version = metadata.version('rigid_gns_ros')
-    except metadata.PackageNotFoundError:  # run from a source tree that is not installed
-        version = 'unknown'
     return {
-        'version': version,
+        'version': version_of(PACKAGE) or 'unknown',  # a source tree that is not installed
         'quick': arguments.quick,
         'thresholds': {
             'energy_rise': ENERGY_RISE,

@@ -12,8 +12,8 @@ import numpy as np
 from ..evaluate import Velocities
 from ..scene import Scene
 from ..state import State, Trajectory
-from ..teacher import TeacherSettings
 from ..teacher import simulate as bullet
+from ..teacher_settings import TeacherSettings
 from .case import Case
 from .checks import failures, measure_errors, measure_laws, measure_precision
 from .references import References

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zipfile
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -12,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ..state import Trajectory
-from ..teacher import TeacherError, TeacherSettings
 from ..teacher import simulate as bullet
+from ..teacher_settings import TeacherError, TeacherSettings
+from ..whole_file import whole_file
 from .case import Case
 from .checks import HORIZONS
 
@@ -68,12 +68,9 @@ def _key(case: Case, steps: int, dt: float, settings: TeacherSettings) -> str:
 
 
 def _save(path: Path, trajectory: Trajectory) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + '.part')
-    with part.open('wb') as file:
+    with whole_file(path) as partial, partial.open('wb') as file:
         arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
         np.savez_compressed(file, dt=np.array(trajectory.dt), **arrays)
-    os.replace(part, path)  # a killed run leaves no half file
 
 
 def _load(path: Path) -> Trajectory:

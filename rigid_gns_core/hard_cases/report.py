@@ -70,7 +70,7 @@ def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
 
 def _cell(row: Mapping[str, Any], column: str) -> str:
     if column in ('case', 'model', 'verdict'):
-        return row[column]
+        return str(row[column])
     laws = row['laws']
     if laws is None:
         return ''

@@ -10,6 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..extras import missing
+from ..progress import Progress
 from ..report.comparison import Comparison
 from ..report.quads import focus
 from ..state import Array, Trajectory
@@ -69,7 +71,7 @@ class Film:
                 raise ValueError(f'{name} is {value:g}, expected more than 0')
 
     def times(self, duration: float) -> Array:
-        """Times of the frames [s] in a trajectory of `duration` [s]."""
+        """Times of the frames [s] in a trajectory of `duration` [s], shape (frames,)."""
         stop = duration if self.stop is None else min(self.stop, duration)
         if not 0 <= self.start < stop:
             raise ValueError(
@@ -150,11 +152,20 @@ def write_film(path: str | Path, comparison: Comparison, film: Film) -> int:
         raise ValueError(f'{path}: suffix {path.suffix!r}, expected one of {", ".join(SUFFIXES)}')
     _needed('PIL', path)
     ffmpeg = _needed('imageio_ffmpeg', path) if path.suffix.lower() == '.mp4' else None
-    film.times(comparison.predicted.steps * comparison.predicted.dt)  # before anything is written
+    # before anything is written
+    times = film.times(comparison.predicted.steps * comparison.predicted.dt)
     path.parent.mkdir(parents=True, exist_ok=True)
-    if ffmpeg is not None:
-        return _write_mp4(ffmpeg, path, frames(comparison, film), film)
-    return _write_animation(path, list(frames(comparison, film)), film)
+    with Progress(len(times), path.name, unit='frame') as progress:
+        pictures = _counted(frames(comparison, film), progress)
+        if ffmpeg is not None:
+            return _write_mp4(ffmpeg, path, pictures, film)
+        return _write_animation(path, list(pictures), film)
+
+
+def _counted(pictures: Iterator[Image], progress: Progress) -> Iterator[Image]:
+    for picture in pictures:
+        yield picture
+        progress.update()
 
 
 def _write_mp4(ffmpeg: Any, path: Path, pictures: Iterator[Image], film: Film) -> int:
@@ -215,8 +226,4 @@ def _needed(module: str, path: Path) -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f'{path}: needs {error.name}, which is not installed: pip install '
-            "'rigid_gns_ros[render]'",
-            name=error.name,
-        ) from error
+        raise missing(error, f'{path}') from error

@@ -41,7 +41,7 @@ class Surroundings:
 
     @classmethod
     def of(cls, scene: Scene, low: Array, high: Array) -> Surroundings:
-        """Surfaces of a scene; endless ones end around the box from `low` to `high` [m]."""
+        """Surfaces of a scene; endless ones end around the box from `low` to `high` [m], (3,)."""
         found = visible_quads(scene, low, high)
         quads = np.array([_rectangle(quad) for quad in found]).reshape(-1, 4, 3)
         slabs = np.array([_rectangle(q) for q in found if not q.endless]).reshape(-1, 4, 3)

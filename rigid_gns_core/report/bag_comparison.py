@@ -29,10 +29,18 @@ def read_bag_comparison(
     """
     reader, topic_finder = _part('bag_reader'), _part('recording.bag_topics')
     alignment, starting = _part('evaluation.alignment'), _part('evaluation.forecast_starts')
+    bag = reader.read_bag(path)
+    if not topic_finder.holds_predictions(bag, predicted):
+        raise ValueError(
+            f'{path}: there are no predicted poses in this bag to report on; play it to a '
+            'simulator that records (playback_launch.py), or make records of it with `rigid-gns '
+            'import`, predict from one (docs/tutorial.md), and report on that with --reference. '
+            f'The bag holds {topic_finder.listing(bag)}'
+        )
     report = _part('evaluate_bag').evaluate_bag(
         path, scene=scene, tracked=tracked, predicted=predicted
     )
-    topics = topic_finder.find_topics(reader.read_bag(path), tracked, predicted)
+    topics = topic_finder.find_topics(bag, tracked, predicted)
     every = report['recording']['start'] == 'every'
     ours, theirs = alignment.decode_topic(topics.predicted), alignment.decode_topic(topics.tracked)
     starts = starting.recorded_starts(topics.start)

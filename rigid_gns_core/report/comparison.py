@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..completion import completes, configs
 from ..dataset import Record, read_record
 from ..evaluate import Velocities, evaluate
 from ..metrics import divergence, law_metrics
@@ -80,7 +81,10 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         help='HDF5 file to compare a record with; a bag holds its own',
     )
     parser.add_argument('--title', help='headline (default: from the name of the source)')
-    parser.add_argument('--scene', metavar='NAME|FILE', help='scene of a bag that holds none')
+    scene = parser.add_argument(
+        '--scene', metavar='NAME|FILE', help='scene of a bag that holds none'
+    )
+    completes(scene, configs('scenes'))
     parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
     parser.add_argument('--predicted', metavar='TOPIC', help='topic of predicted poses in a bag')
 

@@ -52,8 +52,8 @@ def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
     """Rectangles of all surfaces.
 
-    An endless side ends where the box from `low` to `high` and the finite surfaces do, upwards a
-    little above the lowest point.
+    An endless side ends where the box from `low` to `high` [m], shape (3,), and the finite surfaces
+    do, upwards a little above the lowest point.
     """
     corners = [c for plane in scene.surfaces for c in _sure_corners(plane)]
     points = np.array([low, high, *corners])

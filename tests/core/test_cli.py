@@ -1,15 +1,41 @@
-"""`rigid-gns`: exit codes, help and messages, without running a stage."""
+"""`rigid-gns`: help, examples, exit codes and messages."""
 
 from __future__ import annotations
 
+import argparse
+import contextlib
 import importlib
+import os
+import pty
+import re
+import select
+import shlex
+import signal
 import subprocess
 import sys
+import termios
+from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 from rigid_gns_core import cli
+
+PROGRAM = [sys.executable, '-m', 'rigid_gns_core.cli']
+
+
+def subparser(command: str) -> argparse.ArgumentParser:
+    parser = cli.make_parser(command)
+    (action,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    return action.choices[command]
+
+
+def examples(epilog: str | None) -> list[list[str]]:
+    """Words of the `rigid-gns` lines below `example:` or `examples:`."""
+    match = re.search(r'^examples?:\n((?:  .+\n?)+)', epilog or '', re.M)
+    lines = match[1].splitlines() if match else []
+    return [shlex.split(line) for line in lines if line.startswith('  rigid-gns ')]
 
 
 def test_help_lists_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
@@ -18,20 +44,39 @@ def test_help_lists_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert caught.value.code == 0
     output = capsys.readouterr().out
     for name in cli.COMMANDS:
-        assert name in output
+        assert f'\n    {name}' in output
+    for code in (0, cli.CHECK_FAILED, cli.BAD_INPUT, cli.INTERRUPTED, cli.NO_READER):
+        assert re.search(rf'^  {code}  +\w', output, re.M)
 
 
 @pytest.mark.parametrize('command', cli.COMMANDS)
 def test_each_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    if command in ('train', 'rollout'):
-        pytest.importorskip('torch', reason=f'rigid-gns {command} needs torch')
     with pytest.raises(SystemExit) as caught:
         cli.main([command, '--help'])
     assert caught.value.code == 0
-    assert f'rigid-gns {command}' in capsys.readouterr().out
+    assert f'usage: rigid-gns {command}' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('arguments', [[], ['no-such'], ['--no-such']])
+@pytest.mark.parametrize('command', [None, *cli.COMMANDS])
+def test_help_shows_examples_that_can_be_typed(
+    command: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = examples(subparser(command).epilog if command else cli.make_parser().epilog)
+    assert found
+    assert command is None or command in [words[1] for words in found]
+    for words in found:
+        if '--help' not in words:
+            assert cli.make_parser(words[1]).parse_args(words[1:]).command == words[1]
+
+
+def test_version_is_that_of_the_installed_package(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.main(['--version'])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f'rigid-gns {metadata.version("rigid_gns_ros")}\n'
+
+
+@pytest.mark.parametrize('arguments', [[], ['no-such'], ['--no-such'], ['completion', 'no-shell']])
 def test_bad_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         cli.main(arguments)
@@ -40,31 +85,146 @@ def test_bad_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ('raised', 'code', 'text'),
+    ('line', 'text'),
     [
-        (ValueError('radius is 0'), 2, 'rigid-gns evaluate: error: radius is 0'),
-        (FileNotFoundError('data.h5: no such file'), 2, 'error: data.h5: no such file'),
-        (KeyboardInterrupt(), 130, 'rigid-gns evaluate: interrupted'),
+        ('rollout --scene nowhere --out a.h5', "no shipped configuration 'nowhere'; shipped: "),
+        ('rollout --model nobody --out a.h5', "no model 'nobody'"),
+        ('generate --config nowhere --out a', "no shipped configuration 'nowhere'"),
+        ('train --config nowhere --data a --out b', "no shipped configuration 'nowhere'"),
+        ('calibrate --data a --out b.yaml', 'a: '),
+        ('evaluate --data a.h5', 'a.h5: no such file'),
+        ('report a.h5 --out a.html', 'a.h5: no such record or bag'),
+        ('render a.h5 --out a.mp4', 'a.h5: no such record or bag'),
+        ('import a --out b', 'a: '),
+        ('experiment', 'name an experiment, or all; allowed: ground_truth'),
+        ('hard-cases --cases nothing', "'nothing'"),
+        ('benchmark --scenes nothing', "'nothing'"),
+        ('info --model nobody', "no model 'nobody'"),
     ],
 )
-def test_errors_are_one_line(
-    raised: BaseException,
-    code: int,
+def test_bad_input_exits_with_2_and_one_line(
+    line: str,
     text: str,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    module = importlib.import_module(cli.COMMANDS['evaluate'][0])
+    command, *_ = line.split()
+    if command == 'train':
+        pytest.importorskip('torch', reason='rigid-gns train needs torch')
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(line.split()) == cli.BAD_INPUT
+    output = capsys.readouterr()
+    assert output.out == ''
+    assert re.fullmatch(rf'rigid-gns {command}: error: [^\n]*\n', output.err)
+    assert text in output.err
+    assert not list(tmp_path.iterdir())
 
-    def fail(_: object) -> int:
-        raise raised
 
-    monkeypatch.setattr(module, 'add_arguments', lambda parser: None)
-    monkeypatch.setattr(module, 'run', fail)
-    assert cli.main(['evaluate']) == code
+def test_what_works_exits_with_0(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record, page = tmp_path / 'a.h5', tmp_path / 'a.html'
+    assert cli.main(['rollout', '--steps', '3', '--out', str(record)]) == 0
+    assert cli.main(['evaluate', '--data', str(record), '--steps', '2']) == 0
+    assert cli.main(['report', str(record), '--out', str(page)]) == 0
+    assert cli.main(['experiment', '--list']) == 0
+    assert page.read_text(encoding='utf-8').startswith('<!doctype html>')
     error = capsys.readouterr().err
-    assert text in error
-    assert 'Traceback' not in error
+    assert 'rollout: step 3 of 3' in error and 'evaluate: trajectory 1 of 1' in error
+
+
+# `experiment` and `teacher-card` with a check that fails: test_experiments_run, test_teacher_card
+def test_a_failed_check_exits_with_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr('rigid_gns_core.checkpoint.DEFAULT_MODEL', 'gns')  # which piles break
+    words = ['hard-cases', '--cases', 'shaft', '--quick', '--no-teacher']
+    assert cli.main(words) == cli.CHECK_FAILED
+    assert 'gns: 0 ok, 1 FAILED' in capsys.readouterr().out
+    assert cli.main([*words, '--model', 'contact']) == 0  # only the default model is judged
+
+
+@contextlib.contextmanager
+def on_a_terminal(words: list[str], folder: Path) -> Iterator[tuple[subprocess.Popen, int]]:
+    """A process whose standard error is a terminal, and our end of that."""
+    ours, its = pty.openpty()
+    termios.tcsetwinsize(its, (24, 80))  # a bar needs some width
+    process = subprocess.Popen(
+        [*PROGRAM, *words], cwd=folder, stdout=subprocess.DEVNULL, stderr=its, close_fds=True
+    )
+    os.close(its)
+    try:
+        yield process, ours
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)
+
+
+def read_until(terminal: int, text: str) -> str:
+    """What the terminal shows, up to `text`, to its end, or until nothing came for a minute."""
+    shown = ''
+    while text not in shown and select.select([terminal], [], [], 60.0)[0]:
+        try:
+            shown += os.read(terminal, 4096).decode(errors='replace')
+        except OSError:  # EIO: the process has ended
+            break
+    return shown
+
+
+@pytest.mark.parametrize(
+    ('line', 'bar', 'module'),
+    [
+        ('rollout --steps 5000 --out a.h5', 'rollout:', 'numba'),
+        ('hard-cases --no-teacher', 'hard cases:', 'numba'),
+        ('teacher-card', 'teacher card:', 'pybullet'),
+        ('generate --config smoke --trajectories 999 --workers 1 --out a', 'a:', 'pybullet'),
+        ('generate --scene box_154 --steps 999 --out a.h5', 'box_154:', 'pybullet'),
+    ],
+)
+def test_an_interrupted_command_showed_a_bar_and_exits_with_130(
+    line: str, bar: str, module: str, tmp_path: Path
+) -> None:
+    pytest.importorskip(module)
+    with on_a_terminal(line.split(), tmp_path) as (process, terminal):
+        assert f'{bar}   0%|' in read_until(terminal, '%|')
+        process.send_signal(signal.SIGINT)
+        shown = read_until(terminal, 'interrupted')
+        assert f'rigid-gns {line.split()[0]}: interrupted' in shown
+        assert 'Traceback' not in shown
+        assert process.wait(timeout=60) == cli.INTERRUPTED
+
+
+@pytest.mark.parametrize(
+    'line', ['--help', '--version', 'info --json', 'rollout --help', 'completion bash']
+)
+def test_a_reader_that_leaves_is_no_error(line: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    buffered = {key: value for key, value in os.environ.items() if key != 'PYTHONUNBUFFERED'}
+    done = subprocess.run(
+        [*PROGRAM, *line.split()],
+        env=buffered,
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (cli.NO_READER, '')
+
+
+def test_a_pipe_that_broke_elsewhere_is_an_error(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    module = importlib.import_module(cli.COMMANDS['completion'][0])
+
+    def lose_a_pipe(_: object) -> int:
+        raise BrokenPipeError('the scheduler is gone')
+
+    monkeypatch.setattr(module, 'run', lose_a_pipe)
+    with open(os.devnull, 'w') as nowhere, contextlib.redirect_stdout(nowhere):
+        assert cli.main(['completion', 'bash']) == cli.BAD_INPUT
+    assert 'error: the scheduler is gone' in capfd.readouterr().err
 
 
 def test_other_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,24 +235,48 @@ def test_other_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
         cli.main(['evaluate'])
 
 
-def test_missing_extra_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ('line', 'module', 'extra'),
+    [
+        ('train --data a --out b', 'torch', 'torch'),
+        ('generate --scene box_154 --steps 1 --out a.h5', 'pybullet', 'teacher'),
+        ('teacher-card', 'pybullet', 'teacher'),
+        ('generate --config smoke --backend dask --out a', 'distributed', 'cluster'),
+    ],
+)
+def test_the_extra_that_a_command_needs_is_named(
+    line: str,
+    module: str,
+    extra: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.delitem(sys.modules, cli.COMMANDS['train'][0], raising=False)
-    monkeypatch.setitem(sys.modules, 'torch', None)  # as if it were not installed
-    assert cli.main(['train', '--help']) == 2
-    error = capsys.readouterr().err
-    assert 'rigid-gns train: error:' in error
-    assert "pip install 'rigid_gns_ros[torch" in error
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, 'rigid_gns_core.train', raising=False)
+    monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
+    assert cli.main(line.split()) == cli.BAD_INPUT
+    (message,) = [line for line in capsys.readouterr().err.splitlines() if 'error:' in line]
+    assert message.startswith(f'rigid-gns {line.split()[0]}: error: ')
+    assert f'needs {module}, which is not installed: ' in message
+    assert f"pip install 'rigid_gns_ros[{extra}]'" in message
 
 
-def test_runs_as_a_module() -> None:
-    done = subprocess.run(
-        [sys.executable, '-m', 'rigid_gns_core.cli', '--help'],
-        capture_output=True,
-        text=True,
-        cwd=Path(__file__).resolve().parents[2],
-        check=False,
+def test_a_module_of_ours_that_is_missing_is_not_the_users_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(cli.COMMANDS, 'info', ('rigid_gns_core.no_such', 'nothing'))
+    with pytest.raises(ModuleNotFoundError, match='rigid_gns_core.no_such'):
+        cli.main(['info'])
+
+
+def test_help_needs_no_heavy_module() -> None:
+    """Nor does completion: both import the options of a command alone."""
+    code = (
+        'import sys\nfrom rigid_gns_core import cli\n'
+        'for command in cli.COMMANDS: cli.make_parser(command)\n'
+        "print([name for name in ('torch', 'pybullet', 'matplotlib', 'rclpy', 'mujoco') "
+        'if name in sys.modules])'
     )
-    assert done.returncode == 0
-    assert 'teacher-card' in done.stdout
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout == '[]\n'

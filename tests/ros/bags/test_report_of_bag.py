@@ -82,3 +82,17 @@ def test_a_report(bag: Path, tmp_path: Path) -> None:
 def test_options_of_records_are_refused(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(['report', str(bag), '--reference', 'a.h5', '--out', 'a.html']) == 2
     assert '--reference goes with a record' in capsys.readouterr().err
+
+
+def test_a_bag_without_predictions_is_refused_with_a_way_to_make_some(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    codec = PoseArrayCodec('world', 2)
+    with BagWriter(tmp_path / 'theirs') as writer:
+        writer.add_topic('/vicon/balls', 'geometry_msgs/msg/PoseArray', 'sensor_data')
+        writer.write('/vicon/balls', codec.encode(poses(0), START), START)
+    out = tmp_path / 'theirs.html'
+    assert cli.main(['report', str(tmp_path / 'theirs'), '--out', str(out)]) == 2
+    said = capsys.readouterr().err
+    assert 'no predicted poses' in said and '/vicon/balls' in said and 'rigid-gns import' in said
+    assert not out.exists()

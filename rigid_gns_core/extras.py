@@ -1,0 +1,72 @@
+"""What to install where a module is missing: the extra of this package that brings it."""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib import metadata
+
+from .versions import PACKAGE
+
+# modules that are not named as the distribution that brings them
+_DISTRIBUTIONS = {
+    'PIL': 'Pillow',
+    'imageio_ffmpeg': 'imageio-ffmpeg',
+    'rclpy': 'ros-jazzy-rclpy',
+    'rerun': 'rerun-sdk',
+    'yaml': 'PyYAML',
+}
+# what no extra brings, since it is large and its own choice
+_OTHERS = {'ray': 'pip install ray'}
+# another way than pip
+_ALSO = {'rclpy': 'source the setup.bash of a ROS 2 Jazzy, or '}
+
+
+def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str | None:
+    """What to do so that a module can be imported; None: this package asks for no such module.
+
+    Args:
+        module: Its name, such as 'torch' or 'PIL.Image'.
+        python: Version of the interpreter it is for.
+    """
+    top = module.partition('.')[0]
+    if top in _OTHERS:
+        return _OTHERS[top]
+    wanted = _canonical(_DISTRIBUTIONS.get(top, top))
+    for name, requirement in _requirements():
+        if _canonical(name) != wanted:
+            continue
+        extra = re.search(r'extra == ["\']([\w-]+)', requirement)
+        if extra is None:
+            return f"pip install '{requirement.partition(';')[0].strip()}'"
+        before = re.search(r'python_version < ["\'](\d+)\.(\d+)', requirement)
+        if before is not None and python >= (limit := (int(before[1]), int(before[2]))):
+            # the extra would install nothing here
+            return (
+                f'{name} has no wheel for Python {limit[0]}.{limit[1]} or newer: use Python '
+                f"{limit[0]}.{limit[1] - 1} and pip install '{PACKAGE}[{extra[1]}]', or build it, "
+                f'with a C++ compiler: pip install {name}'
+            )
+        return f"{_ALSO.get(top, '')}pip install '{PACKAGE}[{extra[1]}]'"
+    return None
+
+
+def missing(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
+    """The error, in words: `what` needs a module that is not installed, and how to get it."""
+    module = error.name or str(error)
+    advice = remedy(module)
+    text = f'{what} needs {module}, which is not installed'
+    return ModuleNotFoundError(f'{text}: {advice}' if advice else text, name=error.name)
+
+
+def _requirements() -> list[tuple[str, str]]:
+    """(distribution, requirement), in the order of setup.py: the extra `all` is the last."""
+    try:
+        lines = metadata.requires(PACKAGE) or []
+    except metadata.PackageNotFoundError:  # run from a source tree that is not installed
+        return []
+    return [(found[0], line) for line in lines if (found := re.match(r'[\w.-]+', line))]
+
+
+def _canonical(name: str) -> str:
+    return re.sub(r'[-_.]+', '-', name).lower()

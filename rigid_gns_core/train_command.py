@@ -1,0 +1,51 @@
+"""`rigid-gns train`: its options, which a shell can complete without importing torch."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .completion import completes, configs, shipped_models
+from .config import positive
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns train`."""
+    config = parser.add_argument(
+        '--config', default='contact', help='recipe: a file or a name in config/train'
+    )
+    completes(config, configs('train'))
+    parser.add_argument(
+        '--data', required=True, type=Path, nargs='+', help='folders made by generate'
+    )
+    parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
+    parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
+    start = parser.add_argument(
+        '--from', dest='start', metavar='MODEL', help='weights to start from: a name or a path'
+    )
+    completes(start, shipped_models)
+    parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
+    parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
+    parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
+    parser.add_argument(
+        '--device',
+        choices=('auto', 'cpu', 'cuda'),
+        default='auto',
+        help='where the network is trained; auto: CUDA for a GNS where there is one (default). '
+        'The same seed gives the same bytes on the CPU; on CUDA sums have no fixed order',
+    )
+    parser.epilog = (
+        'examples:\n'
+        '  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
+        '--out runs/gns\n'
+        '  rigid-gns evaluate --model runs/gns/best --data data/gns_test\n'
+        'by several processes, each with its share of every batch:\n'
+        '  torchrun --nproc_per_node=4 -m rigid_gns_core.cli train --config gns ...'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Train."""
+    from .train import run as train
+
+    return train(arguments)
