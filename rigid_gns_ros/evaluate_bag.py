@@ -9,14 +9,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rigid_gns_core.evaluate import format_table, write_json
+from rigid_gns_core.evaluate import format_table
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
+from rigid_gns_core.strict_json import write_json
 
 from .bag_reader import Bag, BagError, read_bag
 from .evaluation.horizon_errors import format_horizons
 from .evaluation.score_predictions import score_predictions
 from .learning.tracked_segments import find_tracked
+from .parameters import SIMULATOR
 from .recording.bag_topics import (
     find_topics,
     holds_predictions,
@@ -39,6 +41,7 @@ def evaluate_bag(
     predicted: str | None = None,
     model: str | None = None,
     starts: int = 20,
+    match: bool = False,
     figure: str | Path | None = None,
 ) -> dict[str, Any]:
     """Score a bag: the predictions in it, or rollouts of a model from its tracked poses.
@@ -51,6 +54,8 @@ def evaluate_bag(
         model: Name or path of a model to roll out instead of reading predictions. None: only where
             there are none, and then the shipped default.
         starts: Number of these rollouts, evenly over the recording.
+        match: Whether these match poses to spheres, which come in any order or are missing; also
+            where the simulator that recorded them did.
         figure: PNG to draw. None: none.
 
     Returns:
@@ -74,7 +79,8 @@ def evaluate_bag(
     topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
     own = [one for one in scenes if said_names(one).get('tracked') == topic.name] or scenes
     recorded = own[0] if own else {}
-    options = RolloutOptions(model or '', starts, _window(recorded))
+    match = match or bool(recorded.get('parameters', {}).get('match_spheres', False))
+    options = RolloutOptions(model or '', starts, _window(recorded), match)
     return score_rollouts(bag, topic, _scene(bag, recorded, scene), options, figure)
 
 
@@ -124,6 +130,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--starts', type=int, default=20, help='number of these rollouts (default 20)'
     )
     parser.add_argument(
+        '--match',
+        action='store_true',
+        help='match poses to spheres for these rollouts: they come in any order, or are missing',
+    )
+    parser.add_argument(
         '--reproduce',
         action='store_true',
         help='compute every prediction again instead, and compare bytes (exit code 1: some differ)',
@@ -158,6 +169,7 @@ def run(arguments: argparse.Namespace) -> int:
         predicted=arguments.predicted,
         model=model,
         starts=getattr(arguments, 'starts', 20),
+        match=getattr(arguments, 'match', False),
         figure=figure,
     )
     print(format_report(report))
@@ -207,8 +219,9 @@ def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:
 
 
 def _window(recorded: dict[str, Any]) -> int:
-    """Tracked frames of a start, as the simulator had it."""
-    return int(recorded.get('parameters', {}).get('velocity_window', 3))
+    """Tracked frames of a start, as the simulator had it, or has it by default."""
+    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
+    return int(recorded.get('parameters', {}).get('velocity_window', default))
 
 
 def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scene:
@@ -220,3 +233,7 @@ def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scen
             f'The bag holds {listing(bag)}'
         )
     return Scene.from_mapping(recorded['scene'], 'scene of the bag')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,60 +1,74 @@
-"""A node as a process: signals, exit codes, and errors in one line."""
+"""A node as a process: signals, exit codes, and errors in one line.
+
+rclpy and the nodes take a second to import, so that a signal may well come meanwhile: whatever
+imports this module before has handlers in place that know what to do.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
 import threading
-from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import get_logger
-from rclpy.node import Node
-from rclpy.utilities import ok, try_shutdown
+if TYPE_CHECKING:
+    from .node.closing_node import ClosingNode
 
 
 class Finished(Exception):
     """Raised in a callback when a node has nothing left to do."""
 
 
-class ClosingNode(Node, ABC):
-    """A node with something to finish at its end."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Finish; ROS may be down already."""
-
-
-def log_end(text: str) -> None:
-    """Log when ROS may be down already, so that a node's own logger cannot publish it."""
-    get_logger('rigid_gns_ros').info(text)
-
-
-def run_node(name: str, make: Callable[[], ClosingNode]) -> int:
+def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
     """Make a node and run it until it has finished, or until SIGINT, SIGTERM or SIGHUP.
+
+    Args:
+        name: Of the node, for the log.
+        load: Imports what makes the node.
 
     Returns:
         The exit code: 0, or 1 where the node could not be made.
     """
-    # rclpy's own handlers end the spinning; Python's would also raise KeyboardInterrupt, which at
-    # the second SIGINT of a Ctrl-C under `ros2 launch` would strike while the bag is closed
-    signal.signal(signal.SIGINT, lambda *_: None)
+    up = False
+
+    def leave(*_: object) -> None:
+        # rclpy's own handlers end the spinning; Python's would also raise KeyboardInterrupt, which
+        # at the second SIGINT of a Ctrl-C under `ros2 launch` would strike while the bag is closed
+        if not up:
+            os._exit(0)  # nothing has begun that would have to be finished
+
+    signal.signal(signal.SIGINT, leave)
+    signal.signal(signal.SIGTERM, leave)
     _terminate_on_hangup()
-    rclpy.init()
-    executor = SingleThreadedExecutor()
+    import rclpy
+    from rclpy.exceptions import NameValidationException, ParameterException
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+    from rclpy.logging import get_logger
+
+    unusable = (
+        *(ValueError, OSError, ImportError, ParameterException, NameValidationException),
+        rclpy_implementation.RCLError,  # an argument of --ros-args
+        rclpy_implementation.UnknownROSArgsError,
+    )
     node = None
     try:
+        make = load()
+        rclpy.init()
+        up = True
+        executor = SingleThreadedExecutor()
         node = make()
         rclpy.spin(node, executor)
     except (ExternalShutdownException, Finished):
         pass
     except Exception as error:
-        if not ok():
+        if up and not rclpy.ok():
             return 0  # a signal came while the node was being made, or within a callback
-        if node is None and isinstance(error, (ValueError, OSError, ImportError)):
-            get_logger(name).fatal(' '.join(str(error).split()))
+        if node is None and isinstance(error, unusable):
+            unknown = isinstance(error, rclpy_implementation.UnknownROSArgsError)
+            text = f'unknown words after --ros-args: {error}' if unknown else str(error)
+            get_logger(name).fatal(' '.join(text.split()))
             return 1
         raise
     finally:
@@ -62,7 +76,7 @@ def run_node(name: str, make: Callable[[], ClosingNode]) -> int:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if node is not None:
             node.close()
-        try_shutdown()
+        rclpy.try_shutdown()
     return 0
 
 

@@ -3,174 +3,23 @@
 from __future__ import annotations
 
 import sys
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-from geometry_msgs.msg import PoseArray
+from .process import run_node
 
-from rigid_gns_core.dataset import Record, demo_record, read_record
-from rigid_gns_core.sampling import load_scene, sample_start
-from rigid_gns_core.state import Array
-
-from .messages import PoseArrayCodec
-from .node.alarm import Alarm
-from .node.channels import overridable, sensor_data
-from .parameters import TRACKER, declare
-from .process import ClosingNode, Finished, log_end, run_node
-from .tracking.window import seconds
-
-WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]
-LIVE_SUBSTEPS = 48  # of the teacher per frame: what a slow core does in real time
-LIVE_DT = 0.1  # frame time of a live run of spheres of radius 1 m [s]; it goes with sqrt(radius)
-
-
-class Source(Protocol):
-    """Frames at equal times."""
-
-    dt: float
-    count: int
-
-    def poses(self, index: int) -> Array | None:
-        """Poses of frame `index`, shape (count, 7); None after the end. Indices only increase."""
-        ...
-
-
-class Playback:
-    """Frames of a record.
-
-    Args:
-        record: What to play.
-        loop: Begin again after the last frame.
-    """
-
-    def __init__(self, record: Record, loop: bool) -> None:
-        trajectory = record.trajectory
-        self._poses = np.concatenate([trajectory.positions, trajectory.quaternions], axis=2)
-        self._loop = loop
-        self.dt, self.count = trajectory.dt, trajectory.count
-
-    def poses(self, index: int) -> Array | None:
-        """Poses of frame `index`, shape (count, 7); None after the end."""
-        if index >= len(self._poses) and not self._loop:
-            return None
-        return self._poses[index % len(self._poses)]
-
-
-class Live:
-    """Frames of Bullet while it runs; needs pybullet.
-
-    Args:
-        scene_name: Shipped scene or YAML file, whose start is taken.
-
-    Raises:
-        ImportError: pybullet is not installed.
-    """
-
-    def __init__(self, scene_name: str) -> None:
-        from rigid_gns_core.teacher import Teacher, TeacherSettings
-
-        scene, recipe = load_scene(scene_name)
-        start = sample_start(scene, recipe)
-        self.dt = LIVE_DT * float(np.sqrt(np.max(scene.radius)))
-        self.count = len(start)
-        settings = TeacherSettings(substeps=LIVE_SUBSTEPS)
-        self._teacher, self._index = Teacher(scene, start, self.dt, settings), 0
-
-    def poses(self, index: int) -> Array | None:
-        """Poses of frame `index`, shape (count, 7)."""
-        while self._index < index:
-            self._teacher.step()
-            self._index += 1
-        state = self._teacher.state
-        return np.concatenate([state.positions, state.quaternions], axis=1)
-
-
-class TrackerNode(ClosingNode):
-    """Publishes noisy poses with stamps start + k * dt, each when the node's clock reaches it.
-
-    Args:
-        options: Passed on to `rclpy.node.Node`.
-
-    Its executor's `spin` raises `Finished` after the last frame.
-
-    Raises:
-        ValueError: A parameter cannot be used.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__('tracker', **options)
-        values = declare(self, TRACKER)
-        self._source = _source(values)
-        self._noise = float(values['noise'])
-        self._rng = np.random.default_rng(int(values['seed']))
-        self._codec = PoseArrayCodec(str(values['frame_id']), self._source.count)
-        self._pace = self._source.dt / float(values['rate_factor'])
-        self._publisher = self.create_publisher(
-            PoseArray, 'tracked_poses', sensor_data(), qos_overriding_options=overridable()
-        )
-        self._start_ns = 0
-        self._index = self._published = 0
-        self._alarm = Alarm(self, self._on_due)
-        waits = bool(values['wait_for_subscriber'])
-        self.get_logger().info(
-            f'ready: {self._source.count} spheres, {1 / self._pace:.6g} frames per second on '
-            f'{self._publisher.topic_name}, noise {self._noise:g} m'
-            + ('; waiting for a subscriber' if waits else '')
-        )
-        self._await = Alarm(self, self._on_wait)
-        if waits:
-            self._await.set(0)
-        else:
-            self._begin()
-
-    def close(self) -> None:
-        """Stop publishing."""
-        self._alarm.cancel()
-        self._await.cancel()
-        log_end(f'stopped: {self._published} frames published')
-
-    def _on_wait(self) -> None:
-        if self._publisher.get_subscription_count():
-            self._begin()
-        else:
-            self._await.set(self._now() + WAIT_PERIOD_NS)
-
-    def _begin(self) -> None:
-        self._start_ns = self._now()
-        self.get_logger().info(f'started at stamp {seconds(self._start_ns)} s')
-        self._alarm.set(self._start_ns)
-
-    def _on_due(self) -> None:
-        # a frame that is late by a frame or more is dropped, as a camera would
-        due = int((self._now() - self._start_ns) * 1e-9 / self._pace)
-        self._index = max(self._index, due)
-        poses = self._source.poses(self._index)
-        if poses is None:
-            raise Finished
-        poses = poses.copy()
-        poses[:, :3] += self._rng.normal(0.0, self._noise, (len(poses), 3))
-        stamp = self._start_ns + round(self._index * self._source.dt * 1e9)
-        self._publisher.publish(self._codec.encode(poses, stamp))
-        self._published += 1
-        self._index += 1
-        self._alarm.set(self._start_ns + round(self._index * self._pace * 1e9))
-
-    def _now(self) -> int:
-        return self.get_clock().now().nanoseconds
-
-
-def _source(values: dict[str, Any]) -> Source:
-    if values['live']:
-        if values['trajectory']:
-            raise ValueError('live and trajectory are both given; give one')
-        return Live(str(values['scene']))
-    path = str(values['trajectory'])
-    return Playback(read_record(path) if path else demo_record(), bool(values['loop']))
+if TYPE_CHECKING:
+    from .node.tracker import TrackerNode
 
 
 def main() -> int:
     """Run the node until its record ends or a signal comes; returns the exit code."""
-    return run_node('tracker', TrackerNode)
+    return run_node('tracker', _load)
+
+
+def _load() -> type[TrackerNode]:
+    from .node.tracker import TrackerNode
+
+    return TrackerNode
 
 
 if __name__ == '__main__':

@@ -12,8 +12,8 @@ from rigid_gns_core.state import Trajectory
 
 from ..bag_reader import Topic
 from ..messages import MessageError, PoseArrayFrame, decode_pose_array
+from ..pose_interpolation import Stamps, interpolate
 from ..tracking.window import RESTART_FRAMES
-from .pose_interpolation import Stamps, interpolate
 from .prediction_runs import AlignmentError, Run, longest_run
 
 __all__ = [
@@ -196,7 +196,9 @@ def covered(wanted: Stamps, stamps: Stamps) -> NDArray[np.bool_]:
     inside = (wanted >= stamps[0]) & (wanted <= stamps[-1])
     after = np.minimum(np.searchsorted(stamps, wanted, side='left'), len(stamps) - 1)
     exact = stamps[after] == wanted
-    return exact | inside & (stamps[after] - stamps[np.maximum(after - 1, 0)] <= gap)
+    bridged = stamps[after] - stamps[np.maximum(after - 1, 0)] <= gap
+    found: NDArray[np.bool_] = exact | inside & bridged
+    return found
 
 
 def _longest_tracked(wanted: Stamps, stamps: Stamps) -> slice:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bag_reader import BagError, Topic
 from ..messages import MessageError, PoseArrayFrame, decode_string
-from .pose_interpolation import Stamps
+from ..pose_interpolation import Stamps
 from .prediction_runs import from_one_start, median_period
 
 

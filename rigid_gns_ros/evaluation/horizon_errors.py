@@ -11,9 +11,9 @@ import numpy as np
 from rigid_gns_core.state import Array
 
 from ..messages import PoseArrayFrame
+from ..pose_interpolation import interpolate
 from .alignment import covered
 from .forecast_starts import Forecasted
-from .pose_interpolation import interpolate
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
 """Times after a start at which errors are reported [s]."""

@@ -11,10 +11,10 @@ from scipy.optimize import linear_sum_assignment
 from rigid_gns_core.state import Array
 
 from ..messages import PoseArrayFrame
+from ..pose_interpolation import Stamps, interpolate
 from ..tracking.window import TrackingWindow
 from .alignment import MAX_GAP, Decoded
 from .forecast_starts import Start
-from .pose_interpolation import Stamps, interpolate
 from .replay import replayed
 
 
@@ -52,7 +52,7 @@ class IdentifiedFrames:
             frame = tracked.frames[index]
             if window.full and window.stamp_ns == frame.stamp_ns:
                 places = window.start()[1].positions
-                self._seen[index] = _Seen(now, window.ids, _assigned(places, frame.poses, radius))
+                self._seen[index] = _Seen(now, window.ids, assigned(places, frame.poses, radius))
 
         for start, _ in replayed(window, tracked, starts, on_frame):
             self._lives[start.place] = life
@@ -79,7 +79,7 @@ class IdentifiedFrames:
         stamps = np.array([self._tracked.frames[index].stamp_ns for index in chosen])
         poses = np.stack([self._columns(index, wanted) for index in chosen])
         for sphere in range(poses.shape[1]):
-            _fill(stamps, poses[:, sphere])
+            fill(stamps, poses[:, sphere])
         whole = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         frame_id = self._tracked.frames[chosen[0]].frame_id
         frames = [PoseArrayFrame(int(stamps[k]), frame_id, poses[k]) for k in whole]
@@ -91,7 +91,7 @@ class IdentifiedFrames:
         return seen.poses[[seen.ids.index(one) for one in wanted]]
 
 
-def _assigned(places: Array, poses: Array, radius: float) -> Array:
+def assigned(places: Array, poses: Array, radius: float) -> Array:
     """The pose of each sphere, shape (n, 7), NaN where none is near."""
     found = np.full((len(places), 7), np.nan)
     if len(poses):
@@ -102,7 +102,7 @@ def _assigned(places: Array, poses: Array, radius: float) -> Array:
     return found
 
 
-def _fill(stamps: Stamps, poses: Array) -> None:
+def fill(stamps: Stamps, poses: Array) -> None:
     """Interpolate the poses of one sphere, shape (k, 7), where it was not seen for a short time."""
     seen = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if len(seen) < 2:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigid_gns_core.state import Array
 
 from ..messages import PoseArrayFrame
-from .pose_interpolation import Stamps, interpolate
+from ..pose_interpolation import Stamps, interpolate
 
 # a stamp further off the grid than this part of a period belongs to another start
 RESTART_TOLERANCE = 0.01

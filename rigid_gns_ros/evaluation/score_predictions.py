@@ -13,6 +13,7 @@ from rigid_gns_core.scene import Scene
 
 from ..bag_reader import Bag
 from ..messages import decode_float64
+from ..pose_interpolation import Stamps
 from ..recording.bag_topics import Topics
 from .alignment import (
     AlignmentError,
@@ -25,7 +26,6 @@ from .alignment import (
 )
 from .forecast_starts import Forecasted, Start, forecasts, recorded_starts, starts_of
 from .horizon_errors import HorizonErrors, add_forecast
-from .pose_interpolation import Stamps
 from .prediction_runs import longest_run
 from .recorded_futures import recorded_futures
 from .score_timing import lateness, quantiles

@@ -21,6 +21,7 @@ from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecast, Forecaster
 from .alignment import AlignmentError, decode_topic
 from .horizon_errors import HORIZONS, TOLERANCE, HorizonErrors
+from .matched_tracks import cut_matched
 from .recorded_model import forecaster, tracking_window
 from .score_timing import lateness
 
@@ -28,6 +29,7 @@ from .score_timing import lateness
 GAP = 3.0
 # the longest rollout of which laws and errors are told [s]
 LONGEST = 30.0
+REMEDY = '--match follows spheres that are missing now and then'
 
 
 @dataclass(frozen=True)
@@ -38,11 +40,13 @@ class RolloutOptions:
         model: Name or path; empty: the shipped default.
         starts: Number of start times, evenly over the recording.
         window: Tracked frames from which velocities are fitted at a start.
+        matched: Whether poses are matched to spheres, as they come in any order or are missing.
     """
 
     model: str = ''
     starts: int = 20
-    window: int = 3
+    window: int = 6
+    matched: bool = False
 
     def __post_init__(self) -> None:
         for name in ('starts', 'window'):
@@ -75,9 +79,9 @@ def score_rollouts(
 ) -> dict[str, Any]:
     """Roll a model out from tracked frames at several times, and score it against what followed.
 
-    Frames are cut where the number of spheres changes, where frames are missing for more than three
-    intervals, and where the tracker began anew. Laws and errors are those of the longest segment,
-    from its start; `horizon_errors` are of all starts.
+    Frames are cut where the number of spheres changes (their set, where poses are matched), where
+    frames are missing for more than three intervals, and where the tracker began anew. Laws and
+    errors are those of the longest segment, from its start; `horizon_errors` are of all starts.
 
     Args:
         bag: The bag.
@@ -102,7 +106,12 @@ def score_rollouts(
             'other; record for longer'
         )
     model = forecaster(scene, options.model)
-    parts = cut(decoded.frames, GAP * float(np.median(rising)))
+    gap = GAP * float(np.median(rising))
+    parts = (
+        cut_matched(decoded, model, options.window, gap)
+        if options.matched
+        else cut(decoded.frames, gap)
+    )
     noise = parts.noise().position
     refused, notes = Counter(parts.refused), []
     references = []
@@ -123,6 +132,7 @@ def score_rollouts(
             f'{longest:.3g} s (refused: {dict(refused) or "none"}; cuts: {parts.cuts or "none"}'
             + (f'; {notes[0]}' if notes else '')
             + ')'
+            + (f'; {REMEDY}' if 'count' in parts.cuts else '')
         )
     errors, begun = HorizonErrors(), 0
     for reference, frames in starts:
@@ -281,9 +291,15 @@ def _notes(
     )
     notes = [how, measured]
     if cuts:
-        names = {'gap': 'missing frames', 'count': 'another number of spheres', 'anew': 'restarts'}
+        names = {
+            'gap': 'missing frames',
+            'count': 'another number of spheres',
+            'anew': 'restarts',
+            'set': 'another set of spheres',
+        }
         text = ', '.join(f'{number} for {names[reason]}' for reason, number in cuts.items())
-        notes.append(f'The tracked frames were cut: {text}.')
+        remedy = f' {REMEDY}.' if 'count' in cuts else ''
+        notes.append(f'The tracked frames were cut: {text}.{remedy}')
     if refused:
         text = ', '.join(f'{number} for their {reason}' for reason, number in refused.items())
         notes.append(f'Tracked frames refused: {text}.')

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rigid_gns_core.completion import completes, configs, shipped_models
 from rigid_gns_core.config import from_mapping
 from rigid_gns_core.dataset import (
     RECIPE_NAME,
@@ -24,6 +25,7 @@ from rigid_gns_core.dataset import (
     write_recipe,
     write_record,
 )
+from rigid_gns_core.progress import Progress
 from rigid_gns_core.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.training_set import fingerprint
 
@@ -46,7 +48,11 @@ def import_bags(
     if out.exists():
         raise FileExistsError(f'{out} exists; remove it or give another --out')
     options = options or ImportOptions()
-    imported = [read_tracks(bag, options) for bag in bags]
+    imported = []
+    with Progress(len(bags), 'import', unit='bag') as progress:
+        for bag in bags:
+            imported.append(read_tracks(bag, options))
+            progress.update(bag=Path(bag).name)
     records = [record for one in imported for record in one.records]
     reports = [one.report for one in imported]
     recipe = _recipe(records, reports)
@@ -101,16 +107,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG', help='folder or .mcap file')
     parser.add_argument('--out', required=True, type=Path, help='data set to make')
     parser.add_argument('--topic', help='topic of the tracked poses')
-    parser.add_argument('--scene', metavar='NAME|FILE', help="scene instead of the bag's own")
+    scene = parser.add_argument(
+        '--scene', metavar='NAME|FILE', help="scene instead of the bag's own"
+    )
     parser.add_argument('--radius', type=float, help='radius of all spheres [m]')
-    parser.add_argument('--model', default='', help='model whose time step the data get')
+    model = parser.add_argument('--model', default='', help='model whose time step the data get')
+    completes(scene, configs('scenes'))
+    completes(model, shipped_models)
     parser.add_argument('--dt', type=float, help='time step instead of that [s]')
     parser.add_argument('--max-gap', type=float, help='longest time to bridge [s]')
     parser.add_argument(
         '--min-steps', type=int, default=10, help='shorter stretches are left out (default 10)'
     )
     parser.epilog = (
-        'example:\n  rigid-gns import bags/first bags/second --out data/lab\n'
+        'examples:\n  rigid-gns import bags/first bags/second --out data/lab\n'
         '  rigid-gns calibrate --data data/lab --out lab.yaml'
     )
 

@@ -145,10 +145,12 @@ def _through_contact(
     )
 
     def forward(since: Array) -> Array:
-        return positions[step, sphere] + speeds[0] * since + 0.5 * falls[0] * since**2
+        places: Array = positions[step, sphere] + speeds[0] * since + 0.5 * falls[0] * since**2
+        return places
 
     def backward(until: Array) -> Array:
-        return positions[step + 1, sphere] - speeds[1] * until + 0.5 * falls[1] * until**2
+        places: Array = positions[step + 1, sphere] - speeds[1] * until + 0.5 * falls[1] * until**2
+        return places
 
     moments = np.linspace(start, end, _MOMENTS)[:, None]
     apart = np.linalg.norm(forward(moments - start) - backward(end - moments), axis=1)

@@ -36,7 +36,8 @@ class Segment:
     @property
     def times(self) -> Array:
         """Times since the first frame [s], shape (k,)."""
-        return (self.stamps - self.stamps[0]) * 1e-9  # differences first: exact
+        since: Array = (self.stamps - self.stamps[0]) * 1e-9  # differences first: exact
+        return since
 
 
 @dataclass(frozen=True)

@@ -121,11 +121,11 @@ class Channels:
     def send(self, publisher: Publisher, cdr: bytes) -> None:
         """Publish a message and record it."""
         publisher.publish(cdr)
-        self._record(publisher.topic_name, cdr)
+        self._record(publisher.topic_name, cdr, self._node.get_clock().now().nanoseconds)
 
-    def received(self, cdr: bytes) -> None:
-        """Record a tracked message that was accepted."""
-        self._record(self.tracked.topic_name, cdr)
+    def received(self, cdr: bytes, time_ns: int) -> None:
+        """Record a tracked message that was accepted; it came at `time_ns` of the node's clock."""
+        self._record(self.tracked.topic_name, cdr, time_ns)
 
     def drain(self) -> None:
         """Take all tracked messages that wait, of which the executor takes one at a time."""
@@ -181,7 +181,7 @@ class Channels:
     def _log_error(self, text: str) -> None:
         self._node.get_logger().error(text)
 
-    def _record(self, topic: str, cdr: bytes) -> None:
+    def _record(self, topic: str, cdr: bytes, time_ns: int) -> None:
         if self.bag:
             self.recorded_bytes += len(cdr)
-            self.bag.write(topic, cdr, self._node.get_clock().now().nanoseconds)
+            self.bag.write(topic, cdr, time_ns)

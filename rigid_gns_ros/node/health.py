@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..bag import BagWriter
     from ..prediction.predictor import Predictor
 
-SILENCE = 1.0  # without a tracked frame [s]; a slower tracker may take its longest gap
 LATE_SHARE = 0.5  # of a period, of the 99th percentile of lateness
 
 
@@ -116,7 +115,7 @@ class Health:
         if len(self._rejections) and not len(self._frames):
             level = ERROR
             message = f'all tracked messages of the last {SPAN:g} s were rejected'
-        elif silence > max(SILENCE, self._setting.gap):
+        elif silence > self._setting.gap:
             level = WARN
             message = f'no tracked frame for {silence:.1f} s'
         elif len(self._rejections):

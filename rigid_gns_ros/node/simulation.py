@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 LOG_PERIOD = 5.0  # [s], of lines that could repeat
+# what frames are refused for that a tracker begun anew may have sent
+STAMPS = ('duplicate', 'late', 'ahead')
 
 
 class Simulation:
@@ -62,6 +65,7 @@ class Simulation:
             self.window,
         )
         self.paused = False
+        self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
         self._reason: Reason = 'first'  # of the next start from nothing
         self._generation = self.window.generation  # that the forecast is of
         self._codec = PoseArrayCodec(self._frame_id, 0)
@@ -81,6 +85,7 @@ class Simulation:
             channels=self.channels,
             drawing=self._drawing,
             health=self.health,
+            free=lambda: self._alarm.remaining,
             warn=self.warn,
         )
         self.futures.seconds = float(parameters['horizon'])
@@ -105,9 +110,16 @@ class Simulation:
             restarted = self.window.add(decode_pose_array(cdr), now)
         except ValueError as error:
             self.health.frame_rejected(str(error))
-            self.warn(getattr(error, 'kind', 'bytes'), f'tracked message rejected: {error}')
+            kind = getattr(error, 'kind', 'bytes')
+            if kind in STAMPS:
+                self._refused.append((cdr, now))
+            self.warn(kind, f'tracked message rejected: {error}')
             return
-        self.channels.received(cdr)
+        if restarted:  # those before are accepted with this one
+            for earlier, arrival in self._refused:
+                self.channels.received(earlier, arrival)
+        self._refused.clear()
+        self.channels.received(cdr, now)
         self.health.frame_accepted()
         if restarted:
             self._stop('restart')

@@ -14,7 +14,9 @@ import numpy as np
 from rigid_gns_core.plane import RANGES
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, State, rotate_quaternions, rotation_between
+from rigid_gns_core.state import Array, State
+
+from ..pose_interpolation import between
 
 if TYPE_CHECKING:
     from rigid_gns_core.rollout import Rollout
@@ -69,7 +71,10 @@ class Forecast:
             self._before, self._after = self._after, self.rollout.step()
             self._past.append(self._after)
             step_times.append(time.perf_counter() - begun)
-        poses = _interpolate(self._before, self._after, place - (self.rollout.steps - 1))
+        weight = place - (self.rollout.steps - 1)
+        poses = _poses(self._after)
+        if weight < 1:
+            poses = between(_poses(self._before), poses, weight)
         if not np.isfinite(poses).all():
             sphere = int(np.argmin(np.isfinite(poses).all(axis=1)))
             raise ValueError(f'the predicted pose of sphere {sphere} is not finite')
@@ -253,11 +258,5 @@ def turned_gravity(scene: Scene, direction: Sequence[float]) -> Scene:
     return replace(scene, gravity=(x, y, z))
 
 
-def _interpolate(before: State, after: State, weight: float) -> Array:
-    if weight >= 1:
-        return np.concatenate([after.positions, after.quaternions], axis=1)
-    positions = (1 - weight) * before.positions + weight * after.positions
-    turn = rotation_between(before.quaternions, after.quaternions)
-    return np.concatenate(
-        [positions, rotate_quaternions(before.quaternions, weight * turn)], axis=1
-    )
+def _poses(state: State) -> Array:
+    return np.concatenate([state.positions, state.quaternions], axis=1)

@@ -238,11 +238,14 @@ class Predictor:
             f'{self.counts["late"]} published late and {self.counts["skipped"]} not published; '
             f'this one took {took:.4g} s to compute',
         )
+        self._note_overload()
+
+    def _note_overload(self) -> None:
         if self._pacer.overloaded and not self._told_overload:
             self._told_overload = True
             self._error(
-                f'this machine cannot keep up with a prediction every {period} ({took:.4g} s to '
-                'compute the last one): all come late; lower the rate, or track fewer spheres'
+                f'this machine cannot keep up with a prediction every {self._model.period:.4g} s: '
+                'they come late or never; lower the rate, or track fewer spheres'
             )
 
     @property
@@ -265,9 +268,14 @@ class Predictor:
         lead = newest + self._offset_ns - self._window.arrival_ns
         if lead > self.period_ns // 2:
             self._offset_ns -= lead
+        skipped = 0
         if now - self.due_ns > self.period_ns:
-            self.counts['skipped'] += self._grid.skip_to(now - self._offset_ns)
-        self._grid.skip_to(newest + 1)
+            skipped = self._grid.skip_to(now - self._offset_ns)
+        skipped += self._grid.skip_to(newest + 1)
+        if skipped:
+            self.counts['skipped'] += skipped
+            self._pacer.skip(skipped, now)
+            self._note_overload()
         if reason == 'every':
             self._grid.snap(newest)
         return self._new_forecast(reason)

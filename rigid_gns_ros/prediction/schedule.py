@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 # a tracked frame's own grid, so close to the present one, replaces it [periods]
 SNAP = 0.05
-# predictions late for so long without getting less late are no stall but overload
+# predictions late for so long without getting less late are no stall but overload, and so is half
+# of that time left out, so many times
 OVERLOAD_NS = 3_000_000_000
 OVERLOAD_COUNT = 5
 
@@ -70,6 +73,18 @@ class Pacer:
         self._published_ns: int | None = None
         self._late_count = 0
         self._late_since: tuple[int, int] = (0, 0)  # first of the late ones in a row: when, by what
+        self._skips: deque[tuple[int, int]] = deque()  # when, and how many periods
+
+    def skip(self, count: int, now_ns: int) -> None:
+        """Take note that `count` predictions were left out, as computing had fallen behind."""
+        skips, span = self._skips, max(OVERLOAD_NS, 3 * OVERLOAD_COUNT * self.period_ns)
+        skips.append((now_ns, count))
+        while skips[0][0] < now_ns - span:
+            skips.popleft()
+        # a stall is one long gap, or a few close together; overload has no end
+        spread = now_ns - skips[0][0] >= span // 2 and len(skips) >= OVERLOAD_COUNT
+        left_out = sum(each for _, each in skips) * self.period_ns
+        self.overloaded |= spread and left_out >= span // 2
 
     def admits(self, late_ns: int, now_ns: int) -> bool:
         """Whether to publish at `now_ns` what is `late_ns` late."""

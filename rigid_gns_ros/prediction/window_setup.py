@@ -8,9 +8,10 @@ from typing import Any
 from ..tracking.window import TrackingWindow
 from .forecast import Forecaster
 
-# frames further apart than this many model steps, and than this time, are not fitted as one flight
+# frames further apart than this many model steps, and than this time, are not fitted as one flight;
+# the frames of a tracker of 1 Hz come within this time of each other
 WINDOW_GAP_STEPS = 10
-WINDOW_GAP = 0.25  # [s]
+WINDOW_GAP = 1.25  # [s]
 
 
 def longest_gap(model: Forecaster) -> float:

@@ -1,4 +1,4 @@
-"""`start: every` on a tracker whose clock falls behind; times are made up, so nothing waits."""
+"""`start: every` where clock or computing fall behind; times are made up, so nothing waits."""
 
 from __future__ import annotations
 
@@ -7,21 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-pytest.importorskip('torch', reason='the model needs torch')
-
 from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.prediction.predictor import Predictor, Resync
-from rigid_gns_ros.prediction.starts import Start
 from rigid_gns_ros.tracking.window import TrackingWindow
 
 PERIOD = 100_000_000  # [ns]
 START = 1_000_000_000_000
 
 
-def test_a_tracker_whose_clock_stood_still_is_followed_again(
-    falling: Callable[..., np.ndarray],
-) -> None:
+def follower(
+    warn: Callable[[str, str], None], error: Callable[[str], None]
+) -> tuple[TrackingWindow, Predictor]:
+    """A predictor that starts from each frame, and the window that it hears."""
     model = Forecaster('', 'box_154')
     window = TrackingWindow(
         frame_id='world',
@@ -33,16 +31,33 @@ def test_a_tracker_whose_clock_stood_still_is_followed_again(
         check=lambda _: None,
         on_gap=lambda _: None,
     )
-    warned: list[str] = []
-    starts: list[Start] = []
-    predictor = Predictor(
-        model,
-        window,
-        resync=Resync('every'),
-        on_start=starts.append,
-        warn=lambda kind, _: warned.append(kind),
-        error=pytest.fail,
+    resync = Resync('every')
+    return window, Predictor(
+        model, window, resync=resync, on_start=lambda _: None, warn=warn, error=error
     )
+
+
+def test_a_machine_that_cannot_keep_up_says_so_once(falling: Callable[..., np.ndarray]) -> None:
+    """One is in time and two are left out, as each starts from the newest frame."""
+    errors: list[str] = []
+    window, predictor = follower(lambda *_: None, errors.append)
+    for index in range(40):
+        now = START + 3 * index * PERIOD
+        window.add(PoseArrayFrame(now, 'world', falling(0.0)), now)
+        if predictor.forecast is None:
+            predictor.start(now, 'first')
+        predictor.compute(now)
+        assert predictor.take_in_time(now + PERIOD)
+    assert len(errors) == 1
+    assert 'this machine cannot keep up with a prediction every 0.1 s' in errors[0]
+    assert predictor.counts['skipped'] > 60
+
+
+def test_a_tracker_whose_clock_stood_still_is_followed_again(
+    falling: Callable[..., np.ndarray],
+) -> None:
+    warned: list[str] = []
+    window, predictor = follower(lambda kind, _: warned.append(kind), pytest.fail)
     poses, pause = falling(0.0), 4_000_000_000
     ahead, steps = [], []
     for index in range(60):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -70,9 +71,24 @@ def test_a_signal_while_a_future_is_computed_is_obeyed(
     assert 'Traceback' not in run.output and 'stopped: ' in run.output
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('module', [SIMULATOR, 'rigid_gns_ros.tracker_node'])
+def test_a_signal_during_the_imports_is_obeyed(run_process: Run, module: str, number: int) -> None:
+    """They take a second, in which Python would answer Ctrl-C with a traceback."""
+    run = run_process(module)
+    status = Path(f'/proc/{run.process.pid}/status')
+    # until the process has a handler for SIGTERM, which Python itself has not
+    while not int(re.findall(r'SigCgt:\s*(\w+)', status.read_text())[0], 16) & 1 << 14:
+        assert run.process.poll() is None, run.output
+        time.sleep(0.001)
+    run.signal(number)
+    assert run.exit_code() == 0, run.output
+    assert run.output == ''
+
+
 def test_a_signal_while_the_model_loads_is_obeyed(run_process: Run, tmp_path: Path) -> None:
     run = run_process(SIMULATOR, '--log-level', 'debug')
-    run.wait_for('[rcl')  # ROS is up, and torch is not yet
+    run.wait_for('[rcl')  # ROS is up, and the model is not yet
     run.signal(signal.SIGINT)
     assert run.exit_code() == 0, run.output
     assert 'Traceback' not in run.output
@@ -92,3 +108,22 @@ def test_a_bad_parameter_ends_the_process(run_process: Run, argument: str, messa
     lines = [line for line in run.output.splitlines() if line.strip()]
     assert len(lines) == 1, run.output
     assert lines[0].startswith('[FATAL]') and message in lines[0]
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        (('-r', 'zzz'), "Couldn't parse remap rule: '-r zzz'"),
+        (('--params-file', '/nonesuch.yaml'), '/nonesuch.yaml'),
+        (('--nonesuch',), "unknown words after --ros-args: ['--nonesuch']"),
+        (('-p', 'use_sim_time:=1'), "Trying to set parameter 'use_sim_time' to '1'"),
+    ],
+)
+def test_a_bad_argument_ends_the_process(
+    run_process: Run, words: tuple[str, ...], message: str
+) -> None:
+    run = run_process(SIMULATOR, *words)
+    assert run.exit_code() == 1
+    fatal = [line for line in run.output.splitlines() if line.startswith('[FATAL]')]
+    assert len(fatal) == 1 and message in fatal[0], run.output
+    assert 'Traceback' not in run.output

@@ -131,7 +131,7 @@ def test_foxglove_shows_topics_of_the_node() -> None:
 def test_package_xml_names_all_ros_packages_that_are_imported() -> None:
     root = ElementTree.parse(ROOT / 'package.xml').getroot()
     named = {element.text for element in root if element.tag.endswith('depend')}
-    files = [*(ROOT / 'rigid_gns_ros').glob('*.py'), *(ROOT / 'launch').glob('*.py')]
+    files = [*(ROOT / 'rigid_gns_ros').rglob('*.py'), *(ROOT / 'launch').glob('*.py')]
     imported = set()
     for file in files:
         for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):

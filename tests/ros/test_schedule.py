@@ -63,3 +63,27 @@ def test_a_stall_makes_no_burst() -> None:
     assert min(b - a for a, b in pairwise(late)) >= PERIOD
     assert not pacer.overloaded
     assert [k for _, k in published[-3:]] == [117, 118, 119]
+
+
+def test_overload_is_told_from_what_is_left_out() -> None:
+    """As with `start: every`, whose stamps move on to the present and so are in time again."""
+    pacer = Pacer(PERIOD)
+    for k in range(20):  # one published, two left out
+        assert pacer.admits(0, 3 * k * PERIOD)
+        pacer.skip(2, 3 * k * PERIOD)
+    assert pacer.overloaded
+
+
+@pytest.mark.parametrize('lengths', [[100], [10, 10, 5, 5, 2, 2, 2]])
+def test_what_a_stall_leaves_out_is_no_overload(lengths: list[int]) -> None:
+    pacer = Pacer(PERIOD)
+    for k, length in enumerate(lengths):
+        pacer.skip(length, k * PERIOD)
+    assert not pacer.overloaded
+
+
+def test_what_is_left_out_now_and_then_is_no_overload() -> None:
+    pacer = Pacer(PERIOD)
+    for k in range(200):
+        pacer.skip(1, 3 * k * PERIOD)
+    assert not pacer.overloaded

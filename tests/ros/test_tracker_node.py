@@ -17,8 +17,8 @@ from rigid_gns_core.dataset import Record, demo_record, write_record
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Trajectory
 from rigid_gns_ros.messages import PoseArrayFrame, decode_pose_array
+from rigid_gns_ros.node.tracker import TrackerNode
 from rigid_gns_ros.process import Finished
-from rigid_gns_ros.tracker_node import TrackerNode
 
 COUNT, FRAMES, DT = 50, 6, 0.02
 

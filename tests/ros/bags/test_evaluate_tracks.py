@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rigid_gns_core.evaluate import read_json
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import Trajectory
+from rigid_gns_core.strict_json import read_json
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
 from rigid_gns_ros.messages import PoseArrayCodec, encode_string
@@ -151,6 +153,30 @@ def test_predictions_are_counted_from_each_start(tmp_path, scene):
         assert report['frames'].get('starts') == (3 if with_starts else None)
 
 
+def test_poses_in_any_order_and_missing_ones_are_matched(tmp_path, truth, scene):
+    def seen(number: int, poses: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(number)
+        return rng.permutation(poses)[: 2 if number % 5 == 0 else 3]
+
+    bag = write_tracks(tmp_path / 'bag', truth, poses=seen)
+    with pytest.raises(ValueError, match="cuts: {'count': 32.*--match follows spheres"):
+        evaluate_bag(bag, tracked='/vicon/balls', scene=scene)
+    report = evaluate_bag(bag, tracked='/vicon/balls', scene=scene, starts=8, match=True)
+    # the frames before all three are found, of which frame 5 lacks one
+    assert report['frames']['tracked_refused'] <= 10
+    assert report['frames']['segments'] <= 2
+    one = report['horizon_errors']['1']
+    assert one['starts'] >= 5
+    assert one['median_m'] < 0.05
+
+
+def test_the_module_is_a_program() -> None:
+    command = [sys.executable, '-m', 'rigid_gns_ros.evaluate_bag', '/nonesuch']
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, '')
+    assert done.stderr == 'evaluate: error: /nonesuch: no such bag\n'
+
+
 def test_what_is_missing_is_named(tmp_path, truth, scene):
     bag = write_tracks(tmp_path / 'bag', truth)
     with pytest.raises(ValueError, match='no .*/scene topic says what the scene is.*--scene'):
@@ -160,7 +186,7 @@ def test_what_is_missing_is_named(tmp_path, truth, scene):
     with pytest.raises(ValueError, match="no model 'nonesuch'"):
         evaluate_bag(bag, tracked='/vicon/balls', scene=scene, model='nonesuch')
     short = write_tracks(tmp_path / 'short', truth, frames=[0, 1, 2])
-    with pytest.raises(ValueError, match='no stretch of /vicon/balls holds 3 frames and 0.1 s'):
+    with pytest.raises(ValueError, match='no stretch of /vicon/balls holds 6 frames and 0.1 s'):
         evaluate_bag(short, tracked='/vicon/balls', scene=scene)
     with pytest.raises(ValueError, match='starts is 0, expected at least 1'):
         evaluate_bag(bag, tracked='/vicon/balls', scene=scene, starts=0)

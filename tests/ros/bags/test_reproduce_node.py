@@ -14,8 +14,8 @@ from std_srvs.srv import Trigger
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 from rigid_gns_ros.evaluation.reproduce import reproduce
+from rigid_gns_ros.node.simulator import SimulatorNode
 from rigid_gns_ros.recording.bag_topics import find_topics
-from rigid_gns_ros.simulator_node import SimulatorNode
 
 T0 = 1_000_123_456_789  # [ns]
 DT = 100_000_000  # [ns]
@@ -77,3 +77,41 @@ def test_a_recording_of_the_node_is_reproduced(
     assert report['errors']['position_error'] < 1.0
     assert report['errors']['chamfer'] == pytest.approx(2 * report['errors']['mse'], rel=0.1)
     assert report['future_errors']['0.3']['starts'] >= 1
+
+
+@pytest.mark.parametrize('back', [-7200, 7200])
+@pytest.mark.parametrize('matched', [False, True])
+def test_predictions_after_a_tracker_began_anew_are_reproduced(
+    bench: Any, tmp_path: Any, log: Any, back: int, matched: bool
+) -> None:
+    """The frames refused until that was clear are in the bag, as the next start comes from them."""
+    folder = tmp_path / 'bag'
+    node = bench.add(
+        SimulatorNode,
+        use_sim_time=True,
+        velocity_window=4,
+        match_spheres=matched,
+        record=str(folder),
+    )
+    clock = bench.clock(node)
+    tracked = bench.tracked()
+    counts = node.simulation.window.counts
+
+    def heard() -> int:
+        return counts['accepted'] + counts['late'] + counts['ahead']
+
+    sent = []
+    for number in range(16):
+        clock.set(T0 + number * DT)
+        stamp = T0 + number * DT + (back * 10**9 if number >= 7 else 0)
+        sent.append(tracked.send(tracked_poses(number), stamp))
+        bench.until(lambda count=number + 1: heard() == count, 'the frame')
+    assert 'the tracker has begun anew' in log()
+    node.close()
+    bag = read_bag(folder)
+    assert bag.topics['/tracked_poses'].messages == sent
+    times = bag.topics['/tracked_poses'].times
+    assert times.tolist() == [T0 + number * DT for number in range(16)]
+    result = reproduce(bag, find_topics(bag))
+    assert result.starts >= 2
+    assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result

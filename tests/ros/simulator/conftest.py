@@ -19,7 +19,7 @@ class Setup:
     """A simulator on simulated time, and the tester's ends of its topics."""
 
     def __init__(self, bench: Any, **parameters: Any) -> None:
-        from rigid_gns_ros.simulator_node import SimulatorNode
+        from rigid_gns_ros.node.simulator import SimulatorNode
 
         self.bench = bench
         self.node = bench.add(SimulatorNode, use_sim_time=True, **parameters)

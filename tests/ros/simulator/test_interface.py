@@ -1,4 +1,4 @@
-"""Names, QoS, gravity and threads of the simulator node; docs/node.md says the same."""
+"""Names, QoS, gravity and threads of the simulator node; README and docs/node.md say the same."""
 
 from __future__ import annotations
 
@@ -20,21 +20,25 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.similarity import _upright
 from rigid_gns_core.state import State, quaternion_multiply
+from rigid_gns_ros.node.simulator import SimulatorNode
 from rigid_gns_ros.parameters import SIMULATOR
 from rigid_gns_ros.prediction.forecast import Forecaster, scene_of, turned_gravity
-from rigid_gns_ros.simulator_node import SimulatorNode
 
 ROOT = Path(__file__).resolve().parents[3]
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
 # of every node
 OURS_NOT = {'/rosout', '/parameter_events', '/clock'}
+# documents, and the section of each that has the node's tables
+DOCUMENTS = {'README.md': 'In ROS 2 Jazzy', 'docs/node.md': 'simulator'}
+in_both = pytest.mark.parametrize('document', DOCUMENTS)
 
 
-def cells(heading: str) -> list[list[str]]:
-    """Rows of the first table after a heading of the simulator's part of docs/node.md."""
-    text = (ROOT / 'docs' / 'node.md').read_text(encoding='utf-8')
-    part = text.split('\n## simulator\n')[1].split('\n## ')[0].split(f'\n### {heading}\n')[1]
+def cells(document: str, heading: str) -> list[list[str]]:
+    """Rows of the first table after a heading of the simulator's part of a document."""
+    text = (ROOT / document).read_text(encoding='utf-8')
+    part = text.split(f'\n## {DOCUMENTS[document]}\n')[1].split('\n## ')[0]
+    part = part.split(f'\n### {heading}\n')[1]
     rows = re.search(r'\n\|---.*\n((?:\|.*\n)+)', part)
     assert rows
     return [[cell.strip() for cell in row.strip('|').split('|')] for row in rows[1].splitlines()]
@@ -51,7 +55,17 @@ def kind(ros_type: Any) -> str:
     return f'{ros_type.__module__.split(".")[0]}/{ros_type.__name__}'
 
 
-def test_the_document_has_the_topics(simulated: Simulated) -> None:
+def span(descriptor: Any) -> str:
+    """Unit and range of a parameter, or the choices, as its descriptor has them."""
+    unit = re.search(r' \[([^]]+)\]$', descriptor.description)
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    values = [f'{one.from_value:.10g} to {one.to_value:.10g}' for one in ranges]
+    choices = re.findall('^one of: (.*)', descriptor.additional_constraints)
+    return ', '.join([*([unit[1]] if unit else []), *values, *choices])
+
+
+@in_both
+def test_the_document_has_the_topics(simulated: Simulated, document: str) -> None:
     node = simulated().node
     ends = [(publisher, 'out') for publisher in node.publishers]
     ends += [(subscription, 'in') for subscription in node.subscriptions]
@@ -60,7 +74,7 @@ def test_the_document_has_the_topics(simulated: Simulated) -> None:
         for end, way in ends
         if end.topic_name not in OURS_NOT
     }
-    rows = {row[0]: row[1:3] for row in cells('Topics')}
+    rows = {row[0]: row[1:3] for row in cells(document, 'Topics')}
     resolved = {
         name.replace('~', '/simulator') if name[1] in '~/' else f'`/{name[1:]}': row
         for name, row in rows.items()
@@ -68,32 +82,47 @@ def test_the_document_has_the_topics(simulated: Simulated) -> None:
     assert resolved == found
 
 
-def test_the_document_has_the_services(simulated: Simulated) -> None:
+def test_rviz_and_foxglove_show_topics_of_the_node(simulated: Simulated) -> None:
+    node = simulated().node
+    ends = {end.topic_name: kind(end.msg_type) for end in (*node.publishers, *node.subscriptions)}
+    layout = (ROOT / 'foxglove' / 'rigid_gns.json').read_text(encoding='utf-8')
+    named = set(re.findall(r'"(/[\w/]+)(?:\.data)?"', layout))
+    assert len(named) == 6
+    assert named <= set(ends)
+    rviz = (ROOT / 'rviz' / 'rigid_gns.rviz').read_text(encoding='utf-8')
+    displays = re.findall(r'Class: rviz_default_plugins/(\w+Array)[^$]*?Value: (\w+)', rviz)
+    assert len(displays) == 3
+    assert all(ends[f'/{topic}'].endswith(f'/{shown}') for shown, topic in displays)
+
+
+@in_both
+def test_the_document_has_the_services(simulated: Simulated, document: str) -> None:
     node = simulated().node
     found = {
         service.srv_name: kind(service.srv_type)
         for service in node.services
         if not re.search('parameter|type_description|logger', service.srv_name)
     }
-    rows = {row[0].strip('`'): row[1] for row in cells('Services')}
+    rows = {row[0].strip('`'): row[1] for row in cells(document, 'Services')}
     assert rows == found
 
 
-def test_the_document_has_the_parameters(simulated: Simulated) -> None:
-    node = simulated().node
-    found = {
-        name
-        for name in node._parameters
-        if not name.startswith(('qos_overrides.', 'use_sim_time', 'start_type_description'))
-    }
-    assert found == {spec.name for spec in SIMULATOR}
-    assert {row[0].strip('`') for row in cells('Parameters')} == found
-    for spec in SIMULATOR:
-        descriptor = node.describe_parameter(spec.name)
-        assert descriptor.description.startswith(spec.description)
-        assert descriptor.read_only != spec.dynamic
-        number = isinstance(spec.default, (int, float)) and not isinstance(spec.default, bool)
+@in_both
+def test_the_document_has_the_parameters(bench: Any, document: str) -> None:
+    node = bench.add(SimulatorNode)
+    found = []
+    for name, parameter in node._parameters.items():
+        if name.startswith(('qos_overrides.', 'use_sim_time', 'start_type_description')):
+            continue
+        descriptor, value = node.describe_parameter(name), parameter.value
+        default = value if isinstance(value, (str, int, float)) else list(value)
+        meaning = re.sub(r' \[[^]]+\]$', '', descriptor.description)
+        changes = 'no' if descriptor.read_only else 'yes'
+        found.append([f'`{name}`', f'`{default!r}`', span(descriptor), changes, meaning])
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
         assert bool(descriptor.floating_point_range or descriptor.integer_range) == number
+    assert len(found) == len(SIMULATOR)
+    assert cells(document, 'Parameters') == found
 
 
 def test_quality_of_service_can_be_overridden(bench: Any) -> None:

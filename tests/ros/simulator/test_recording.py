@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.messages import decode_pose_array
-from rigid_gns_ros.simulator_node import SimulatorNode
+from rigid_gns_ros.node.simulator import SimulatorNode
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Callable[..., np.ndarray]

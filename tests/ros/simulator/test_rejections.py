@@ -62,6 +62,11 @@ REJECTIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], dict[str, Any], 
         {},
         'the quaternion of sphere 1 has norm 0',
     ),
+    'long quaternion': (
+        lambda p: with_value(p, (1, slice(3, 7)), 1e200),
+        {},
+        'the quaternion of sphere 1 has norm 2e+200',
+    ),
     'far': (lambda p: with_value(p, (1, 0), -1.1e6), {}, 'sphere 1 is 1.1e+06 m out'),
     'count': (lambda p: p[:2], {}, 'it holds 2 spheres, expected 3 as before'),
     'empty': (lambda p: p[:0], {}, 'it holds no poses'),
@@ -150,7 +155,7 @@ def test_frames_before_a_long_gap_do_not_count(
     setup.tracked.send(falling(1.0), T0 - DT)
     setup.start(falling(1.1))
     text = log()
-    assert 'tracked frames are 1.9 s apart, more than 1 s' in text
+    assert 'tracked frames are 1.9 s apart, more than 1.25 s' in text
     assert 'set velocity_window:=1' in text
     assert f'started from stamp {T0 // 10**9}.{T0 % 10**9:09d} s' in text
     velocities = np.tile([1.0, 0.0, -9.81 * 1.1], (3, 1))
@@ -159,7 +164,7 @@ def test_frames_before_a_long_gap_do_not_count(
     )
 
 
-def test_a_tracker_too_slow_for_small_spheres_is_told(
+def test_a_tracker_of_1_hz_is_slow_but_followed(
     simulated: Simulated, falling: Falling, tmp_path: Path, log: Callable[[], str]
 ) -> None:
     scene = tmp_path / 'table.yaml'
@@ -167,9 +172,8 @@ def test_a_tracker_too_slow_for_small_spheres_is_told(
     setup = simulated(scene=str(scene), velocity_window=2)
     small = falling(0.0) * [0.02, 0.02, 0.02, 1, 1, 1, 1]
     for index in range(3):
-        setup.frame(small, T0 + index * 400_000_000)
-    text = log()
-    assert text.count('tracked frames are 0.4 s apart, more than 0.25 s') == 1
-    # 5 Hz is enough, though it is more than ten model steps
-    setup.frame(small, T0 + 1_000_000_000)
+        setup.frame(small, T0 + index * 1_300_000_000)
+    assert log().count('tracked frames are 1.3 s apart, more than 1.25 s') == 1
+    # 1 Hz and some jitter is enough, though it is 70 model steps
+    setup.frame(small, T0 + 3_700_000_000)
     setup.tracked.wait_computed(1)

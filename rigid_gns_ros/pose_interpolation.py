@@ -1,17 +1,35 @@
-"""Poses between frames."""
+"""Poses between frames, be they predicted or tracked. No ROS needed."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rigid_gns_core.state import Array, rotate_quaternions, rotation_between
 
 Stamps = NDArray[np.int64]
 
 
+def between(start: Array, end: Array, weight: ArrayLike) -> Array:
+    """Poses between two: linear in position, along the shorter arc in rotation.
+
+    Args:
+        start: Position [m] and quaternion (x, y, z, w), shape (..., 7).
+        end: The same, later.
+        weight: 0 for `start` to 1 for `end`, with a last axis of length 1 where it is no number.
+
+    Returns:
+        Poses, shape (..., 7).
+    """
+    share = np.asarray(weight)
+    positions = (1 - share) * start[..., :3] + share * end[..., :3]
+    turn = rotation_between(start[..., 3:], end[..., 3:])
+    rotations = rotate_quaternions(start[..., 3:], share * turn)
+    return np.concatenate([positions, rotations], axis=-1)
+
+
 def interpolate(stamps: Stamps, poses: Array, wanted: Stamps) -> Array:
-    """Poses at other times: linear in position, along the shorter arc in rotation.
+    """Poses at other times, see `between`.
 
     Args:
         stamps: Times [ns], rising, shape (k,).
@@ -29,8 +47,4 @@ def interpolate(stamps: Stamps, poses: Array, wanted: Stamps) -> Array:
     # differences first: nanoseconds since 1970 do not fit into a float64
     span = np.where(exact, 1, stamps[after] - stamps[before])
     weight = ((wanted - stamps[before]) / span)[:, None, None]
-    start, end = poses[before], poses[after]
-    positions = start[..., :3] + weight * (end[..., :3] - start[..., :3])
-    turn = rotation_between(start[..., 3:], end[..., 3:])
-    rotations = rotate_quaternions(start[..., 3:], weight * turn)
-    return np.concatenate([positions, rotations], axis=-1)
+    return between(poses[before], poses[after], weight)

@@ -1,0 +1,134 @@
+"""The simulator as a node: its parameters, services and clock."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+from ..messages import encode_string
+from ..parameters import SIMULATOR, declare
+from ..prediction.forecast import Forecaster
+from ..tracking.window import seconds
+from .closing_node import ClosingNode, log_end
+from .simulation import Simulation
+from .threads import bound_threads
+
+# a longer jump of simulated time starts anew
+JUMP = Duration(seconds=1, nanoseconds=1)
+DIAGNOSTICS_PERIOD = 1.0  # [s], of real time
+
+
+class SimulatorNode(ClosingNode):
+    """Starts from tracked poses, predicts what the spheres do next, publishes and records it.
+
+    Args:
+        options: Passed on to `rclpy.node.Node`.
+
+    Raises:
+        ValueError: A parameter cannot be used.
+        OSError: The bag cannot be made.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('simulator', **options)
+        values = declare(self, SIMULATOR)
+        model = Forecaster(
+            str(values['model']),
+            str(values['scene']),
+            rate=float(values['rate']),
+            threads=int(values['threads']),
+            gravity_direction=values['gravity_direction'],
+        )
+        bound_threads(int(values['threads']))
+        self.simulation = Simulation(self, model, values)
+        self.add_post_set_parameters_callback(self._take_parameters)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(SetBool, '~/pause', self._on_pause)
+        self.create_service(Trigger, '~/step', self._on_step)
+        jumps = JumpThreshold(
+            min_forward=JUMP, min_backward=Duration(nanoseconds=-1), on_clock_change=False
+        )
+        self._jump_handle = self.get_clock().create_jump_callback(
+            jumps, post_callback=self._on_jump
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.create_timer(DIAGNOSTICS_PERIOD, self.simulation.report, clock=steady)
+        self._tell(model, values)
+
+    def close(self) -> None:
+        """Stop predicting and finish the bag."""
+        log_end(f'stopped: {self.simulation.close()}')
+
+    def _tell(self, model: Forecaster, values: dict[str, Any]) -> None:
+        """Say on ~/scene and in the log what is predicted from what."""
+        channels, window = self.simulation.channels, self.simulation.window
+        description = {**model.description, 'parameters': values, 'topics': channels.topics}
+        channels.send(channels.scene, encode_string(json.dumps(description)))
+        if not model.level:
+            self.get_logger().warning(
+                'no surface is level: none has a normal against gravity '
+                f'{list(model.scene.gravity)} m/s^2, so that nothing can lie still; are gravity '
+                'and surfaces given in the same frame?'
+            )
+        self.get_logger().info(
+            f'ready: {model}; waiting for {window.length} frames on '
+            f'{channels.tracked.topic_name}'
+            + (f'; recording into {values["record"]}' if values['record'] else '')
+        )
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.simulation.forget('reset')
+        response.success = True
+        response.message = f'waiting for {self.simulation.window.length} tracked frames'
+        self.get_logger().info(f'reset: {response.message}')
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        changed = self.simulation.pause(request.data)
+        response.success = True
+        state = 'paused' if self.simulation.paused else 'running'
+        response.message = state if changed else 'no change'
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        simulation, predictor = self.simulation, self.simulation.predictor
+        if simulation.paused and predictor.forecast is not None and predictor.pending is None:
+            simulation.compute()
+        if not simulation.paused:
+            response.message = 'not paused: call ~/pause with data: true first'
+        elif predictor.pending is None:
+            response.message = 'not started: no tracked frames yet'
+        else:
+            prediction = predictor.take()
+            response.success = True
+            stamp = seconds(prediction.stamp_ns)
+            response.message = f'published prediction {predictor.index} for {stamp} s'
+            simulation.publish(prediction)
+            if not predictor.every:
+                simulation.compute()
+        return response
+
+    def _take_parameters(self, parameters: list[Parameter]) -> None:
+        resync = self.simulation.predictor.resync
+        for parameter in parameters:
+            if parameter.name == 'start':
+                resync.start = str(parameter.value)
+            elif parameter.name == 'resync_error':
+                resync.bound = float(parameter.value)
+            elif parameter.name == 'resync_over':
+                resync.over = str(parameter.value)
+            elif parameter.name == 'horizon':
+                self.simulation.futures.seconds = float(parameter.value)
+
+    def _on_jump(self, jump: TimeJump) -> None:
+        if self.simulation.window.stamp_ns is None:
+            return
+        self.simulation.forget('restart')
+        ahead = jump.delta.nanoseconds * 1e-9
+        way = 'backwards' if ahead < 0 else f'forward by {ahead:.3f} s at once'
+        self.get_logger().info(f'the clock went {way}: waiting for new tracked frames')
