@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 
 from rigid_gns_core.dataset import Record, read_record
-from rigid_gns_core.evaluate import read_json, write_json
 from rigid_gns_core.metrics import chamfer, position_mse
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.rollout import Simulator, load_simulator
 from rigid_gns_core.state import State, Trajectory
-from rigid_gns_core.teacher import TeacherSettings, simulate
+from rigid_gns_core.strict_json import read_json, write_json
+from rigid_gns_core.teacher import simulate
+from rigid_gns_core.teacher_settings import TeacherSettings
 
 MOVED = 1e-3  # m
 

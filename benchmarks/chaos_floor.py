@@ -16,10 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from rigid_gns_core.dataset import Record, read_records
-from rigid_gns_core.evaluate import evaluate, format_table, summarise, write_json
+from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.state import Trajectory
-from rigid_gns_core.teacher import TeacherSettings, simulate
+from rigid_gns_core.strict_json import write_json
+from rigid_gns_core.teacher import simulate
+from rigid_gns_core.teacher_settings import TeacherSettings
 
 VARIANTS = {'half': 0.5, 'twice': 2.0}
 

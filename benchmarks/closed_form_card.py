@@ -22,11 +22,11 @@ import torch
 
 from rigid_gns_core.bounce import Simulate
 from rigid_gns_core.closed_form_checks import GROUPS, Check, run_checks
-from rigid_gns_core.evaluate import write_json
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.rollout import Simulator, load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.strict_json import write_json
 
 BOUND = 0.02
 MOMENTUM_BOUND = 1e-5

@@ -17,7 +17,6 @@ The JSON is written after every rollout, so the same command goes on where it wa
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -29,9 +28,9 @@ from contact_test_measures import floor_of, measure
 from contact_test_table import format_table, summarise
 
 from rigid_gns_core.dataset import Dataset, Record, present_records, read_record
-from rigid_gns_core.evaluate import read_json, write_json
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.strict_json import read_json, write_json
 
 QUICK = (2, 60)  # records and steps
 OOD = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
@@ -85,12 +84,10 @@ def resume(
 
 
 def save(path: Path | None, report: dict[str, Any]) -> None:
-    """Summarise the report and write it whole, or leave the old file."""
+    """Summarise the report and write it."""
     report['summary'] = summarise(report)
     if path is not None:
-        part = path.with_suffix('.part')
-        write_json(part, report)
-        os.replace(part, path)
+        write_json(path, report)
 
 
 def run(

@@ -25,11 +25,11 @@ from learn_from_tracks_bags import BELIEVED, FINE, STEP, TRACKED, TRUE, Lab, tra
 
 from rigid_gns_core.calibrate import calibrate
 from rigid_gns_core.dataset import Dataset, Record
-from rigid_gns_core.evaluate import read_json, write_json
 from rigid_gns_core.fine_tune import StartingPoint
 from rigid_gns_core.rollout import Simulator, load_simulator
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, State, Trajectory
+from rigid_gns_core.strict_json import read_json, write_json
 from rigid_gns_core.train import Trainer, load_recipe
 from rigid_gns_ros.learning.import_bag import import_bags
 from rigid_gns_ros.tracking.velocity import estimate_velocities
@@ -98,9 +98,8 @@ def fine_tuned(records: list[Record], folder: Path, seed: int, steps: int | None
     config = replace(load_recipe('gns_finetune'), seed=seed)
     config = config if steps is None else replace(config, steps=steps)
     point = StartingPoint.of('gns')
-    trainer = Trainer(config, point.records(records), [], folder, f'tracks from {point.name}')
-    point.load(trainer.learner)
-    trainer.run()
+    origin = f'tracks from {point.name}'
+    Trainer(config, point.records(records), [], folder, origin, start=point).run()
     return load_simulator(folder / 'best')
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from rigid_gns_core.recipe import DataRecipe
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, Trajectory, rotate_quaternions
-from rigid_gns_core.teacher import TeacherSettings, simulate
+from rigid_gns_core.teacher import simulate
+from rigid_gns_core.teacher_settings import TeacherSettings
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.messages import PoseArrayCodec, encode_string
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rigid_gns_core.evaluate import read_json
+from rigid_gns_core.strict_json import read_json
 
 FOLDER = Path(__file__).resolve().parents[1] / 'docs' / 'model'
 ROWS = {

@@ -27,8 +27,8 @@ from ablations import ROWS
 from machine import cpu_name
 
 from rigid_gns_core.dataset import Dataset
-from rigid_gns_core.evaluate import write_json
 from rigid_gns_core.progress import Progress
+from rigid_gns_core.strict_json import write_json
 
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 

@@ -21,8 +21,8 @@ def bounces(
     Args:
         simulate: The engine.
         radius: Radius [m]; drop heights are multiples of it.
-        restitutions: Of the pair.
-        drops: Heights of the spheres above the floor, in radii.
+        restitutions: Of the pair, shape (restitutions,).
+        drops: Heights of the spheres above the floor, in radii, shape (drops,).
         phases: Each height is dropped so many times, 1.3 % higher each time, so that the impact
             falls into different moments of a time step.
 

@@ -17,6 +17,7 @@ import numpy as np
 import yaml
 
 from .calibration_windows import Window, deviations, noise_of, windows_of, with_materials
+from .completion import completes, shipped_models
 from .config import positive
 from .dataset import Dataset, Record
 from .material_fit import MATERIALS, MaterialFit, most_evaluations
@@ -204,7 +205,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--data', required=True, type=Path, nargs='+', help='folders made by import'
     )
-    parser.add_argument('--model', default='', help='contact model: a shipped name or a path')
+    model = parser.add_argument(
+        '--model', default='', help='contact model: a shipped name or a path'
+    )
+    completes(model, shipped_models)
     parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write all numbers')
     parser.add_argument(
@@ -215,7 +219,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--windows', type=positive, default=300, help='largest number of windows (default 300)'
     )
     parser.epilog = (
-        'example:\n  rigid-gns calibrate --data data/lab --out lab.yaml\n'
+        'examples:\n  rigid-gns calibrate --data data/lab --out lab.yaml\n'
         '  rigid-gns import bags/first --scene lab.yaml --out data/lab_fitted'
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
+
+from .whole_file import whole_file
 
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parent / 'weights'
@@ -51,12 +52,10 @@ def tensors_of(network: Network) -> Tensors:
 
 
 def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]]) -> None:
-    """Write safetensors under a temporary name first: a killed run leaves the old file whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + '.part')
+    """Write safetensors, whole or not at all."""
     whole = {name: np.asarray(value, order='C') for name, value in tensors.items()}
-    temporary.write_bytes(save(whole))
-    os.replace(temporary, path)
+    with whole_file(path) as partial:
+        partial.write_bytes(save(whole))
 
 
 def load_tensors(path: Path) -> Tensors:
@@ -79,9 +78,8 @@ def save_model(path: str | Path, network: Network, card: dict[str, Any]) -> None
     save_tensors(weights, tensors_of(network))
     marks = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
     text = json.dumps({**card, **marks}, indent=2, allow_nan=False) + '\n'
-    temporary = Path(f'{card_path}.part')
-    temporary.write_text(text, encoding='utf-8')
-    os.replace(temporary, card_path)
+    with whole_file(card_path) as partial:
+        partial.write_text(text, encoding='utf-8')
 
 
 def _sha256(path: Path) -> str:
@@ -116,7 +114,7 @@ def load_card(path: Path) -> dict[str, Any]:
     """
     card_path = path.with_suffix('.json')
     try:
-        card = json.loads(card_path.read_text(encoding='utf-8'))
+        card: dict[str, Any] = json.loads(card_path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise CheckpointError(f'{path}: its card {card_path.name} is missing') from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

@@ -82,7 +82,8 @@ def energy(
     """Total energy [J], shape (...), of spheres: arrays (..., n, 3), masses and radii (n,)."""
     kinetic = 0.5 * masses * np.sum(velocities**2, axis=-1)
     rotation = 0.2 * masses * radii**2 * np.sum(spins**2, axis=-1)
-    return np.sum(kinetic + rotation - masses * (positions @ gravity), axis=-1)
+    total: Array = np.sum(kinetic + rotation - masses * (positions @ gravity), axis=-1)
+    return total
 
 
 def momenta(

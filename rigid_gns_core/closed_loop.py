@@ -47,7 +47,11 @@ class Windows(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """One step of all windows: what went in, what came out, and the spheres that count, (n,)."""
+    """One step of all windows.
+
+    batch: what went in; output: of the network, normalised, shape (n, 6); counted: the spheres that
+    count, shape (n,).
+    """
 
     batch: Batch
     output: Tensor
@@ -141,4 +145,5 @@ def roll_out(
 
 def near(positions: Tensor, truth: Tensor, radius: Tensor) -> Tensor:
     """Whether spheres are where they are to be, but for `LOST` radii; shape (n,)."""
-    return (positions - truth).detach().norm(dim=1) < LOST * radius
+    distance: Tensor = (positions - truth).detach().norm(dim=1)
+    return distance < LOST * radius

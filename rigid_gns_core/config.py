@@ -106,6 +106,22 @@ def find_config(kind: str, name: str | Path) -> Path:
     )
 
 
+def check_least(config: object, least: float, *names: str) -> None:
+    """Raise ValueError where a field of a configuration is below `least`, or NaN."""
+    for name in names:
+        value = getattr(config, name)
+        if not value >= least:
+            raise ValueError(f'{name} is {value}, expected at least {least}')
+
+
+def check_positive(config: object, *names: str) -> None:
+    """Raise ValueError where a field of a configuration is not above 0."""
+    for name in names:
+        value = getattr(config, name)
+        if not value > 0:
+            raise ValueError(f'{name} is {value}, expected more than 0')
+
+
 def positive(text: str) -> int:
     """Type of a command line option that takes a whole number from 1 on."""
     if not text.isdecimal() or int(text) < 1:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from .config import check_least, check_positive
 from .dataset import Record
 from .distributed import Mean
 from .learner import Learner, Schedule
@@ -50,21 +51,18 @@ class ContactTrainConfig(Schedule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.frames < 1:
-            raise ValueError(f'frames is {self.frames}, expected at least 1')
+        check_least(self, 1, 'frames')
         if not self.model.network:
             raise ValueError('network of the model is off, so there is nothing to train')
         low, high = self.noise
         if not (0 <= low <= high and (low > 0 or high == 0)):
             raise ValueError(f'noise is [{low:g}, {high:g}], expected 0 < low <= high, or [0, 0]')
-        for name in ('resolution', 'lost'):
-            if not getattr(self, name) > 0:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected more than 0')
+        check_positive(self, 'resolution', 'lost')
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A training trajectory, with its scene as tensors."""
+    """A training trajectory, with its scene as tensors; radius: shape (n,)."""
 
     record: Record
     world: World
@@ -98,7 +96,7 @@ class Scenario:
         )
 
     def candidates(self, positions: Array, velocities: Array) -> Candidates:
-        """Contacts that a frame may bring."""
+        """Contacts that a frame may bring; positions, velocities: shape (n, 3)."""
         scene = self.record.scene
         gravity = np.asarray(scene.gravity)
         dt = self.record.trajectory.dt

@@ -20,6 +20,7 @@ from .config import ConfigError, from_mapping, load_yaml
 from .recipe import DataRecipe, recipe_hash
 from .scene import Scene
 from .state import Array, Trajectory
+from .whole_file import whole_file
 
 FORMAT_VERSION = 1
 RECIPE_NAME = 'recipe.yaml'
@@ -85,9 +86,7 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
         raise DatasetError(
             f'{record.name or path}: step {bad} is not finite; a record must be finite throughout'
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
-    try:
+    with whole_file(path) as partial:
         # attributes over 64 kB, such as 10 000 radii, need version 1.10
         with h5py.File(partial, 'w', libver=('v110', 'v110'), userblock_size=_HEAD_SIZE) as file:
             file.attrs['format_version'] = FORMAT_VERSION
@@ -117,9 +116,6 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
             file.write(f'rigid_gns trajectory sha256 {checksum}\n'.encode())
             file.flush()
             os.fsync(file.fileno())
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 
@@ -247,11 +243,10 @@ def check_membership(path: Path, record: Record, recipe: str) -> None:
 def write_recipe(folder: str | Path, recipe: DataRecipe) -> None:
     """Write recipe.yaml of a data set."""
     path = Path(folder) / RECIPE_NAME
-    partial = path.with_suffix('.tmp')
     content = json.loads(json.dumps(asdict(recipe)))  # tuples to lists
     head = '# Written by `rigid-gns generate`; the trajectories beside it were made by it.\n'
-    partial.write_text(head + yaml.safe_dump(content, sort_keys=False), encoding='utf-8')
-    os.replace(partial, path)
+    with whole_file(path) as partial:
+        partial.write_text(head + yaml.safe_dump(content, sort_keys=False), encoding='utf-8')
 
 
 def read_recipe(folder: str | Path) -> DataRecipe:

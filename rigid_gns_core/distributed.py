@@ -19,7 +19,10 @@ _PATIENCE = datetime.timedelta(hours=2)
 
 
 class Mean(NamedTuple):
-    """A mean over what one process has, and how much that is (0: the value counts for nothing)."""
+    """A mean over what one process has, and how much that is.
+
+    value: a number, shape (); weight: 0 where the value counts for nothing.
+    """
 
     value: Tensor
     weight: float

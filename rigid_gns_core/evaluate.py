@@ -7,20 +7,21 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from .completion import completes, configs, shipped_models
 from .metrics import HORIZONS, divergence, error_metrics, horizon_metrics, law_metrics
 from .metrics.error import check_comparable
 from .metrics.table import format_table
 from .scene import Scene
 from .state import Trajectory
+from .strict_json import write_json
 
-__all__ = ['evaluate', 'format_table', 'read_json', 'summarise', 'write_json']
+__all__ = ['evaluate', 'format_table', 'summarise']
 
 Velocities = Literal['given', 'poses']
 
@@ -116,26 +117,6 @@ def summarise(reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return summary
 
 
-def write_json(path: str | Path, report: Mapping[str, Any]) -> None:
-    """Write a report as strict JSON; infinities, which JSON lacks, as the strings "inf", "-inf".
-
-    Raises:
-        ValueError: A value is NaN, or of a type that JSON does not know.
-    """
-    path = Path(path)
-    try:
-        text = json.dumps(_encode(report), indent=2, allow_nan=False, ensure_ascii=False)
-    except TypeError as error:
-        raise ValueError(f'{path}: the report cannot be written as JSON: {error}') from error
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text + '\n', encoding='utf-8')
-
-
-def read_json(path: str | Path) -> dict[str, Any]:
-    """Read what `write_json` wrote, with infinities as numbers again."""
-    return _decode(json.loads(Path(path).read_text(encoding='utf-8')))
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns evaluate`."""
     source = parser.add_mutually_exclusive_group(required=True)
@@ -148,7 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         '--bag', type=Path, help='recorded bag: score its predicted against its tracked poses'
     )
-    parser.add_argument(
+    model = parser.add_argument(
         '--model',
         help='shipped name or path (default: the shipped one; with --bag: the predictions in it)',
     )
@@ -175,7 +156,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'BAG_evaluation.png)',
     )
     parser.add_argument('--no-figure', action='store_true', help='do not draw')
-    parser.add_argument('--scene', metavar='NAME|FILE', help='scene of a bag that holds none')
+    scene = parser.add_argument(
+        '--scene', metavar='NAME|FILE', help='scene of a bag that holds none'
+    )
+    completes(model, shipped_models)
+    completes(scene, configs('scenes'))
     parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
     parser.add_argument('--predicted', metavar='TOPIC', help='topic of predicted poses in a bag')
     parser.epilog = (
@@ -206,7 +191,7 @@ def _run_bag(arguments: argparse.Namespace) -> int:
     if arguments.steps is not None:
         raise ValueError('--steps goes with --data: all of a bag is scored')
     # the core does not depend on the ROS package; its bag reader needs no ROS either
-    return importlib.import_module('rigid_gns_ros.evaluate_bag').run(arguments)
+    return int(importlib.import_module('rigid_gns_ros.evaluate_bag').run(arguments))
 
 
 def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -287,25 +272,3 @@ def _summarise(mappings: Sequence[Mapping[str, float]]) -> dict[str, Any]:
             entry[f'{prefix}std'] = float(finite.std())
         summary[key] = entry
     return summary
-
-
-def _encode(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _encode(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_encode(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _encode(value.tolist())
-    if isinstance(value, np.generic):
-        return _encode(value.item())
-    if isinstance(value, float) and np.isinf(value):
-        return 'inf' if value > 0 else '-inf'
-    return value
-
-
-def _decode(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _decode(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_decode(item) for item in value]
-    return float(value) if value in ('inf', '-inf') else value

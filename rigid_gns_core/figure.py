@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +21,8 @@ REFERENCE = '#e69f00'
 PREDICTED = '#0072b2'
 KINDS = {'total': '#000000', 'potential': '#009e73', 'kinetic': '#d55e00', 'rotational': '#cc79a7'}
 INK, SURFACE, GRID = '#333333', '#8c8c8c', '#e6e6e6'
+FAR = 1e4
+"""Half a side that has no end [m]."""
 
 
 def write_figure(
@@ -31,12 +32,11 @@ def write_figure(
     scene: Scene,
     *,
     title: str = '',
-    times: Sequence[float] | None = None,
     names: tuple[str, str] = ('predicted', 'reference'),
 ) -> Path:
     """Draw a prediction beside its reference into a PNG (or PDF, SVG: by the suffix).
 
-    From above and from the side at a few times, spheres to scale; below, energies and errors over
+    From above and from the side at four times, spheres to scale; below, energies and errors over
     time. No display is needed. The end of the longer trajectory is left out, and all after a
     divergence.
 
@@ -46,7 +46,6 @@ def write_figure(
         reference: The reference, with the same time step and spheres.
         scene: Surfaces, drawn, and sphere properties.
         title: Headline.
-        times: When to show positions [s]; None: the start, two times between and the end.
         names: What to call the two.
 
     Raises:
@@ -64,7 +63,9 @@ def write_figure(
             raise ValueError('a trajectory diverges at its start, so there is nothing to draw')
         predicted, reference = predicted.window(0, min(lost)), reference.window(0, min(lost))
         title = f'{title}  (diverged at step {min(lost)})'.strip()
-    steps = _shown_steps(reference, times)
+    # the start, two times between and the end
+    shown_at = np.round(np.array([0.0, 0.1, 0.35, 1.0]) * reference.steps)
+    steps = sorted({int(step) for step in shown_at})
 
     axes_of_view = _view_axes(scene)
     # limits that hold every sphere shown; the same at all times, so that frames compare
@@ -102,14 +103,6 @@ def write_figure(
     return path
 
 
-def _shown_steps(reference: Trajectory, times: Sequence[float] | None) -> list[int]:
-    if times is None:
-        steps = np.round(np.array([0.0, 0.1, 0.35, 1.0]) * reference.steps)
-    else:
-        steps = np.round(np.asarray(times, dtype=float) / reference.dt)
-    return sorted({int(step) for step in np.clip(steps, 0, reference.steps)})
-
-
 def _view_axes(scene: Scene) -> Array:
     """Rows: two level directions, as near x and y as can be, and up; shape (3, 3)."""
     up = scene.up
@@ -119,9 +112,9 @@ def _view_axes(scene: Scene) -> Array:
     return np.stack([first, np.cross(up, first), up])
 
 
-def _corners(plane: Plane, far: float = 1e4) -> Array:
-    """Corners of the rectangle [m], shape (4, 3); infinite lengths end at `far`."""
-    half_x, half_y = (min(length / 2, far) for length in (plane.length_x, plane.length_y))
+def _corners(plane: Plane) -> Array:
+    """Corners of the rectangle [m], shape (4, 3); infinite lengths end at `FAR`."""
+    half_x, half_y = (min(length / 2, FAR) for length in (plane.length_x, plane.length_y))
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return np.asarray(plane.point) + (signs * [half_x, half_y]) @ plane.axes[:2]
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from .closed_loop import connector, roll_out, stack_windows
+from .config import check_least
 from .dataset import Record
 from .distributed import Mean
 from .learner import Learner, Schedule
@@ -50,9 +51,7 @@ class GNSTrainConfig(Schedule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ('energy_weight', 'start_fraction', 'curriculum'):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 0')
+        check_least(self, 0, 'energy_weight', 'start_fraction', 'curriculum')
         for name in ('start_fraction', 'curriculum'):
             if not getattr(self, name) <= 1:
                 raise ValueError(f'{name} is {getattr(self, name)}, expected at most 1')
@@ -200,6 +199,10 @@ class GNSLearner(Learner[GNS]):
         """Mean over windows of max(E[k+1] - E[k], 0), per sphere and in units of m g r.
 
         The thesis adds joules of the whole scene; this way lambda does not depend on its size.
+
+        Args:
+            predicted: Next [v, omega] [m/s, rad/s], shape (n, 6).
+            batch: What it was predicted from.
         """
         g, dt, radius = self.units.gravity, self.units.dt, self.units.radius
         before = batch.graph.motion[:, :3]

@@ -136,15 +136,27 @@ def swept_distance(offset: Array, moved: Array) -> Array:
     square = np.einsum('ij,ij->i', moved, moved)
     along = -np.einsum('ij,ij->i', offset, moved) / np.maximum(square, 1e-300)
     nearest = offset + np.clip(along, 0.0, 1.0)[:, None] * moved
-    return np.linalg.norm(nearest, axis=1)
+    distance: Array = np.linalg.norm(nearest, axis=1)
+    return distance
 
 
 def surface_edges(
     positions: Array, velocities: Array, radii: Array, scene: Scene, dt: float, reach: Reach
 ) -> tuple[Indices, Indices, Array]:
-    """Receivers (spheres), senders (surfaces) and closest points [m] of the surface edges.
+    """Receivers (spheres), senders (surfaces) and closest points [m] of the e surface edges.
 
     A sphere is connected whichever way it moves, and stays connected while it penetrates.
+
+    Args:
+        positions: Centres [m], shape (n, 3).
+        velocities: [m/s], shape (n, 3).
+        radii: [m], shape (n,).
+        scene: Surfaces and gravity.
+        dt: Time step [s].
+        reach: Which spheres and surfaces are connected.
+
+    Returns:
+        Shapes (e,), (e,) and (e, 3).
     """
     points, heights = closest_points(scene.surfaces, positions)
     gap = _surface_gap(points, heights, positions, scene.surfaces) - radii[:, None]
@@ -192,6 +204,6 @@ def _surface_gap(
     stays connected however deep. A plane with an end on all sides may have spheres behind it that
     have nothing to do with it (a ramp above the floor), so its distance has no sign.
     """
-    distance = np.linalg.norm(positions[:, None] - points, axis=-1)
+    distance: Array = np.linalg.norm(positions[:, None] - points, axis=-1)
     endless = np.array([np.isinf([p.length_x, p.length_y]).any() for p in surfaces], dtype=bool)
     return np.where(endless & (heights < 0), -distance, distance)

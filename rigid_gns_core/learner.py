@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from .checkpoint import CheckpointError
+from .config import check_least, check_positive
 from .dataset import Record
 from .distributed import Mean, Processes
 from .similarity import ModelUnits
@@ -51,17 +52,9 @@ class Schedule:
     validation_steps: int = 100
 
     def __post_init__(self) -> None:
-        for names, least in (
-            (('steps', 'batch', 'validate_every', 'validation_steps'), 1),
-            (('seed', 'warm_up', 'validation_rollouts'), 0),
-            (('average',), 0.0),
-        ):
-            for name in names:
-                if not getattr(self, name) >= least:
-                    raise ValueError(f'{name} is {getattr(self, name)}, expected at least {least}')
-        for name in ('learning_rate', 'final_learning_rate', 'clip'):
-            if not getattr(self, name) > 0:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected more than 0')
+        check_least(self, 1, 'steps', 'batch', 'validate_every', 'validation_steps')
+        check_least(self, 0, 'seed', 'warm_up', 'validation_rollouts', 'average')
+        check_positive(self, 'learning_rate', 'final_learning_rate', 'clip')
         if not self.average < 1:
             raise ValueError(f'average is {self.average}, expected less than 1')
 

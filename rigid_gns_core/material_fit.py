@@ -64,7 +64,7 @@ class MaterialFit:
         self.progress = progress
 
     def all_residuals(self, values: dict[str, float]) -> list[Array]:
-        """Errors of each window."""
+        """Errors of each window; see `residuals`."""
         materials = self.given | values
         self.progress.update(1, **{name: float(value) for name, value in materials.items()})
         return [residuals(self.simulator, window, materials) for window in self.windows]

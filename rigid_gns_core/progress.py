@@ -98,6 +98,8 @@ class Progress:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        if kind is not None and self.done == self._initial:
+            self._shown = self.done  # nothing was done: the error alone says it in a log
         self.close()
 
 

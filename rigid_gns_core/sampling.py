@@ -54,7 +54,8 @@ class Block:
         steps = np.array(list(np.ndindex(self.count)), dtype=np.float64)
         layer = np.sqrt(self.pitch**2 - np.square(self.lean).sum())
         axes = np.array([(self.pitch, 0, 0), (0, self.pitch, 0), (*self.lean, layer)])
-        return np.asarray(self.corner) + steps @ axes
+        places: Array = np.asarray(self.corner) + steps @ axes
+        return places
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,8 @@ def _vectors(size: tuple[float, float], count: int, rng: np.random.Generator, le
     directions = rng.normal(size=(count, 3))
     if level:
         directions[:, 2] = 0.0
-    return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    norms: Array = np.linalg.norm(directions, axis=1, keepdims=True)
+    return sizes * directions / norms
 
 
 def check_range(name: str, value: tuple[float, float], least: float) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from .config import ConfigError, from_mapping
-from .plane import RANGES, PerSphere, Plane, Vector, checked_property, checked_vector
-from .plane import closest_points as closest_points
+from .plane import RANGES, PerSphere, Vector, checked_property, checked_vector
+from .plane import Plane as Plane
 from .state import Array
 
 

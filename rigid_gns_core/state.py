@@ -28,7 +28,7 @@ def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _unit_quaternions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = _field('quaternions', value, shape)
-    norm = np.linalg.norm(array, axis=-1, keepdims=True)
+    norm: Array = np.linalg.norm(array, axis=-1, keepdims=True)
     if (norm < 1e-6).any():
         sphere = int(np.argwhere(norm < 1e-6)[0][-2])
         raise ValueError(
@@ -148,6 +148,11 @@ class Trajectory:
 
         Thesis section 3.3: v[k] = (p[k] - p[k-1]) / dt and
         w[k] = 2 Im(log(q[k] * inverse(q[k-1]))) / dt. The first frame repeats the second.
+
+        Args:
+            positions: Centres [m], shape (steps + 1, n, 3).
+            quaternions: Rotations (x, y, z, w), shape (steps + 1, n, 4).
+            dt: Time step [s].
         """
         positions = np.asarray(positions, dtype=np.float64)
         quaternions = np.asarray(quaternions, dtype=np.float64)
@@ -173,7 +178,7 @@ class Trajectory:
     @property
     def count(self) -> int:
         """Number of spheres n."""
-        return self.positions.shape[1]
+        return int(self.positions.shape[1])
 
     @property
     def times(self) -> Array:
@@ -253,4 +258,5 @@ def rotate_quaternions(quaternions: ArrayLike, rotation: ArrayLike) -> Array:
     half_sinc = 0.5 * np.sinc(angle / (2.0 * np.pi))
     turn = np.concatenate([half_sinc * rotation, np.cos(0.5 * angle)], axis=-1)
     product = quaternion_multiply(turn, quaternions)
-    return product / np.linalg.norm(product, axis=-1, keepdims=True)
+    norm: Array = np.linalg.norm(product, axis=-1, keepdims=True)
+    return product / norm

@@ -9,61 +9,22 @@ masses, because some of its thresholds are absolute numbers. Time stays in secon
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from .extras import missing
 from .rolling import RollingFriction
 from .scene import Plane, Scene
 from .state import Array, State, Trajectory
+from .teacher_settings import TeacherError, TeacherSettings
 
 # Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it
 _MASS = 1e-6
 # A slab stands for a plane with an edge; a side that is infinite is this long, in radii
 _ENDLESS = 1e4
-
-
-class TeacherError(ValueError):
-    """Bullet cannot simulate what was asked for."""
-
-
-@dataclass(frozen=True)
-class TeacherSettings:
-    """How Bullet is run.
-
-    Args:
-        substeps: Steps of Bullet per `dt`.
-        solver_iterations: Most sweeps over all contacts in a substep; piles need many.
-        solver_tolerance: The sweeps end once no contact's velocity changes by this many times g
-            times the substep; 0: never.
-        bounce_threshold: Approach speeds below this many times g times the substep do not bounce,
-            so that piles come to rest.
-        contact_erp: Part of a penetration that is removed in a substep, by position alone.
-        rolling_updates: Times per `dt` that rolling friction acts on spheres that roll; 0: Bullet's
-            own, up to the square root of 2 too strong, at twice the speed.
-    """
-
-    substeps: int = 240
-    solver_iterations: int = 50
-    solver_tolerance: float = 1e-3
-    bounce_threshold: float = 3.0
-    contact_erp: float = 0.2
-    rolling_updates: int = 12
-
-    def __post_init__(self) -> None:
-        for name, low, high in (
-            ('substeps', 1, 100_000),
-            ('solver_iterations', 1, 100_000),
-            ('solver_tolerance', 0.0, 1.0),
-            ('bounce_threshold', 0.0, 1e6),
-            ('contact_erp', 0.0, 1.0),
-            ('rolling_updates', 0, 100_000),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise TeacherError(f'{name} of the teacher is {value}, expected {low} to {high}')
 
 
 def load_pybullet() -> ModuleType:
@@ -75,14 +36,9 @@ def load_pybullet() -> ModuleType:
     try:
         import pybullet
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            'the Bullet teacher needs pybullet, which is not installed: '
-            "pip install 'rigid_gns_ros[teacher]'. There is no wheel for Python 3.12 or newer "
-            '(pip then builds it, which needs a C++ compiler): use Python 3.11 for generating '
-            'data. Prediction, node and evaluation work without it.',
-            name='pybullet',
-        ) from error
-    return pybullet
+        raise missing(error, 'the Bullet teacher') from error
+    module: ModuleType = pybullet
+    return module
 
 
 class Teacher:
@@ -209,7 +165,7 @@ class Teacher:
     def _add_body(self, shape: int, mass: float, position: Any, quaternion: Any) -> int:
         if shape < 0:
             raise TeacherError('Bullet refused a shape')
-        body = self._bullet.createMultiBody(
+        body: int = self._bullet.createMultiBody(
             mass,
             shape,
             basePosition=list(position),
@@ -305,16 +261,26 @@ def simulate(
     steps: int,
     dt: float = 0.1,
     settings: TeacherSettings = TeacherSettings(),
+    done: Callable[[], object] | None = None,
 ) -> Trajectory:
-    """Simulate `steps` steps of `dt` [s] in Bullet; index 0 of the result is the start."""
+    """Simulate `steps` steps of `dt` [s] in Bullet; index 0 of the result is the start.
+
+    `done` is called after each step.
+    """
     if steps < 0:
         raise TeacherError(f'steps is {steps}, expected 0 or more')
     with Teacher(scene, start, dt, settings) as teacher:
-        return Trajectory.from_states([start, *(teacher.step() for _ in range(steps))], dt)
+        states = [start]
+        for _ in range(steps):
+            states.append(teacher.step())
+            if done is not None:
+                done()
+        return Trajectory.from_states(states, dt)
 
 
 def _rotation(axes: Array) -> Array:
     """Quaternion (x, y, z, w) that turns x, y, z into the rows of `axes`, shape (4,)."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_matrix(axes.T).as_quat()
+    quaternion: Array = Rotation.from_matrix(axes.T).as_quat()
+    return quaternion

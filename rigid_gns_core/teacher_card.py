@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .closed_form_checks import Check, run_checks
+from .closed_form_checks import GROUPS, Check, run_checks
+from .progress import Progress
 
 
 def table(checks: list[Check]) -> str:
@@ -34,21 +35,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write all checks to FILE')
     parser.add_argument('--substeps', type=int, help='steps of Bullet per 0.1 s (default: 240)')
     parser.add_argument('--quick', action='store_true', help='fewer cases, a few seconds')
-    parser.epilog = 'Example: rigid-gns teacher-card --json card.json'
+    parser.epilog = 'example:\n  rigid-gns teacher-card --json card.json'
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the card; 1 where a check is out of bounds."""
-    from .teacher import TeacherSettings, load_pybullet
+    from .teacher import load_pybullet
     from .teacher import simulate as bullet
+    from .teacher_settings import TeacherSettings
 
     load_pybullet()
     settings = TeacherSettings()
     if arguments.substeps is not None:
         settings = TeacherSettings(substeps=arguments.substeps)
-    checks = run_checks(
-        lambda scene, start, steps, dt: bullet(scene, start, steps, dt, settings), arguments.quick
-    )
+    checks: list[Check] = []
+    with Progress(len(GROUPS), 'teacher card', unit='group') as progress:
+        for name in GROUPS:
+            checks += run_checks(
+                lambda scene, start, steps, dt: bullet(scene, start, steps, dt, settings),
+                arguments.quick,
+                (name,),
+            )
+            progress.update(group=name)
     failed = sum(not check.passed for check in checks)
     print(table(checks))
     print(f'{len(checks) - failed} of {len(checks)} checks passed, {settings}')

@@ -56,7 +56,10 @@ class TrackedStarts:
 
 
 def rotates(quaternions: Array) -> bool:
-    """Whether a tracker follows rotations at all; many send the same one for ever."""
+    """Whether a tracker follows rotations at all; many send the same one for ever.
+
+    Quaternions have shape (frames, ..., 4).
+    """
     return bool(np.abs(rotation_between(quaternions[:1], quaternions)).max(initial=0.0) > 1e-9)
 
 
@@ -123,7 +126,7 @@ def tracked_starts(
 
 
 def normal_spread(values: Array) -> float:
-    """Standard deviation of the normal part of values, the rest are contacts; 0 of none."""
+    """Standard deviation of the normal part of values, (k,), the rest are contacts; 0 of none."""
     if not len(values):
         return 0.0
     size = np.sort(np.abs(values))

@@ -17,7 +17,7 @@ import torch
 import yaml
 
 from .checkpoint import load_tensors, save_model, save_tensors, tensors_of
-from .config import ConfigError, load_yaml, positive, to_mapping
+from .config import ConfigError, load_yaml, to_mapping
 from .dataset import Dataset, Record
 from .distributed import started_by_torchrun
 from .fine_tune import StartingPoint
@@ -45,10 +45,12 @@ class Trainer:
         folder: Holds `best` (weights and card), the run's state, its recipe and its log.
         origin: Where the data came from, kept in the card.
         device: Where the network is trained; None: the CPU.
+        start: Weights to begin with, whose units the records are in; None: random ones.
 
     Raises:
         ValueError: There are no records, or the kind of model cannot learn from them.
-        ConfigError: The folder belongs to another recipe.
+        ConfigError: The folder belongs to another recipe, other data or another start.
+        CheckpointError: The network of the recipe is not that of the start.
     """
 
     def __init__(
@@ -59,14 +61,17 @@ class Trainer:
         folder: str | Path,
         origin: str = '',
         device: torch.device | None = None,
+        start: StartingPoint | None = None,
     ) -> None:
-        self.config, self.folder, self.origin = config, Path(folder), origin
+        self.config, self.folder, self.origin, self.start = config, Path(folder), origin, start
         self.validation = _long_enough(validation, config)
         self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
         self.learner = make_learner(config, records, device)
         self.processes = self.learner.processes
         self.best = math.inf
         self._resume()
+        if start is not None:
+            start.load(self.learner)
 
     def run(self, stop_at: int | None = None) -> float:
         """Train up to step `stop_at` (None: the recipe's end); returns the best validation score.
@@ -196,9 +201,17 @@ class Trainer:
         self.folder.mkdir(parents=True, exist_ok=True)
         recipe = self.folder / RECIPE
         asked = {**to_mapping(self.config), 'sha256': self.data}
+        if self.start is not None:
+            asked['from'] = self.start.name
         text = yaml.safe_dump(asked, sort_keys=False)
         if recipe.is_file() and recipe.read_text(encoding='utf-8') != text:
             known = load_yaml(recipe)
+            if known.get('from') != asked.get('from'):
+                before, now = (x.get('from', 'no model') for x in (known, asked))
+                raise ConfigError(
+                    f'{recipe}: the run was started from {before}, but this one would be from '
+                    f'{now}; give the same --from, or another folder'
+                )
             keys = [key for key, value in asked.items() if known.get(key) != value]
             raise ConfigError(
                 f'{recipe} differs from the recipe and data asked for in {", ".join(keys)}; '
@@ -218,39 +231,8 @@ def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
     return enough[: config.validation_rollouts]
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns train`."""
-    parser.add_argument(
-        '--config', default='contact', help='recipe: a file or a name in config/train'
-    )
-    parser.add_argument(
-        '--data', required=True, type=Path, nargs='+', help='folders made by generate'
-    )
-    parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
-    parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
-    parser.add_argument(
-        '--from', dest='start', metavar='MODEL', help='weights to start from: a name or a path'
-    )
-    parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
-    parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
-    parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
-    parser.add_argument(
-        '--device',
-        choices=('auto', 'cpu', 'cuda'),
-        default='auto',
-        help='where the network is trained; auto: CUDA for a GNS where there is one (default). '
-        'The same seed gives the same bytes on the CPU; on CUDA sums have no fixed order',
-    )
-    parser.epilog = (
-        'example:\n  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
-        '--out runs/gns\n  rigid-gns evaluate --model runs/gns/best --data data/gns_test\n'
-        'by several processes, each with its share of every batch:\n'
-        '  torchrun --nproc_per_node=4 -m rigid_gns_core.cli train --config gns ...'
-    )
-
-
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns train`."""
+    """Run `rigid-gns train`; its options are in train_command.py."""
     config = load_recipe(arguments.config)
     changes = {name: getattr(arguments, name) for name in ('steps', 'seed')}
     config = replace(config, **{k: v for k, v in changes.items() if v is not None})
@@ -263,9 +245,7 @@ def run(arguments: argparse.Namespace) -> int:
         if start := StartingPoint.of(arguments.start) if arguments.start else None:
             records, validation = start.records(records), start.records(validation)
             origin += f' from {start.name}'
-        trainer = Trainer(config, records, validation, arguments.out, origin, device)
-        if start:
-            start.load(trainer.learner)
+        trainer = Trainer(config, records, validation, arguments.out, origin, device, start)
         best = trainer.run()
         if trainer.processes.first:
             score = (

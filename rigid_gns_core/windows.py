@@ -19,7 +19,10 @@ from .state import Array, Trajectory, rotate_quaternions
 
 
 class Shifts(NamedTuple):
-    """Noise of one window: what is added to its `Motion`, rotations as rotation vectors [rad]."""
+    """Noise of one window: what is added to its `Motion`, with the shapes of that.
+
+    rotations: as rotation vectors [rad], shape (n, 3).
+    """
 
     positions: Array
     rotations: Array
@@ -96,7 +99,11 @@ class Noise:
 
 @dataclass(frozen=True)
 class Source:
-    """One training trajectory: poses, and backward differences of them."""
+    """One training trajectory: poses, and backward differences of them.
+
+    positions [m], velocities [m/s], angular_velocities [rad/s]: shape (steps + 1, n, 3);
+    quaternions: (x, y, z, w), shape (steps + 1, n, 4); dt: time step [s].
+    """
 
     scene: Scene
     positions: Array
@@ -125,7 +132,7 @@ class Source:
     @property
     def count(self) -> int:
         """Number of spheres."""
-        return self.positions.shape[1]
+        return int(self.positions.shape[1])
 
     @property
     def radius(self) -> float:
@@ -155,7 +162,7 @@ class Source:
     def start(
         self, draw: Draw, config: GNSConfig, corrects_target: bool
     ) -> tuple[Motion, Array, Array]:
-        """Motion of a window, with its noise, and v and omega to be predicted for the next step."""
+        """Motion of a window, with its noise, and v and omega of the step to predict, (n, 3)."""
         motion = self.motion(draw.step, config.history, draw.known)
         there = draw.step + 1
         target = self.velocities[there], self.angular_velocities[there]
@@ -260,7 +267,7 @@ def rotate_batch(batch: Batch, angles: Tensor, config: GNSConfig) -> Batch:
 
 
 def turned(values: Tensor, angle: Tensor, vectors: int) -> Tensor:
-    """Rows with their first `vectors` triples turned about the z axis by each row's angle [rad]."""
+    """Rows with their first `vectors` triples turned about z by each row's angle [rad], (rows,)."""
     block = values[:, : 3 * vectors].reshape(-1, vectors, 3)
     cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
     x, y = block[..., 0], block[..., 1]

@@ -74,7 +74,8 @@ def energy_gain(total: Array) -> float:
 def linear_momentum(trajectory: Trajectory, scene: Scene) -> Array:
     """Linear momentum of all spheres [kg m/s], shape (steps + 1, 3)."""
     mass = scene.per_sphere('mass', trajectory.count)
-    return np.einsum('knc,n->kc', trajectory.velocities, mass)
+    momentum: Array = np.einsum('knc,n->kc', trajectory.velocities, mass)
+    return momentum
 
 
 def angular_momentum(
@@ -91,7 +92,8 @@ def angular_momentum(
     point = trajectory.positions[0].mean(axis=0) if about is None else np.asarray(about)
     orbit = np.cross(trajectory.positions - point, trajectory.velocities)
     spin = np.einsum('knc,n->kc', trajectory.angular_velocities, _inertia(trajectory, scene))
-    return np.einsum('knc,n->kc', orbit, mass) + spin
+    total: Array = np.einsum('knc,n->kc', orbit, mass) + spin
+    return total
 
 
 def horizontal_momentum_drift(trajectory: Trajectory, scene: Scene) -> float:

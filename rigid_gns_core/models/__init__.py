@@ -1,0 +1,1 @@
+"""Networks and steppers of the learned simulators, most of it in PyTorch."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..checkpoint import Shapes
+from ..config import check_least
 from ..graph import Connectivity, Reach
 
 # what a contact and a round tell the contact model's network
@@ -39,9 +40,8 @@ class ContactConfig:
     law: bool = True
 
     def __post_init__(self) -> None:
-        for name, least in (('substeps', 1), ('rounds', 1), ('width', 2)):
-            if getattr(self, name) < least:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least {least}')
+        check_least(self, 1, 'substeps', 'rounds')
+        check_least(self, 2, 'width')
         if not (self.network or self.law):
             raise ValueError('network and law are both off, so nothing is left; switch one on')
 
@@ -87,9 +87,8 @@ class GNSConfig:
     sphere_properties: bool = False
 
     def __post_init__(self) -> None:
-        for name, low in (('message_passing_steps', 1), ('history', 0), ('width', 1)):
-            if getattr(self, name) < low:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least {low}')
+        check_least(self, 1, 'message_passing_steps', 'width')
+        check_least(self, 0, 'history')
 
     @property
     def node_size(self) -> int:

@@ -1,14 +1,16 @@
 """The thesis' graph network simulator: encode, process, decode (thesis sections 3.2.2 to 3.2.5).
 
-| equation                                   | here                                   |
-|--------------------------------------------|----------------------------------------|
-| x_i without p_i, q_i (3.2.3)               | `GraphInput.nodes`                     |
-| r_ij^pp = [p_i - p_j, norm] (3.2.2)        | `GraphInput.edges`                     |
-| r_is^ps = [v_i, n_s, d n_s, abs(d)]        | `GraphInput.surface_edges`             |
-| m_ij = MLP(v_i, v_j, e_ij), m_ji = -m_ij   | `GNBlock.forward`, `third_law`         |
-| v_i' = v_i + MLP(v_i, Agg_i)               | `GNBlock.forward`                      |
-| e_ij' = e_ij + m_ij; e_is stays            | `GNBlock.forward`                      |
-| y_i = decoder(v_i)                         | `GNS.forward`                          |
+==========================================  ====================================
+equation                                    here
+==========================================  ====================================
+x_i without p_i, q_i (3.2.3)                `GraphInput.nodes`
+r_ij^pp = [p_i - p_j, norm] (3.2.2)         `GraphInput.edges`
+r_is^ps = [v_i, n_s, d n_s, abs(d)]         `GraphInput.surface_edges`
+m_ij = MLP(v_i, v_j, e_ij), m_ji = -m_ij    `GNBlock.forward`, `third_law`
+v_i' = v_i + MLP(v_i, Agg_i)                `GNBlock.forward`
+e_ij' = e_ij + m_ij; e_is stays             `GNBlock.forward`
+y_i = decoder(v_i)                          `GNS.forward`
+==========================================  ====================================
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ..graph import Graph
@@ -29,7 +32,7 @@ from .layers import MLP, Normaliser
 
 
 class GraphInput(NamedTuple):
-    """`Features` as tensors, of one graph or of several side by side."""
+    """`Features`, with its shapes, as tensors, of one graph or of several side by side."""
 
     nodes: Tensor
     edges: Tensor
@@ -58,7 +61,7 @@ def side_by_side(inputs: Sequence[GraphInput]) -> GraphInput:
     nodes = np.cumsum([0] + [len(graph.nodes) for graph in inputs])
     edges = np.cumsum([0] + [len(graph.edges) for graph in inputs])
 
-    def shifted(name: str, offsets: np.ndarray) -> torch.Tensor:
+    def shifted(name: str, offsets: NDArray[np.int64]) -> torch.Tensor:
         return torch.cat(
             [getattr(g, name) + int(o) for g, o in zip(inputs, offsets[:-1], strict=True)]
         )
@@ -136,10 +139,11 @@ class GNS(nn.Module):
         surface_edges = self.surface_encoder(self.surface_normaliser(graph.surface_edges))
         for block in self.blocks:
             nodes, edges = block(nodes, edges, surface_edges, graph)
-        return self.decoder(nodes)
+        output: Tensor = self.decoder(nodes)
+        return output
 
     def decode(self, output: Tensor, motion: Tensor) -> Tensor:
-        """Next [v, omega] [m/s, rad/s] from the network's output; inverse of `encode_target`."""
+        """Next [v, omega] [m/s, rad/s] from the output, shape (n, 6); undoes `encode_target`."""
         value = self.target_normaliser.inverse(output)
         return motion + value if self.config.target == 'acceleration' else value
 
@@ -153,4 +157,5 @@ class GNS(nn.Module):
         """Normalised target from the next [v, omega], shape (n, 6)."""
         if self.config.target == 'acceleration':
             next_motion = next_motion - motion
-        return self.target_normaliser(next_motion)
+        target: Tensor = self.target_normaliser(next_motion)
+        return target

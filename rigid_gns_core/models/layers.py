@@ -25,11 +25,13 @@ class MLP(nn.Module):
 
     def part(self, index: int, value: Tensor) -> Tensor:
         """Share of input part `index` in the hidden layer, shape (..., hidden)."""
-        return value @ self.weights[index].T
+        share: Tensor = value @ self.weights[index].T
+        return share
 
     def finish(self, hidden: Tensor) -> Tensor:
         """Outputs from the sum of all parts, shape (..., outputs)."""
-        return self.last(torch.relu(hidden + self.bias))
+        output: Tensor = self.last(torch.relu(hidden + self.bias))
+        return output
 
     def forward(self, *values: Tensor) -> Tensor:
         hidden = self.part(0, values[0])
@@ -39,7 +41,7 @@ class MLP(nn.Module):
 
 
 class Normaliser(nn.Module):
-    """Standardise features; statistics are buffers, so they travel with the weights."""
+    """Standardise features; statistics, shape (size,), are buffers and travel with the weights."""
 
     mean: Tensor
     scale: Tensor

@@ -29,7 +29,8 @@ def rotate_quaternions(quaternions: Tensor, rotation: Tensor) -> Tensor:
     half_sinc = 0.5 * torch.sinc(angle / (2.0 * math.pi))
     turn = torch.cat([half_sinc * rotation, torch.cos(0.5 * angle)], dim=-1)
     product = quaternion_multiply(turn, quaternions)
-    return product / torch.linalg.vector_norm(product, dim=-1, keepdim=True)
+    norm: Tensor = torch.linalg.vector_norm(product, dim=-1, keepdim=True)
+    return product / norm
 
 
 def rotation_between(before: Tensor, after: Tensor) -> Tensor:

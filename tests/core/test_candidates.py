@@ -7,7 +7,8 @@ import pytest
 
 from rigid_gns_core import load_simulator
 from rigid_gns_core.models.contact.candidates import find_candidates, join
-from rigid_gns_core.scene import Plane, Scene, closest_points
+from rigid_gns_core.plane import closest_points
+from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State
 
 DT = 0.1

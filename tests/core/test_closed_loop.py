@@ -1,4 +1,4 @@
-"""Training in closed loop: features with gradients, rollouts, what is lost, and the curriculum."""
+"""Training in closed loop: rollouts with gradients, what is lost, and the curriculum."""
 
 from dataclasses import replace
 
@@ -8,17 +8,12 @@ import torch
 
 from rigid_gns_core.closed_loop import connector, roll_out, stack_windows
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
-from rigid_gns_core.graph import build_graph
 from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.features import Motion, features_of
 from rigid_gns_core.models.gns import GNS
-from rigid_gns_core.models.rotations import rotation_between
 from rigid_gns_core.models.stepping import GNSStepper
-from rigid_gns_core.models.tensor_features import TensorGraph, TensorMotion, tensor_features
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import State, Trajectory
-from rigid_gns_core.state import rotation_between as rotation_between_arrays
 from rigid_gns_core.windows import Draw, Noise, Source
 
 DT = 0.1
@@ -26,28 +21,6 @@ SCENE = Scene(surfaces=Plane.box(12.0, 12.0))
 MODEL = GNSConfig(message_passing_steps=2, width=16)
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=DT)
 CONFIG = GNSTrainConfig(model=MODEL, batch=4, steps=10, closed_loop_steps=3)
-SWITCHES = [
-    {},
-    {'history': 0},
-    {'mask_pose': False},
-    {'sphere_properties': True},
-    {'ground_edge': False},
-    {'target': 'acceleration'},
-    {'connectivity': 'epsilon'},
-    {'connectivity': 'vmax'},
-    {'connectivity': 'swept'},
-]
-
-
-def moving(seed, count=20, history=2):
-    rng = np.random.default_rng(seed)
-    quaternions = rng.normal(size=(count, 4))
-    return Motion(
-        rng.uniform(-5, 5, (count, 3)) + [0, 0, 6],
-        quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
-        rng.normal(size=(history + 1, count, 3)) * 5,
-        rng.normal(size=(history + 1, count, 3)),
-    )
 
 
 def source(seed=0, count=5, steps=12, scene=SCENE):
@@ -85,88 +58,6 @@ def frames(net, sources, draws, steps, corrects_target=False):
 
 def plain(source=0, step=3, **changes):
     return Draw(source, step, None, None, None)._replace(**changes)
-
-
-@pytest.mark.parametrize('switch', SWITCHES, ids=str)
-def test_features_with_gradients_are_those_of_prediction(switch):
-    config = replace(MODEL, **switch)
-    scenes = [replace(SCENE, mass=2.0), Scene(surfaces=()), SCENE]
-    motions = [moving(s, count, config.history) for s, count in ((0, 40), (1, 3), (2, 9))]
-    graphs = [
-        build_graph(m.positions, m.velocities[0], s, DT, config.reach())
-        for m, s in zip(motions, scenes, strict=True)
-    ]
-    expected = [features_of(config, m, s, DT) for m, s in zip(motions, scenes, strict=True)]
-    counts = [len(motion.positions) for motion in motions]
-    properties = np.concatenate(
-        [
-            np.stack([s.per_sphere(p, n) for p in ('radius', 'mass')], 1)
-            for s, n in zip(scenes, counts, strict=True)
-        ]
-    )
-    found = tensor_features(
-        config,
-        TensorMotion.of(motions),
-        TensorGraph.of(graphs, scenes, counts),
-        torch.from_numpy(properties),
-    )
-    assert len(found.edges) > 20
-    for name in ('nodes', 'edges', 'surface_edges', 'motion'):
-        array = np.concatenate([getattr(features, name) for features in expected])
-        # one rounding to float32 each, of float64 values that may differ in their last bits
-        np.testing.assert_allclose(getattr(found, name).numpy(), array, rtol=2**-23, atol=1e-12)
-    edges = np.cumsum([0] + [len(features.edges) for features in expected])
-    spheres = np.cumsum([0, *counts])
-    for name, offsets in (
-        ('senders', spheres),
-        ('receivers', spheres),
-        ('surface_receivers', spheres),
-        ('reverse', edges),
-    ):
-        parts = [getattr(f, name) + o for f, o in zip(expected, offsets[:-1], strict=True)]
-        np.testing.assert_array_equal(getattr(found, name).numpy(), np.concatenate(parts))
-
-
-def test_gradients_of_features_are_those_of_finite_differences():
-    config = replace(MODEL, mask_pose=False)
-    motion = moving(3, count=8)
-    graph = build_graph(motion.positions, motion.velocities[0], SCENE, DT, config.reach())
-    links = TensorGraph.of([graph], [SCENE], [8])
-    rng = np.random.default_rng(0)
-    weights = None
-
-    def value(by):
-        start = TensorMotion.of([motion])
-        shifted = start._replace(
-            positions=start.positions + by[:, :3], velocities=start.velocities + by[:, 3:6]
-        ).advanced(by, DT)
-        found = tensor_features(config, shifted, links, torch.ones(8, 2))
-        nonlocal weights
-        parts = [found.nodes.double(), found.edges.double(), found.surface_edges.double()]
-        if weights is None:
-            weights = [torch.from_numpy(rng.normal(size=part.shape)) for part in parts]
-        return sum((part * weight).sum() for part, weight in zip(parts, weights, strict=True))
-
-    by = torch.zeros(8, 6, dtype=torch.float64, requires_grad=True)
-    value(by).backward()
-    direction = torch.from_numpy(rng.normal(size=(8, 6)))
-    step = 1e-2
-    with torch.no_grad():
-        slope = (value(step * direction) - value(-step * direction)) / (2 * step)
-    # float32 of values up to 15 gives 1e-6 each; over 2e-2 and some hundred of them, about 1e-3;
-    # the curvature of norms and quaternions adds step^2 = 1e-4 of the whole
-    exact = (by.grad * direction).sum()
-    assert float(slope) == pytest.approx(float(exact), rel=2e-3, abs=1e-2)
-
-
-def test_rotation_between_is_that_of_arrays_and_has_a_gradient_at_rest():
-    before, after = moving(0).quaternions, moving(1).quaternions
-    found = rotation_between(torch.from_numpy(before), torch.from_numpy(after))
-    # float64: a few roundings of angles up to pi
-    np.testing.assert_allclose(found.numpy(), rotation_between_arrays(before, after), atol=1e-13)
-    same = torch.from_numpy(before).requires_grad_()
-    rotation_between(torch.from_numpy(before), same).sum().backward()
-    assert torch.isfinite(same.grad).all()
 
 
 @pytest.mark.parametrize('target', ['velocity', 'acceleration'])

@@ -6,16 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rigid_gns_core.cli import main
 from rigid_gns_core.config import ConfigError
-from rigid_gns_core.evaluate import read_json
 from rigid_gns_core.experiments.budget import Budget, load_budget, merged
 from rigid_gns_core.experiments.cell import Cell, cells_of, teacher_cells
 from rigid_gns_core.experiments.chart import write_chart
 from rigid_gns_core.experiments.points import panels_of
-from rigid_gns_core.experiments.store import Store, write_compact
+from rigid_gns_core.experiments.store import Store
 from rigid_gns_core.experiments.study import (
     Experiment,
     Variant,
@@ -24,6 +24,7 @@ from rigid_gns_core.experiments.study import (
 )
 from rigid_gns_core.experiments.table import make_table
 from rigid_gns_core.experiments.text import format_table, number, printed, spread
+from rigid_gns_core.strict_json import read_json, write_compact_json
 
 pytest.importorskip('pybullet', reason="a cell's key holds the teacher's defaults")
 BUDGET = load_budget('cpu')
@@ -171,11 +172,12 @@ def test_a_variant_that_cannot_be_trained_is_marked(tmp_path: Path) -> None:
 
 def test_json_is_strict_and_short(tmp_path: Path) -> None:
     path = tmp_path / 'one.json'
-    write_compact(path, {'a': [1.23456789, float('inf'), None], 'b': {'c': 1}, 'd': [{'e': 2}]})
+    report = {'a': [1.23456789, np.float32('inf'), None], 'b': {'c': 1}, 'd': [{'e': 2}]}
+    write_compact_json(path, report, digits=6)
     assert len(path.read_text().splitlines()) == 11
     assert read_json(path) == {'a': [1.23457, float('inf'), None], 'b': {'c': 1}, 'd': [{'e': 2}]}
     with pytest.raises(ValueError, match='Out of range float'):
-        write_compact(path, {'a': float('nan')})
+        write_compact_json(path, {'a': float('nan')}, digits=6)
 
 
 def test_numbers_are_short() -> None:

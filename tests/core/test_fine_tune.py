@@ -12,7 +12,7 @@ torch = pytest.importorskip('torch', reason='training needs torch')
 
 from rigid_gns_core.checkpoint import CheckpointError  # noqa: E402
 from rigid_gns_core.cli import main  # noqa: E402
-from rigid_gns_core.config import from_mapping  # noqa: E402
+from rigid_gns_core.config import ConfigError, from_mapping  # noqa: E402
 from rigid_gns_core.dataset import Record, record_path, write_recipe, write_record  # noqa: E402
 from rigid_gns_core.fine_tune import StartingPoint  # noqa: E402
 from rigid_gns_core.learners import load_recipe, make_learner  # noqa: E402
@@ -20,6 +20,7 @@ from rigid_gns_core.recipe import DataRecipe, recipe_hash  # noqa: E402
 from rigid_gns_core.rollout import load_simulator  # noqa: E402
 from rigid_gns_core.scene import Scene  # noqa: E402
 from rigid_gns_core.state import Trajectory  # noqa: E402
+from rigid_gns_core.train import Trainer  # noqa: E402
 
 STEPS = 12
 
@@ -88,6 +89,23 @@ def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:
     other = replace(recipe, model=replace(recipe.model, width=16))
     with pytest.raises(CheckpointError, match=r'differs from the recipe \(gns\) in width'):
         point.load(make_learner(other, point.records([tracked()])))
+
+
+def test_a_run_goes_on_from_its_own_start_alone(point: StartingPoint, tmp_path: Path) -> None:
+    recipe, records = replace(load_recipe('gns_finetune'), steps=1), point.records([tracked()])
+    other = replace(point, name='other 0123456789ab')
+    Trainer(recipe, records, [], tmp_path / 'tuned', start=point).run()
+    again = Trainer(recipe, records, [], tmp_path / 'tuned', start=point)
+    assert again.learner.step == 1
+    Trainer(recipe, records, [], tmp_path / 'fresh')
+    for folder, start, before, now in (
+        ('tuned', other, point.name, other.name),
+        ('tuned', None, point.name, 'no model'),
+        ('fresh', point, 'no model', point.name),
+    ):
+        words = f'{folder}/recipe.yaml: the run was started from {before}, .* from {now}; give'
+        with pytest.raises(ConfigError, match=words):
+            Trainer(recipe, records, [], tmp_path / folder, start=start)
 
 
 def test_the_command_trains_from_a_model(tmp_path: Path) -> None:

@@ -12,19 +12,10 @@ from rigid_gns_core.models.features import Motion
 from rigid_gns_core.models.gns import GNS, GNBlock, graph_input, side_by_side
 from rigid_gns_core.scene import Plane, Scene
 
+from .random_motion import random_motion
+
 SCENE = Scene(surfaces=Plane.box(12.0, 12.0))
 CONFIG = GNSConfig(message_passing_steps=2, width=16)
-
-
-def motion(seed, count=20, history=2):
-    rng = np.random.default_rng(seed)
-    quaternions = rng.normal(size=(count, 4))
-    return Motion(
-        rng.uniform(-5, 5, (count, 3)) + [0, 0, 6],
-        quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
-        rng.normal(size=(history + 1, count, 3)) * 5,
-        rng.normal(size=(history + 1, count, 3)),
-    )
 
 
 def network(config=CONFIG, seed=0):
@@ -51,7 +42,7 @@ def shifted(moving, by):
 
 
 def test_shapes_of_the_thesis():
-    graph = graph_input(GNSConfig(), motion(0), SCENE, 0.1)
+    graph = graph_input(GNSConfig(), random_motion(0), SCENE, 0.1)
     assert graph.nodes.shape == (20, 18)  # v and omega at k, k - 1, k - 2
     assert graph.edges.shape[1] == 4
     assert graph.surface_edges.shape[1] == 10
@@ -61,7 +52,7 @@ def test_shapes_of_the_thesis():
 
 
 def test_surface_features_follow_the_thesis():
-    moving = motion(1)
+    moving = random_motion(1)
     graph = build_graph(moving.positions, moving.velocities[0], SCENE, 0.1, CONFIG.reach())
     features = graph_input(CONFIG, moving, SCENE, 0.1, graph).surface_edges.numpy()
     for row, sphere, surface in zip(
@@ -77,7 +68,7 @@ def test_surface_features_follow_the_thesis():
 @pytest.mark.parametrize('third_law', [True, False])
 def test_permutation_equivariant(third_law):
     net = network(replace(CONFIG, third_law=third_law))
-    moving = motion(2)
+    moving = random_motion(2)
     order = np.random.default_rng(0).permutation(20)
     # float32 sums in another order: a few units of the last place of values near 1
     np.testing.assert_allclose(
@@ -93,7 +84,7 @@ def test_translation_invariant_unless_the_pose_is_shown():
             replace(plane, point=tuple(np.asarray(plane.point) + by)) for plane in SCENE.surfaces
         ),
     )
-    moving = motion(3)
+    moving = random_motion(3)
     net = network()
     # features are differences taken in float64, then rounded
     np.testing.assert_allclose(
@@ -107,7 +98,8 @@ def test_translation_invariant_unless_the_pose_is_shown():
 def test_batch_equals_single():
     net = network()
     graphs = [
-        graph_input(CONFIG, motion(s, count), SCENE, 0.1) for s, count in ((4, 7), (5, 13), (6, 1))
+        graph_input(CONFIG, random_motion(s, count), SCENE, 0.1)
+        for s, count in ((4, 7), (5, 13), (6, 1))
     ]
     with torch.no_grad():
         together = net(side_by_side(graphs))
@@ -117,7 +109,7 @@ def test_batch_equals_single():
 
 def test_messages_obey_newtons_third_law():
     torch.manual_seed(0)
-    graph = graph_input(CONFIG, motion(7), SCENE, 0.1)
+    graph = graph_input(CONFIG, random_motion(7), SCENE, 0.1)
     nodes, edges = torch.randn(20, 16), torch.randn(len(graph.edges), 16)
     for third_law in (True, False):
         block = GNBlock(16, third_law)
@@ -131,7 +123,7 @@ def test_messages_obey_newtons_third_law():
 
 def test_particle_edges_change_in_every_block_and_surface_edges_do_not_reach_them():
     net = network()
-    graph = graph_input(CONFIG, motion(8), SCENE, 0.1)
+    graph = graph_input(CONFIG, random_motion(8), SCENE, 0.1)
     nodes = net.node_encoder(graph.nodes)
     edges = net.edge_encoder(graph.edges)
     surface = net.surface_encoder(graph.surface_edges)
@@ -143,7 +135,7 @@ def test_particle_edges_change_in_every_block_and_surface_edges_do_not_reach_the
 
 def test_far_spheres_do_not_interact():
     net = network(replace(CONFIG, ground_edge=False))
-    moving = motion(9, count=2)
+    moving = random_motion(9, count=2)
     positions = np.array([[0.0, 0, 50.0], [5.0, 0, 50.0]])
     far = positions + [[0, 0, 0], [400.0, 0, 0]]
     scene = Scene(surfaces=())
@@ -176,15 +168,15 @@ def test_decode_is_the_inverse_of_encode_target(target):
 )
 def test_every_switch_builds_and_runs(name, value):
     config = replace(CONFIG, **{name: value})
-    result = output(network(config), motion(10, history=config.history))
+    result = output(network(config), random_motion(10, history=config.history))
     assert result.shape == (20, 6)
     assert np.isfinite(result).all()
 
 
 def test_empty_scene_and_single_sphere():
     net = network()
-    assert output(net, motion(0, count=0)).shape == (0, 6)
-    assert output(net, motion(0, count=1), Scene(surfaces=())).shape == (1, 6)
+    assert output(net, random_motion(0, count=0)).shape == (0, 6)
+    assert output(net, random_motion(0, count=1), Scene(surfaces=())).shape == (1, 6)
 
 
 @pytest.mark.parametrize(

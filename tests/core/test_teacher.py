@@ -12,7 +12,8 @@ from rigid_gns_core.dataset import demo_record
 from rigid_gns_core.rolling import resist_rolling
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State
-from rigid_gns_core.teacher import Teacher, TeacherError, TeacherSettings, load_pybullet, simulate
+from rigid_gns_core.teacher import Teacher, load_pybullet, simulate
+from rigid_gns_core.teacher_settings import TeacherError, TeacherSettings
 
 GRAVITY = 9.81
 
@@ -199,7 +200,7 @@ def test_resist_rolling_never_reverses() -> None:
 
 def test_missing_pybullet_tells_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'pybullet', None)
-    with pytest.raises(ModuleNotFoundError, match=r'\[teacher\].*Python 3\.12'):
+    with pytest.raises(ModuleNotFoundError, match=r'Bullet teacher needs pybullet.*\[teacher\]'):
         load_pybullet()
 
 

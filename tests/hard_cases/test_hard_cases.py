@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from rigid_gns_core.cli import main
-from rigid_gns_core.evaluate import read_json
 from rigid_gns_core.hard_cases import Case, Engine, hard_cases, measure_laws, run_cases
 from rigid_gns_core.hard_cases.cases import QUICK_STEPS
 from rigid_gns_core.hard_cases.checks import failures, measure_errors
 from rigid_gns_core.hard_cases.report import format_summary, format_table
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.strict_json import read_json
 
 CASES = {case.name: case for case in hard_cases(quick=True)}
 DT = 0.1
@@ -274,7 +274,7 @@ def test_the_teacher_is_kept_in_the_cache(tmp_path, monkeypatch) -> None:
     from rigid_gns_core.hard_cases import references as module
     from rigid_gns_core.hard_cases.engines import teacher_engine
     from rigid_gns_core.hard_cases.references import References
-    from rigid_gns_core.teacher import TeacherSettings
+    from rigid_gns_core.teacher_settings import TeacherSettings
 
     settings = TeacherSettings(substeps=12)
     engines = [teacher_engine(settings), Engine('frozen', frozen, 'given')]

@@ -67,6 +67,16 @@ def sphere_contacts(
     kept in view.
 
     The time of impact is the first root of |x + u t| = R, exact for spheres.
+
+    Args:
+        world: What does not move.
+        positions: Centres, shape (n, 3).
+        velocities: Shape (n, 3).
+        first: One sphere of each pair, shape (pairs,).
+        second: The other, shape (pairs,).
+        h: Length of the substep.
+        past: Time before it.
+        near: Gap.
     """
     offset = positions[first] - positions[second]
     moving = velocities[first] - velocities[second]
@@ -126,6 +136,17 @@ def surface_contacts(
     A plane with an infinite side is the boundary of a body: spheres are in front of it, however
     deep. One with an end on all sides is a plate that has two faces. Its edge is met at the end of
     the path, to first order.
+
+    Args:
+        world: What does not move.
+        positions: Centres, shape (n, 3).
+        velocities: Shape (n, 3).
+        sphere: One of each pair, shape (others,).
+        plane: The other, shape (others,).
+        side: Of the plane; see `Candidates`, shape (others,).
+        h: As for spheres.
+        past: As for spheres.
+        near: As for spheres.
     """
     axes, radius = world.axes[plane], world.radius[sphere]
     local = torch.einsum('cij,cj->ci', axes, positions[sphere] - world.point[plane])
@@ -192,7 +213,10 @@ def find_contacts(
     h: float,
     past: float,
 ) -> Contacts:
-    """Contacts of the next substep, of spheres with spheres and with surfaces."""
+    """Contacts of the next substep, of spheres with spheres and with surfaces.
+
+    Positions and velocities have shape (n, 3); `past`: see `sphere_contacts`.
+    """
     near = float(world.gravity.norm()) * h**2
     parts = []
     if len(candidates.first):

@@ -115,8 +115,9 @@ class Guard:
 class _Rigid:
     """An island as one body.
 
-    mass, inertia: of its spheres; mean: velocity of the centre of mass; arm: places about it; spin:
-    angular momentum about it; tensor: of inertia.
+    mass, inertia: of its spheres, shape (m,); mean: velocity of the centre of mass, shape (3,);
+    arm: places about it, shape (m, 3); spin: angular momentum about it, shape (3,); tensor: of
+    inertia, shape (3, 3).
     """
 
     mass: Array
@@ -128,7 +129,7 @@ class _Rigid:
 
     @classmethod
     def of(cls, mass: Array, inertia: Array, p: Array, v: Array, w: Array) -> _Rigid:
-        """Of the spheres of an island."""
+        """Of the spheres of an island; places, velocities and spins have shape (m, 3)."""
         mean = mass @ v / mass.sum()
         arm = p - mass @ p / mass.sum()
         spin = (np.cross(arm, v - mean) * mass[:, None] + inertia[:, None] * w).sum(0)
@@ -137,7 +138,7 @@ class _Rigid:
         return cls(mass, inertia, mean, arm, spin, tensor)
 
     def calmed(self, v: Array, w: Array, gain: float) -> tuple[Array, Array]:
-        """Velocities with `gain` [J] less in motion beyond that of one rigid body."""
+        """Velocities with `gain` [J] less in motion beyond that of one rigid body, shape (m, 3)."""
         turn = np.linalg.solve(self.tensor, self.spin)
         rigid = self.mean + np.cross(turn, self.arm)
         inner_v, inner_w = v - rigid, w - turn

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from .geometry import Contacts
-from .solver import Impulses
+from .impulses import Impulses
 from .world import World
 
 
@@ -39,12 +39,10 @@ class Memory:
 
     def take(self, index: Tensor) -> Memory:
         """Those of `index` (numbers or a mask), in the same order."""
-        old = self.impulses
-        parts = Impulses(old.normal[index], old.tangential[index], old.rolling[index])
-        return Memory(self.key[index], parts)
+        return Memory(self.key[index], self.impulses.take(index))
 
     def recall(self, key: Tensor, like: Tensor) -> Impulses:
-        """Impulses of these contacts, zero where they are new."""
+        """Impulses of these contacts, zero where they are new; key: shape (c,)."""
         if not len(self.key) or not len(key):
             return Impulses.zeros(len(key), like)
         place = torch.searchsorted(self.key, key).clamp(max=len(self.key) - 1)

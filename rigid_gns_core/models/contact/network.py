@@ -77,7 +77,8 @@ class ContactNetwork(nn.Module):
 
     def encode(self, features: Tensor) -> Tensor:
         """Latents of contacts, shape (c, width)."""
-        return self.encoder(features.float())
+        latents: Tensor = self.encoder(features.float())
+        return latents
 
     def round(
         self,

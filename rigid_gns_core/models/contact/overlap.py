@@ -21,7 +21,7 @@ _PASSES, _CLOSE = 500, 1e-6
 
 
 def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
-    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept."""
+    """Centres, shape (n, 3), with overlapping bodies moved apart; a pair's centre of mass stays."""
     a, b = contacts.a, contacts.b
     inverse = world.inverse_mass
     for _ in range(_SWEEPS):

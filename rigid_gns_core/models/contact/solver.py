@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from .features import describe
+from .impulses import Impulses, angular_change, linear_change, slip
 from .law import Law, aim_of
 from .network import ContactNetwork, Feel, Tuning
 from .vectors import across, clip, dot, length
@@ -22,30 +23,6 @@ from .world import UNIT_GRAVITY
 
 # contacts with this part of the force of a body's strongest count half
 _FAINT = 0.01
-
-
-@dataclass(frozen=True)
-class Impulses:
-    """Impulses on body a of each contact; body b gets the opposite.
-
-    Args:
-        normal: Along the normal, at least 0, shape (c,).
-        tangential: Across it, friction, shape (c, 3).
-        rolling: Angular impulse of rolling friction, zero between spheres, shape (c, 3).
-    """
-
-    normal: Tensor
-    tangential: Tensor
-    rolling: Tensor
-
-    @classmethod
-    def zeros(cls, count: int, like: Tensor) -> Impulses:
-        """No impulses."""
-        return cls(like.new_zeros(count), like.new_zeros(count, 3), like.new_zeros(count, 3))
-
-    def take(self, index: Tensor) -> Impulses:
-        """Those of `index`."""
-        return Impulses(self.normal[index], self.tangential[index], self.rolling[index])
 
 
 @dataclass(frozen=True)
@@ -124,7 +101,7 @@ class _Solver:
         self.scale = UNIT_GRAVITY * law.pace
         self.unit = law.inverse_a + law.inverse_b
         self.free_parting = dot(normal, self.free[a] - self.free[b])
-        self.free_slip = _slip(law, self.free, self.spin)
+        self.free_slip = slip(law, self.free, self.spin)
         self.aim = aim_of(law, self.approach, torch.zeros_like(self.approach))
         self._begin(support)
         self.start_others = self._others(self._parting()).detach()
@@ -145,8 +122,8 @@ class _Solver:
         self.tangentials = across(impulses.tangential, law.contacts.normal)
         self.last_tangentials = self.tangentials
         self.rollings = impulses.rolling
-        self.change = _linear(law, self._impulse(), self.bodies)
-        self.turn = _angular(law, self.tangentials, self.bodies)
+        self.change = linear_change(law, self._impulse(), self.bodies)
+        self.turn = angular_change(law, self.tangentials, self.bodies)
         self._twist(self.rollings)
 
     def round(self, index: int) -> None:
@@ -198,7 +175,7 @@ class _Solver:
         self.last_tangentials, self.tangentials = self.tangentials, tangentials
         step = tangentials - self.last_tangentials
         self._push(step)
-        self.turn = self.turn + _angular(law, step, self.bodies)
+        self.turn = self.turn + angular_change(law, step, self.bodies)
 
     def solution(self) -> Solution:
         """What the impulses so far do to the bodies."""
@@ -210,7 +187,7 @@ class _Solver:
         lever = share * aim.lever + (1.0 - share) * 0.5 * aim.rest
         if not self.has_law:
             lever = law.h - law.contacts.time
-        moved = _linear(law, lever[:, None] * self._impulse(), self.bodies)
+        moved = linear_change(law, lever[:, None] * self._impulse(), self.bodies)
         impulses = Impulses(self.normals, self.tangentials, self.rollings)
         last = self.last_change()
         return Solution(impulses, self.change[:count], self.turn[:count], moved[:count], last)
@@ -236,13 +213,13 @@ class _Solver:
         return weight_a, weight_b
 
     def _feel(self, lacking: Tensor, others: Tensor, drag: Tensor, load: Tensor) -> Feel:
-        slip = self._slip_now()
+        slip_now = self._slip_now()
         return Feel(
             lacking=lacking,
-            slip=length(slip - drag),
+            slip=length(slip_now - drag),
             carried=self.normals * self.unit,
             others=others - self.start_others,
-            others_slip=length(self._others_slip(slip) - self.start_slip),
+            others_slip=length(self._others_slip(slip_now) - self.start_slip),
             load=load,
         )
 
@@ -272,7 +249,7 @@ class _Solver:
         return self.normals[:, None] * self.law.contacts.normal + self.tangentials
 
     def _push(self, impulse: Tensor) -> None:
-        self.change = self.change + _linear(self.law, impulse, self.bodies)
+        self.change = self.change + linear_change(self.law, impulse, self.bodies)
 
     def _twist(self, torque: Tensor) -> None:
         a = self.law.contacts.a
@@ -284,19 +261,19 @@ class _Solver:
         return dot(contacts.normal, end[contacts.a] - end[contacts.b])
 
     def _slip_now(self) -> Tensor:
-        return _slip(self.law, self.free + self.change, self.spin + self.turn)
+        return slip(self.law, self.free + self.change, self.spin + self.turn)
 
     def _others(self, parting: Tensor) -> Tensor:
         """Change of normal velocity that the other contacts make, shape (c,)."""
         return parting - self.free_parting - self.normals * self.unit
 
-    def _others_slip(self, slip: Tensor) -> Tensor:
+    def _others_slip(self, slip_now: Tensor) -> Tensor:
         """Change of slip that the other contacts make, shape (c, 3)."""
         law = self.law
-        own = self.tangentials * (self.unit + law.spin_a + law.spin_b)[:, None]
+        own: Tensor = self.tangentials * (self.unit + law.spin_a + law.spin_b)[:, None]
         arm = law.arm_a * law.world.inverse_inertia[law.contacts.a]
         own = own + arm[:, None] * torch.linalg.cross(law.contacts.normal, self.rollings)
-        return slip - self.free_slip - own
+        return slip_now - self.free_slip - own
 
 
 def _common(one: Tensor, other: Tensor) -> Tensor:
@@ -304,28 +281,3 @@ def _common(one: Tensor, other: Tensor) -> Tensor:
     return torch.where(
         one * other > 0, torch.sign(one) * torch.minimum(one.abs(), other.abs()), 0.0
     )
-
-
-def _linear(law: Law, impulse: Tensor, bodies: int) -> Tensor:
-    """Changes of velocity, shape (n + 1, 3)."""
-    a, b = law.contacts.a, law.contacts.b
-    change = impulse.new_zeros(bodies, 3).index_add(0, a, impulse * law.inverse_a[:, None])
-    return change.index_add(0, b, impulse * -law.inverse_b[:, None])
-
-
-def _angular(law: Law, impulse: Tensor, bodies: int) -> Tensor:
-    """Changes of angular velocity of an impulse at the contact point, shape (n + 1, 3)."""
-    a, b, world = law.contacts.a, law.contacts.b, law.world
-    torque = torch.linalg.cross(law.contacts.normal, impulse)
-    turn = impulse.new_zeros(bodies, 3)
-    turn = turn.index_add(0, a, torque * -(law.arm_a * world.inverse_inertia[a])[:, None])
-    return turn.index_add(0, b, torque * -(law.arm_b * world.inverse_inertia[b])[:, None])
-
-
-def _slip(law: Law, velocities: Tensor, angular_velocities: Tensor) -> Tensor:
-    """Velocity of the two surfaces against each other, across the normal, shape (c, 3)."""
-    a, b, normal = law.contacts.a, law.contacts.b, law.contacts.normal
-    turning = (
-        law.arm_a[:, None] * angular_velocities[a] + law.arm_b[:, None] * angular_velocities[b]
-    )
-    return across(velocities[a] - velocities[b], normal) - torch.linalg.cross(turning, normal)

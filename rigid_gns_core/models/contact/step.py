@@ -11,12 +11,13 @@ from torch import Tensor
 
 from .candidates import Candidates
 from .geometry import Contacts, find_contacts
+from .impulses import Impulses
 from .islands import Islands
 from .law import Law
 from .memory import Memory, contact_key
 from .network import ContactNetwork
 from .overlap import push_out
-from .solver import Impulses, Solution, solve
+from .solver import Solution, solve
 from .world import UNIT_GRAVITY, World
 
 # passes that mend collisions in paths that contacts bent within the last substep

@@ -1,0 +1,43 @@
+"""Checks of an engine against closed forms, each with its error and its bound.
+
+`run_checks` takes any callable with the signature of `teacher.simulate`, so that a learned
+simulator can be put to the same checks. `rigid-gns teacher-card` runs them on Bullet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from ..bounce import Simulate
+from .check import Check
+from .many_spheres import collision_checks, pile_checks
+from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
+
+__all__ = ['GROUPS', 'Check', 'run_checks']
+
+GROUPS: dict[str, Callable[[Simulate, bool], Iterator[Check]]] = {
+    'bounce': bounce_checks,
+    'incline': incline_checks,
+    'level': level_checks,
+    'oblique': oblique_checks,
+    'collision': collision_checks,
+    'pile': pile_checks,
+}
+
+
+def run_checks(
+    simulate: Simulate, quick: bool = False, groups: tuple[str, ...] = tuple(GROUPS)
+) -> list[Check]:
+    """Run all checks on an engine: a callable (scene, start, steps, dt) -> Trajectory.
+
+    Args:
+        simulate: The engine.
+        quick: Fewer cases and shorter piles.
+        groups: Names in `GROUPS`.
+
+    Raises:
+        ValueError: A group is unknown.
+    """
+    if unknown := sorted(set(groups) - set(GROUPS)):
+        raise ValueError(f'unknown group of checks {unknown[0]!r}, allowed: {", ".join(GROUPS)}')
+    return [check for name in groups for check in GROUPS[name](simulate, quick)]

@@ -1,0 +1,87 @@
+"""Reports as strict JSON: infinities, which JSON lacks, are the strings "inf" and "-inf"."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .whole_file import whole_file
+
+
+def write_json(path: str | Path, report: Mapping[str, Any]) -> None:
+    """Write a report, each number on a line of its own.
+
+    Raises:
+        ValueError: A value is NaN, or of a type that JSON does not know.
+    """
+    path = Path(path)
+    try:
+        text = json.dumps(encode(report), indent=2, allow_nan=False, ensure_ascii=False)
+    except TypeError as error:
+        raise ValueError(f'{path}: the report cannot be written as JSON: {error}') from error
+    with whole_file(path) as partial:
+        partial.write_text(text + '\n', encoding='utf-8')
+
+
+def write_compact_json(path: Path, report: Mapping[str, Any], digits: int) -> None:
+    """Write a report with a line for each list of numbers.
+
+    Args:
+        path: File to write; one that exists is replaced.
+        report: What to write.
+        digits: Significant digits that are kept.
+
+    Raises:
+        ValueError: A value is NaN.
+    """
+    text = _laid_out(encode(report, digits), '')
+    with whole_file(path) as partial:
+        partial.write_text(text + '\n', encoding='utf-8')
+
+
+def read_json(path: str | Path) -> dict[str, Any]:
+    """Read what was written here, with infinities as numbers again."""
+    report: dict[str, Any] = _decode(json.loads(Path(path).read_text(encoding='utf-8')))
+    return report
+
+
+def encode(value: Any, digits: int | None = None) -> Any:
+    """Mappings, sequences and NumPy's values as JSON knows them; NaN stays as it is."""
+    if isinstance(value, Mapping):
+        return {str(key): encode(item, digits) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [encode(item, digits) for item in value]
+    if isinstance(value, np.ndarray):
+        return encode(value.tolist(), digits)
+    if isinstance(value, np.generic):
+        return encode(value.item(), digits)
+    if isinstance(value, float):
+        if math.isinf(value):
+            return 'inf' if value > 0 else '-inf'
+        return value if digits is None else float(f'{value:.{digits}g}')
+    return value
+
+
+def _decode(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _decode(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_decode(item) for item in value]
+    return float(value) if value in ('inf', '-inf') else value
+
+
+def _laid_out(value: Any, indent: str) -> str:
+    """A line for each entry of a mapping, or of a list of mappings; the rest on one line."""
+    inner = indent + ' '
+    if isinstance(value, dict) and value:
+        lines = [f'{inner}{json.dumps(k)}: {_laid_out(v, inner)}' for k, v in value.items()]
+        return '{\n' + ',\n'.join(lines) + f'\n{indent}}}'
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        lines = [f'{inner}{_laid_out(item, inner)}' for item in value]
+        return '[\n' + ',\n'.join(lines) + f'\n{indent}]'
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
