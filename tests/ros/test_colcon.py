@@ -100,6 +100,23 @@ def test_everything_is_installed(install: Path, prefix: Path) -> None:
         assert (share / name).is_file(), name
 
 
+@pytest.fixture(scope='module')
+def compiled(install: Path) -> None:
+    """Engine and filter of the copy: a minute of work, minutes where other tests want the cores."""
+    modules = ('rigid_gns_core.engine', 'rigid_gns_ros.tracking')
+    command = ' && '.join(f'python3 -m {module}' for module in modules)
+    made = subprocess.run(
+        in_workspace(install, command),
+        env=environment(),
+        cwd=install,
+        capture_output=True,
+        text=True,
+        timeout=900,
+    )
+    assert made.returncode == 0, made.stderr
+
+
+@pytest.mark.usefixtures('compiled')
 def test_the_executable_predicts(
     install: Path,
     prefix: Path,
