@@ -35,7 +35,7 @@ engine: $(READY)  ## compile the engine once (a minute), so that nothing waits f
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.engine
 	@$(CLEAN) $(BIN)/python -m rigid_gns_ros.tracking
 
-lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files
+lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files, licence headers
 	@$(CLEAN) $(BIN)/ruff check .
 	@$(CLEAN) $(BIN)/ruff format --check .
 	@$(CLEAN) $(BIN)/mypy

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Package metadata, for pip and colcon alike; tool settings are in pyproject.toml."""
 
 from __future__ import annotations
@@ -58,7 +72,7 @@ EXTRAS['all'] = sorted({each for name in EXTRAS if name != 'viz' for each in EXT
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
-    """What ROS looks for under share/: (folder, files), sub-folders of config/ kept."""
+    """Return what ROS looks for under share/: (folder, files), sub-folders of config/ kept."""
     share = f'share/{NAME}'
     files = {
         'share/ament_index/resource_index/packages': [f'resource/{NAME}'],

@@ -1,4 +1,18 @@
-"""Files that no linter here reads: YAML, XML, JSON and launch files are well formed, text is tidy.
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What no linter here reads: YAML, XML, JSON are well formed, text is tidy, code has its licence.
 
 Prints one line per finding and exits with 1 where there is one.
 """
@@ -6,10 +20,10 @@ Prints one line per finding and exits with 1 where there is one.
 from __future__ import annotations
 
 import ast
-import json
-import sys
 from collections.abc import Callable, Iterator
+import json
 from pathlib import Path
+import sys
 from xml.etree import ElementTree
 
 import yaml
@@ -18,6 +32,9 @@ ROOT = Path(__file__).resolve().parent.parent
 SKIPPED = {'.git', 'build', 'install', 'log', 'dist', 'runs', 'bags', 'demo', 'data'}
 LARGEST = 10e6  # bytes; what is larger does not belong into a package
 TEXT = {'.py', '.yaml', '.yml', '.xml', '.json', '.md', '.rst', '.toml', '.cfg', '.txt', '.msg'}
+
+# As above: ament_copyright looks for it in every source that is not empty.
+HEADER = Path(__file__).read_text(encoding='utf-8').partition('\n\n')[0] + '\n'
 
 PARSERS: dict[str, Callable[[str], object]] = {
     '.yaml': lambda text: list(yaml.safe_load_all(text)),
@@ -42,7 +59,7 @@ def files() -> Iterator[Path]:
 
 
 def findings(path: Path) -> Iterator[str]:
-    """What is wrong with one file."""
+    """Yield what is wrong with one file."""
     if path.stat().st_size > LARGEST:
         yield f'{path.stat().st_size / 1e6:.0f} MB, more than {LARGEST / 1e6:.0f} MB'
     if path.suffix not in TEXT and path.name not in ('Makefile', 'requirements.lock', 'LICENSE'):
@@ -50,6 +67,8 @@ def findings(path: Path) -> Iterator[str]:
     text = path.read_text(encoding='utf-8')
     if text and not text.endswith('\n'):
         yield 'no newline at the end'
+    if path.suffix == '.py' and text and not text.startswith(HEADER):
+        yield 'does not begin with the licence header; copy it from .ci/check_files.py'
     for number, line in enumerate(text.splitlines(), 1):
         if line != line.rstrip():
             yield f'line {number}: trailing white space'

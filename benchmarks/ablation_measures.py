@@ -1,20 +1,33 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a change of the model or of a scene costs in time, and what it brings in accuracy."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
+import time
 from typing import Any, cast
 
-import numpy as np
 from ablation_starts import Start
-from ablations import USUAL, Change
-
+from ablations import Change, USUAL
+import numpy as np
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.metrics import horizon_metrics
-from rigid_gns_core.rollout import Rollout, load_simulator
+from rigid_gns_core.rollout import load_simulator, Rollout
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.simulators import ContactSimulator
 from rigid_gns_core.state import State
@@ -58,7 +71,7 @@ class Bench:
         self.bullet_error = cache(self._bullet_error)
 
     def measure(self, name: str, change: Change) -> dict[str, Any]:
-        """Times, difference and errors of a change, from the start of that name."""
+        """Return times, difference and errors of a change, from the start of that name."""
         sides = {'usual': USUAL, 'other': change}
         times = {key: np.zeros(self.repeats + 1) for key in sides}
         rollouts: dict[str, Rollout] = {}
@@ -91,14 +104,14 @@ class Bench:
         return simulator.start(change.scene(scene, len(state)), **vars(state))
 
     def _before(self, name: str) -> State:
-        """The state of a start after its first steps, as the model makes them."""
+        """Return the state of a start after its first steps, as the model makes them."""
         start = self.starts[name]
         rollout = self._begin(USUAL, start.scene, start.state)
         advance(rollout, start.skip)
         return rollout.state
 
     def _ready(self, name: str, change: Change, goes_on: bool) -> Rollout:
-        """A rollout to be timed; what its first step does once is behind it."""
+        """Return a rollout to be timed; what its first step does once is behind it."""
         start = self.starts[name]
         state, steps = (start.state, start.skip) if goes_on else (self.before(name), 1)
         rollout = self._begin(change, start.scene, state)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The table and the page that show the comparison: docs/only_what_is_needed.md."""
 
 from __future__ import annotations
@@ -77,7 +91,7 @@ def format_table(report: dict[str, Any]) -> str:
 
 
 def paragraph(name: str, row: dict[str, Any], scene: str) -> str:
-    """What a row compares, and what came out."""
+    """Return what a row compares, and what came out."""
     times = f'{number(row["usual_ms"])} ms a step as it is ({row["usual"]})'
     times += f', {number(row["other_ms"])} ms changed ({row["other"]}): {row["ratio"]:.2f} times.'
     apart = f'{number(row["difference"])} m apart' if row['difference'] else 'the same'
@@ -94,7 +108,8 @@ def page(report: dict[str, Any]) -> str:
     """docs/only_what_is_needed.md."""
     about = report['machine']
     body = '\n'.join(
-        paragraph(name, row, report['starts'][row['start']]) for name, row in report['rows'].items()
+        paragraph(name, row, report['starts'][row['start']])
+        for name, row in report['rows'].items()
     )
     bullet = (
         f'\n"Error" is the mean distance to Bullet at step {HORIZON} over {report["records"]} '

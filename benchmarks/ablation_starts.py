@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The scenes of the comparison, and how far each is simulated before anything is measured."""
 
 from __future__ import annotations
@@ -5,8 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-
-from rigid_gns_core.sampling import StartRecipe, load_scene, sample_start
+from rigid_gns_core.sampling import load_scene, sample_start, StartRecipe
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import Array, State
 
@@ -36,7 +49,7 @@ def _lattice(spheres: int, pitch: float, height: tuple[float, float]) -> Array:
 
 
 def make_starts(quick: bool) -> dict[str, Start]:
-    """Starts by name; quick ones are smaller."""
+    """Return starts by name; quick ones are smaller."""
     spheres, piled = (40, 12) if quick else (154, 64)
     moving, settled, settled_pile = (30, 30, 100) if quick else (60, 300, 400)
     scene, recipe = load_scene('box_154')

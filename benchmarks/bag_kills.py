@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What is left of a bag whose recorder was killed, at any moment.
 
     python benchmarks/bag_kills.py --kills 100 --node-kills 10 --json docs/model/bag_kills.json
@@ -12,27 +26,26 @@ also counts the wait for a next message (0.1 s).
 from __future__ import annotations
 
 import argparse
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 import json
 import mmap
 import os
+from pathlib import Path
 import signal
 import struct
 import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
-from pathlib import Path
 
-import numpy as np
 from machine import cpu_name
-
+import numpy as np
 from rigid_gns_core.checkpoint import find_model, load_card
 from rigid_gns_core.sampling import load_scene
-from rigid_gns_ros.bag import FLUSH_PERIOD, BagWriter
+from rigid_gns_ros.bag import BagWriter, FLUSH_PERIOD
 from rigid_gns_ros.bag_reader import read_bag
-from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec
 
 SPHERES, RATE = 154, 100.0  # [Hz]
 LONGEST = 6.0  # a kill comes at most so long after the recording began [s]
@@ -68,7 +81,7 @@ def poses(number: int) -> np.ndarray:
 
 
 def record(folder: Path, notes: Path, split: bool) -> None:
-    """The recorder, until it is killed."""
+    """Record until killed."""
     codec, scene = PoseArrayCodec('world', SPHERES), load_scene('box_154')[0]
     said = {
         'scene': scene.to_mapping(),
@@ -162,7 +175,7 @@ def evaluates(folder: Path) -> bool:
 
 def kill_node(folder: Path, after: float) -> Kill:
     """Kill the simulator `after` [s] of predicting what the tracker sends."""
-    from rigid_gns_ros.demo import NodeProcess, node_environment
+    from rigid_gns_ros.demo import node_environment, NodeProcess
 
     folder.mkdir()
     bag = folder / 'bag'
@@ -250,7 +263,7 @@ def main() -> int:
     report['machine']['load_after'] = os.getloadavg()[0]  # type: ignore[index]
     for name in ('recorder', 'node'):
         if name in report:
-            shown = {k: v for k, v in report[name].items() if k != 'each'}  # type: ignore[attr-defined]
+            shown = {k: v for k, v in report[name].items() if k != 'each'}
             print(name, json.dumps(shown, indent=2))
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=2) + '\n', encoding='utf-8')

@@ -1,28 +1,42 @@
-"""Are a model's errors in a chaotic scene drawn from the same urn as Bullet's own?
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whether a model's errors in a chaotic scene are drawn from the same urn as Bullet's own.
 
     python benchmarks/chaos_draws.py --model contact runs/contact_1/best \
         --reference data/ood/ood_a.h5 data/ood/ood_b.h5 --json docs/model/chaos_draws.json
 
 One trajectory is one draw: spheres that differ by 1 mm are elsewhere after some bounces. So each
 reference is met by Bullet at half and at twice the substeps and from starts moved by 1 mm, and by
-each model from the same starts; means and standard deviations of both are compared. Needs pybullet.
+each model from the same starts; means and standard deviations of both are compared. Needs
+pybullet.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
+import sys
 from typing import Any
 
 import numpy as np
-
-from rigid_gns_core.dataset import Record, read_record
+from rigid_gns_core.dataset import read_record, Record
 from rigid_gns_core.metrics import chamfer, position_mse
 from rigid_gns_core.progress import Progress
-from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.rollout import load_simulator, Simulator
 from rigid_gns_core.state import State, Trajectory
 from rigid_gns_core.strict_json import read_json, write_json
 from rigid_gns_core.teacher import simulate
@@ -49,7 +63,7 @@ def bullet(record: Record, start: State, factor: float) -> Trajectory:
 
 
 def model(simulator: Simulator, record: Record, start: State) -> Trajectory:
-    """The model's rollout."""
+    """Return the model's rollout."""
     given = (start.positions, start.velocities, start.angular_velocities)
     steps = record.trajectory.steps
     return simulator.rollout(record.scene, *given, steps=steps, quaternions=start.quaternions)
@@ -58,7 +72,7 @@ def model(simulator: Simulator, record: Record, start: State) -> Trajectory:
 def draws(
     record: Record, simulators: dict[str, Simulator], count: int
 ) -> dict[str, Callable[[], Trajectory]]:
-    """What is to be drawn, by 'engine: start'."""
+    """Return what is to be drawn, by 'engine: start'."""
     start = record.trajectory[0]
     found: dict[str, Callable[[], Trajectory]] = {
         'Bullet: half': lambda: bullet(record, start, 0.5),

@@ -1,21 +1,35 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far two equally good teachers are apart: the floor beside which long errors are read.
 
     python benchmarks/chaos_floor.py --data data/gns_test --steps 300 --json floor.json
 
 Each record is simulated again by Bullet at half and at twice the substeps it was made with, and
-scored like a model's prediction. The floor of an error is the larger of the two; in a chaotic scene
-one below it means nothing. Needs pybullet.
+scored like a model's prediction. The floor of an error is the larger of the two; in a chaotic
+scene one below it means nothing. Needs pybullet.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import fields, replace
 from pathlib import Path
+import sys
 from typing import Any
 
-from rigid_gns_core.dataset import Record, read_records
+from rigid_gns_core.dataset import read_records, Record
 from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.state import Trajectory
@@ -27,7 +41,7 @@ VARIANTS = {'half': 0.5, 'twice': 2.0}
 
 
 def again(record: Record, factor: float, steps: int) -> Trajectory:
-    """The record's start, simulated at `factor` times its substeps."""
+    """Return the record's start, simulated at `factor` times its substeps."""
     known = {field.name for field in fields(TeacherSettings)}
     settings = TeacherSettings(**{k: v for k, v in record.teacher.items() if k in known})
     settings = replace(settings, substeps=round(settings.substeps * factor))

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far a model is from closed-form mechanics, for spheres of 1 m and of 20 mm.
 
     python benchmarks/closed_form_card.py --model contact --json docs/model/closed_form_card.json
@@ -11,22 +25,21 @@ themselves. Exit code 1 where a check is out of bounds.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
+import sys
 from typing import Any
 
 import numpy as np
-import torch
-
 from rigid_gns_core.bounce import Simulate
-from rigid_gns_core.closed_form_checks import GROUPS, Check, run_checks
+from rigid_gns_core.closed_form_checks import Check, GROUPS, run_checks
 from rigid_gns_core.progress import Progress
-from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.rollout import load_simulator, Simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State, Trajectory
 from rigid_gns_core.strict_json import write_json
+import torch
 
 BOUND = 0.02
 MOMENTUM_BOUND = 1e-5
@@ -35,7 +48,7 @@ OWN_RADII = ('bounce',)  # groups that have both radii by themselves
 
 
 def engine(simulator: Simulator) -> Simulate:
-    """The simulator as the checks call it."""
+    """Return the simulator as the checks call it."""
 
     def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         native = simulator.native_dt(scene)
@@ -54,7 +67,7 @@ def engine(simulator: Simulator) -> Simulate:
 
 
 def scaled(simulate: Simulate, length: float) -> Simulate:
-    """An engine that simulates the check `length` times as large, under the same gravity.
+    """Return an engine that simulates the check `length` times as large, under the same gravity.
 
     By hand, not by `Similarity`, which is part of what is checked. Masses scale as volumes do.
     """
@@ -102,7 +115,7 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
 
 
 def bound_of(check: Check) -> float:
-    """What the model has to keep; the check's own bound is the teacher's."""
+    """Return what the model has to keep; the check's own bound is the teacher's."""
     return MOMENTUM_BOUND if 'momentum' in check.name else BOUND
 
 
@@ -143,7 +156,7 @@ def work(quick: bool) -> list[tuple[float, str]]:
 
 
 def worst(rows: list[dict[str, Any]]) -> dict[tuple[str, float], dict[str, Any]]:
-    """The worst check of each name and radius."""
+    """Return the worst check of each name and radius."""
     found: dict[tuple[str, float], dict[str, Any]] = {}
     for row in rows:
         key = (row['name'], row['radius'])

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A model on the thesis' test set and its four new scenes, beside what Bullet differs from itself.
 
     python benchmarks/contact_test.py --model contact runs/contact_1/model runs/contact_2/model \
@@ -5,11 +19,11 @@
         --json docs/model/contact_test.json
 
 Several models are seeds of one recipe: the last table is their mean and standard deviation. The
-folders of `--floor` are of the same recipe and seed as `--data`, at half and at twice the substeps;
-`--ood` holds ood_a.h5, ood_a_half.h5, ood_a_twice.h5 and so on to ood_d. The floor of an error is
-the larger of the two that Bullet has to itself. A ratio to it takes no less than a quarter of a
-squared radius, for distances half a radius. The columns named Bullet have the floor of each error,
-and of each law what the reference has.
+folders of `--floor` are of the same recipe and seed as `--data`, at half and at twice the
+substeps; `--ood` holds ood_a.h5, ood_a_half.h5, ood_a_twice.h5 and so on to ood_d. The floor of an
+error is the larger of the two that Bullet has to itself. A ratio to it takes no less than a
+quarter of a squared radius, for distances half a radius. The columns named Bullet have the floor
+of each error, and of each law what the reference has.
 
 The JSON is written after every rollout, so the same command goes on where it was killed.
 """
@@ -17,19 +31,18 @@ The JSON is written after every rollout, so the same command goes on where it wa
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+import sys
 from typing import Any, cast
 
 from contact_test_measures import floor_of, measure
 from contact_test_table import format_table, summarise
-
-from rigid_gns_core.dataset import Dataset, Record, present_records, read_record
+from rigid_gns_core.dataset import Dataset, present_records, read_record, Record
 from rigid_gns_core.progress import Progress
-from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.rollout import load_simulator, Simulator
 from rigid_gns_core.strict_json import read_json, write_json
 
 QUICK = (2, 60)  # records and steps
@@ -59,7 +72,7 @@ def find_references(
 
 
 def read(paths: Sequence[Path], limit: int | None) -> tuple[Record, list[Record]]:
-    """A reference and those that tell its floor; the first cut to what all of them have."""
+    """Return a reference and those that tell its floor; the first cut to what all of them have."""
     record, *others = (read_record(path) for path in paths)
     steps = min(one.trajectory.steps for one in (record, *others))
     trajectory = record.trajectory.window(0, min(limit or steps, steps) + 1)
@@ -69,7 +82,7 @@ def read(paths: Sequence[Path], limit: int | None) -> tuple[Record, list[Record]
 def resume(
     path: Path | None, settings: dict[str, Any], simulators: Mapping[str, Simulator]
 ) -> dict[str, Any]:
-    """What an earlier run has done, with a place for each model."""
+    """Return what an earlier run has done, with a place for each model."""
     report: dict[str, Any] = {'settings': settings, 'floors': {}, 'models': {}}
     if path is not None and path.is_file():
         report = read_json(path)

@@ -1,14 +1,27 @@
-"""What is measured of a rollout beside its reference, and the floor of it: Bullet beside itself."""
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is measured of a rollout beside its reference, and its floor: Bullet beside itself."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+import sys
 from typing import Any
 
 import numpy as np
-
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.evaluate import evaluate
@@ -49,7 +62,7 @@ LAWS = {
 
 
 def roll(simulator: Simulator, record: Record, steps: int) -> tuple[Trajectory, Rollout]:
-    """A rollout from the record's start; NaN from where it diverges."""
+    """Return a rollout from the record's start; NaN from where it diverges."""
     rollout = simulator.start(record.scene, **vars(record.trajectory[0]))
     states: list[State] = [rollout.state]
     try:
@@ -66,7 +79,7 @@ def roll(simulator: Simulator, record: Record, steps: int) -> tuple[Trajectory, 
 
 
 def errors_of(predicted: Trajectory, reference: Trajectory, report: Mapping[str, Any]) -> dict:
-    """The errors that have a floor: those of a report, and of spheres that the reference stops."""
+    """Return the errors that have a floor: a report's, and of spheres the reference stops."""
     values = {key: report['errors'].get(key) for key in ERRORS}
     stopped = np.linalg.norm(reference.velocities[-1], axis=1) < REST
     if stopped.any():
@@ -81,7 +94,7 @@ def errors_of(predicted: Trajectory, reference: Trajectory, report: Mapping[str,
 
 
 def floor_of(reference: Record, others: Sequence[Record]) -> dict[str, float | None]:
-    """What Bullet at other substeps has of each error, the worse of them; and its own laws."""
+    """Return the worse of Bullet's errors at other substeps, for each error; and its own laws."""
     reports: list[dict] = []
     worst: dict[str, float | None] = {}
     start = reference.trajectory.positions[0]
@@ -102,7 +115,7 @@ def floor_of(reference: Record, others: Sequence[Record]) -> dict[str, float | N
 
 
 def least(key: str, radius: np.ndarray) -> float | None:
-    """The smallest floor of a squared error, or of a distance; None: it has no ratio."""
+    """Return the smallest floor of a squared error, or of a distance; None: it has no ratio."""
     if key.startswith(SQUARED):
         return LEAST_FLOOR * float(np.mean(radius**2))
     return float(np.sqrt(LEAST_FLOOR) * radius.mean()) if key.startswith('position') else None
@@ -138,7 +151,9 @@ def measure(
     if isinstance(rollout.stepper, EngineStepper) and rollout.stepper.guards:
         # the guard counts in the model's units
         similarity = Similarity.between(scene, simulator.units)
-        values |= guard_shares(rollout.stepper, similarity.scene(scene), similarity.to_model(start))
+        values |= guard_shares(
+            rollout.stepper, similarity.scene(scene), similarity.to_model(start)
+        )
     return values
 
 

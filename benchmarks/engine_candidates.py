@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The networks alone, in what could run them: docs/decisions.md, "The engine".
 
 Eager PyTorch, torch.compile (where there is a C++ compiler), ONNX Runtime (where onnxruntime, onnx
@@ -5,29 +19,26 @@ and onnxscript can be imported), and the engine; the same inputs, one thread, al
 
     OMP_NUM_THREADS=1 python benchmarks/engine_candidates.py
 
-Of the contact model that is its encoder and four rounds on random contacts, without the law and the
-impulses between the rounds, which all but the engine would leave to someone else; of the thesis'
-GNS all from features to velocities, in a frame of a rollout.
+Of the contact model that is its encoder and four rounds on random contacts, without the law and
+the impulses between the rounds, which all but the engine would leave to someone else; of the
+thesis' GNS all from features to velocities, in a frame of a rollout.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 import importlib.util
 import logging
+from pathlib import Path
 import shutil
 import tempfile
 import time
+from typing import Any, cast, NamedTuple
 import warnings
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple, cast
 
 import numba
 import numpy as np
-import torch
-from torch import Tensor, nn
-
 from rigid_gns_core import load_simulator
 from rigid_gns_core.benchmark.machine import cpu_name, load_average
 from rigid_gns_core.engine.contacts import Contacts
@@ -40,6 +51,8 @@ from rigid_gns_core.models.gns import GNS, GraphInput
 from rigid_gns_core.models.stepping import GNSStepper
 from rigid_gns_core.sampling import load_scene, sample_start
 from rigid_gns_core.simulators import ContactSimulator, GNSSimulator
+import torch
+from torch import nn, Tensor
 
 Run = Callable[[], np.ndarray]
 
@@ -95,7 +108,7 @@ def engine_rounds(
     weights: Any, contacts: Any, group: Any, features: Any, feel: Any, weight: Any, unit: float,
     total: Any,
 ) -> Any:  # fmt: skip
-    """`ContactRounds` of the engine's own functions; features: before logarithms, shape (17, c)."""
+    """`ContactRounds` of the engine's functions; features: before logarithms, shape (17, c)."""
     width, count = weights.encoder.shape[1], len(group)
     latent = np.zeros((width, count), np.float32)
     encode(weights, features.copy(), latent)

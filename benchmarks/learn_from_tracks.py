@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What tracked poses teach: errors on further bags before and after learning from some.
 
     python benchmarks/learn_from_tracks.py --work runs/tracks \
@@ -13,24 +27,23 @@ table.
 from __future__ import annotations
 
 import argparse
-import shutil
-import time
-import warnings
 from dataclasses import asdict, replace
 from pathlib import Path
+import shutil
+import time
 from typing import Any, NamedTuple
+import warnings
 
+from learn_from_tracks_bags import BELIEVED, FINE, Lab, STEP, TRACKED, tracked, TRUE, write_bag
 import numpy as np
-from learn_from_tracks_bags import BELIEVED, FINE, STEP, TRACKED, TRUE, Lab, tracked, write_bag
-
 from rigid_gns_core.calibrate import calibrate
 from rigid_gns_core.dataset import Dataset, Record
 from rigid_gns_core.fine_tune import StartingPoint
-from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.rollout import load_simulator, Simulator
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, State, Trajectory
 from rigid_gns_core.strict_json import read_json, write_json
-from rigid_gns_core.train import Trainer, load_recipe
+from rigid_gns_core.train import load_recipe, Trainer
 from rigid_gns_ros.learning.import_bag import import_bags
 from rigid_gns_ros.tracking.velocity import estimate_velocities
 
@@ -49,7 +62,7 @@ class Further(NamedTuple):
 
 
 def further(truth: list[tuple[Scene, Trajectory]], noise: float, seed: int) -> list[Further]:
-    """Starts from the frames that a tracker with noise saw last."""
+    """Return starts from the frames that a tracker with noise saw last."""
     found = []
     steps = round(HORIZONS[-1] / (FINE * STEP))
     for index, (scene, trajectory) in enumerate(truth):
@@ -93,7 +106,7 @@ def errors(simulator: Simulator, starts: list[Further], values: dict[str, float]
 
 
 def fine_tuned(records: list[Record], folder: Path, seed: int, steps: int | None) -> Simulator:
-    """The shipped GNS, gone on with on records."""
+    """Return the shipped GNS, trained further on records."""
     shutil.rmtree(folder, ignore_errors=True)
     config = replace(load_recipe('gns_finetune'), seed=seed)
     config = config if steps is None else replace(config, steps=steps)

@@ -1,20 +1,33 @@
-"""Bags of tracked poses whose truth is known, as tracker and recorder of this project make them."""
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bags of tracked poses whose truth is known, as this project's tracker and recorder make them."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
+import json
 from pathlib import Path
 
 import numpy as np
-
 from rigid_gns_core.recipe import DataRecipe
 from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, Trajectory, rotate_quaternions
+from rigid_gns_core.state import Array, rotate_quaternions, Trajectory
 from rigid_gns_core.teacher import simulate
 from rigid_gns_core.teacher_settings import TeacherSettings
 from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.messages import PoseArrayCodec, encode_string
+from rigid_gns_ros.messages import encode_string, PoseArrayCodec
 
 STAMP = 1_700_000_000_000_000_000
 TOPIC = '/lab/tracked_poses'
@@ -82,7 +95,7 @@ def tracked(trajectory: Trajectory, noise: float, rng: np.random.Generator) -> A
 def write_bag(
     folder: Path, scene: Scene, trajectory: Trajectory, noise: float, lost: float, seed: int
 ) -> Path:
-    """A bag of tracked poses and the simulator's scene, which believes in other materials."""
+    """Return a bag of tracked poses, and the simulator's scene, which has other materials."""
     rng = np.random.default_rng(seed)
     poses = tracked(trajectory, noise, rng)
     kept = rng.random(len(poses)) >= lost

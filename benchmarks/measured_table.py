@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The table of errors in README.md, made from the JSON files under docs/model.
 
 docs/model/README.md has the commands that make them.
@@ -5,8 +19,8 @@ docs/model/README.md has the commands that make them.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+import sys
 from typing import Any
 
 from rigid_gns_core.strict_json import read_json
@@ -44,7 +58,7 @@ def cell(entry: dict[str, Any] | None) -> str:
 
 
 def table() -> str:
-    """The Markdown table: the shipped model, without network, the GNS, Bullet against itself."""
+    """Return the Markdown table: shipped model, without network, GNS, Bullet against itself."""
     contact = read_json(FOLDER / 'contact_test.json')['summary']
     law = read_json(FOLDER / 'contact_law_test.json')['summary']
     gns = read_json(FOLDER / 'gns_thesis_test.json')['summary']

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator node in real time: lateness, what is recorded, time of a future, memory.
 
     python benchmarks/node_benchmark.py --json docs/model/node_benchmark.json    # 50 minutes
@@ -25,17 +39,16 @@ A case that is in the JSON already is kept unless --again. Exit code 1: a bound 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 import json
+from pathlib import Path
 import sys
 import tempfile
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from node_benchmark_parts import CASES, measure_horizon, measure_rate, measure_soak
 from node_benchmark_run import Case, run
 from node_benchmark_table import BOUNDS, broken_bounds, format_kills, format_part
-
 from rigid_gns_core.benchmark.machine import describe_machine
 from rigid_gns_core.strict_json import read_json, write_json
 from rigid_gns_ros.demo import DemoError
@@ -66,7 +79,7 @@ def measure(part: str, case: Case, seconds: float) -> dict[str, Any]:
 
 
 def _teller() -> Callable[[float, int], None]:
-    """Prints a line every 30 s."""
+    """Print a line every 30 s."""
     due = 0.0
 
     def tell(passed: float, resident: int) -> None:
@@ -79,7 +92,7 @@ def _teller() -> Callable[[float, int], None]:
 
 
 def load_report(path: Path | None) -> dict[str, Any]:
-    """The report to go on with.
+    """Return the report to go on with.
 
     Raises:
         ValueError: It is of another machine, or of other versions.

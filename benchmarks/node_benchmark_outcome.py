@@ -1,19 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a run of the simulator node left: its log, its bag, and what the others noted."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
+import re
 from typing import Any
 
-import numpy as np
-import yaml
 from mcap.records import Channel, Message
 from node_benchmark_peers import stamp_of
-
+import numpy as np
 from rigid_gns_ros.messages import decode_float64
 from rigid_gns_ros.recording.mcap_records import read_records
+import yaml
 
 COUNTS = re.compile(r'stopped: (\d+) published, (\d+) late, (\d+) skipped, (\d+) rejected')
 ERRORS = ('[ERROR]', '[FATAL]', 'Traceback')

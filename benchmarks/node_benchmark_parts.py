@@ -1,12 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What each part of the node's benchmark runs, and the numbers it makes of a run."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from node_benchmark_outcome import Outcome, quantiles
 from node_benchmark_run import Case
+import numpy as np
 
 SETTLING = 60.0  # memory is compared with that after so long, in shorter runs after half of it [s]
 

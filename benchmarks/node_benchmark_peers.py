@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Who talks to the simulator: a tracker that plays poses, and a listener. One process each.
 
     python benchmarks/node_benchmark_peers.py play POSES.npy --dt 0.1 --noise 0.005 --out sent.npy
@@ -10,23 +24,22 @@ which all processes of a machine share, and of the system's, which is the node's
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 import signal
 import struct
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
+from geometry_msgs.msg import PoseArray
 import numpy as np
 import rclpy
-from geometry_msgs.msg import PoseArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from trajectory_msgs.msg import MultiDOFJointTrajectory
-
 from rigid_gns_ros.messages import PoseArrayCodec
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 TOPICS = {'predicted_poses': PoseArray, 'predicted_trajectory': MultiDOFJointTrajectory}
 SETTLE = 0.5  # from discovery to the first frame: the node's side may discover later [s]

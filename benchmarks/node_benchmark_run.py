@@ -1,27 +1,40 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One run of the simulator node between a tracker and a listener, each a process of its own."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
+import os
 from pathlib import Path
+import subprocess
+import sys
+import time
 from typing import Any
 
+from node_benchmark_outcome import errors_of, Outcome, read_counts, read_recorded
 import numpy as np
-import yaml
-from node_benchmark_outcome import Outcome, errors_of, read_counts, read_recorded
-
 from rigid_gns_core.benchmark.busy_core import busy_core
 from rigid_gns_core.benchmark.machine import load_average
 from rigid_gns_core.rollout import load_simulator
-from rigid_gns_core.sampling import StartRecipe, sample_start
+from rigid_gns_core.sampling import sample_start, StartRecipe
 from rigid_gns_core.scene import Scene
-from rigid_gns_ros.demo import NodeProcess, node_environment
+from rigid_gns_ros.demo import node_environment, NodeProcess
+import yaml
 
 PEERS = Path(__file__).with_name('node_benchmark_peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tables of the node's benchmark, and the bounds it must keep."""
 
 from __future__ import annotations
@@ -62,7 +76,7 @@ def format_part(part: str, report: Mapping[str, Any]) -> str:
 
 
 def format_kills(path: Path) -> str:
-    """What benchmarks/bag_kills.py has measured."""
+    """Return what benchmarks/bag_kills.py has measured."""
     if not path.is_file():
         return f'kills: {path.name} is not there; python benchmarks/bag_kills.py makes it'
     report = read_json(path)

@@ -1,31 +1,44 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What each thing that a scene may need costs, and what it brings: docs/only_what_is_needed.md.
 
     python benchmarks/only_what_is_needed.py --model contact --data data/test
 
-Each row compares the model as it is with one change. Both run in turns from the same state, so that
-what else the machine does meets both alike; times are medians over the repeats. Without --quick the
-page and docs/model/only_what_is_needed.json are written; with it only what is named.
+Each row compares the model as it is with one change. Both run in turns from the same state, so
+that what else the machine does meets both alike; times are medians over the repeats. Without
+--quick the page and docs/model/only_what_is_needed.json are written; with it only what is named.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import platform
-import sys
-import warnings
 from dataclasses import replace
 from itertools import islice
+import os
 from pathlib import Path
+import platform
+import sys
 from typing import Any
+import warnings
 
-import numba
-from ablation_measures import HORIZON, Bench
+from ablation_measures import Bench, HORIZON
 from ablation_page import format_table, page
 from ablation_starts import make_starts
 from ablations import ROWS
 from machine import cpu_name
-
+import numba
 from rigid_gns_core.dataset import Dataset
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.strict_json import write_json
@@ -39,7 +52,9 @@ def main() -> int:
     )
     parser.add_argument('--model', default='contact', help='shipped name or path')
     parser.add_argument('--data', type=Path, metavar='FOLDER', help="Bullet's, for errors")
-    parser.add_argument('--rows', nargs='+', metavar='WORD', help='only rows that begin with these')
+    parser.add_argument(
+        '--rows', nargs='+', metavar='WORD', help='only rows that begin with these'
+    )
     parser.add_argument('--repeats', type=int, help='turns of each side (default: 15)')
     parser.add_argument('--block', type=int, help='steps of a turn (default: 10)')
     parser.add_argument('--quick', action='store_true', help='few spheres, turns and records')

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What publishing a PoseArray costs: CDR bytes from one array, beside Python message objects.
 
     python benchmarks/publish.py --subscriber --json publish.json
@@ -12,23 +26,22 @@ publishing thread alone.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from importlib.metadata import version
 import json
 import os
+from pathlib import Path
 import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from importlib.metadata import version
-from pathlib import Path
 
-import numpy as np
-import rclpy
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
 from machine import cpu_name
+import numpy as np
+import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-
 from rigid_gns_ros.messages import PoseArrayCodec
 
 TOPIC = 'benchmark_poses'
@@ -96,7 +109,7 @@ def measure(publisher, count: int, repeats: int) -> dict[str, dict[str, float]]:
 
 
 def listen() -> int:
-    """The subscriber: takes bytes and does nothing, until its parent ends it."""
+    """Subscribe: take bytes and do nothing, until the parent ends it."""
     rclpy.init()
     node = Node('publish_benchmark_listener')
     node.create_subscription(PoseArray, TOPIC, lambda _: None, 10, raw=True)

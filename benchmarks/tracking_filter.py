@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Velocities from noisy tracked poses, and who is who, against Bullet's own states.
 
     python benchmarks/tracking_filter.py --json docs/model/tracking_filter.json
@@ -12,20 +26,19 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
 from pathlib import Path
+import time
 from typing import Any
 
-import numpy as np
 from machine import cpu_name
-from tracking_filter_matching import cost_of_a_frame, follow
-from tracking_filter_plain import plain_fit
-from tracking_filter_truth import Truth, box, table
-
+import numpy as np
 from rigid_gns_core.state import Array
 from rigid_gns_core.strict_json import read_json, write_json
 from rigid_gns_ros.tracking.surroundings import Surroundings
 from rigid_gns_ros.tracking.velocity import estimate_motion
+from tracking_filter_matching import cost_of_a_frame, follow
+from tracking_filter_plain import plain_fit
+from tracking_filter_truth import box, table, Truth
 
 NOISE = (5e-3, 1.5e-2, 5e-2, 0.15, 0.5)  # radii: 0.1 to 10 mm for 20 mm
 FINE = (1e-4, 3e-4, 1e-3, 3e-3)  # radii: 0.1 to 3 mm for 1 m
@@ -139,7 +152,7 @@ def velocity_table(report: dict[str, Any]) -> str:
 
 
 def matching_table(report: dict[str, Any]) -> str:
-    """Matching errors, as Markdown."""
+    """Return matching errors, as Markdown."""
     lines = [
         '| scene | noise | tracker | sphere-frames | switches | untracked | false | noise told |'
     ]

@@ -1,17 +1,30 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whole runs of a tracker that shuffles, loses, invents and delays, for tracking_filter.py."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
+import time
 from typing import Any
 
 import numpy as np
-from tracking_filter_truth import Truth
-
 from rigid_gns_core.state import Array
 from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.tracking.window import RejectedFrame, TrackingWindow
+from tracking_filter_truth import Truth
 
 LENGTH = 6
 
@@ -48,7 +61,7 @@ FAULTS = (
 
 
 def tracking_window(truth: Truth, length: int) -> TrackingWindow:
-    """A window that matches, as the simulator would make it."""
+    """Return a window that matches, as the simulator would make it."""
     return TrackingWindow(
         frame_id='world',
         length=length,
@@ -131,7 +144,7 @@ def _sent(
 
 
 def cost_of_a_frame(truth: Truth, spheres: int = 300) -> dict[str, float]:
-    """Median processor time of a frame by length of the window [ms]; two boxes make 300 spheres."""
+    """Median processor time of a frame by length of window [ms]; two boxes make 300 spheres."""
     states = truth.trajectory
     places = np.concatenate([states.positions, states.positions + [0.0, 0.0, 300.0]], axis=1)
     turns = np.concatenate([states.quaternions, states.quaternions], axis=1)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Truth for benchmarks/tracking_filter.py: what spheres did, and when they touched something."""
 
 from __future__ import annotations
@@ -6,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.dataset import demo_record
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
@@ -54,7 +67,7 @@ class Truth:
 
 
 def box() -> Truth:
-    """The shipped trajectory: 154 spheres of radius 1 m fall into a box, 10 Hz."""
+    """Return the shipped trajectory: 154 spheres of radius 1 m fall into a box, 10 Hz."""
     record = demo_record()
     return Truth('box of 154, r 1 m, 10 Hz', record.scene, record.trajectory.window(0, 301), 1.0)
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the pages of this folder become a site: `make docs`.
 
 Equations are plain text and names of the code, not TeX: MathJax would be fetched from a network,
@@ -6,12 +20,12 @@ and GitHub, the site and an editor then show the same.
 
 from __future__ import annotations
 
-import os
-import re
-import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
+import os
 from pathlib import Path
+import re
+import sys
 from typing import Any
 from xml.etree import ElementTree
 
@@ -62,7 +76,11 @@ autodoc_mock_imports += [name for name in ('pybullet', 'torch') if find_spec(nam
 
 # Pages of files that lie at the root of the repository: what docs/ has of them is one line for who
 # reads it on GitHub.
-MIRRORS = {'overview': 'README.md', 'contributing': 'CONTRIBUTING.md', 'changelog': 'CHANGELOG.rst'}
+MIRRORS = {
+    'overview': 'README.md',
+    'contributing': 'CONTRIBUTING.md',
+    'changelog': 'CHANGELOG.rst',
+}
 
 
 def mirror(app: Sphinx, docname: str, content: list[str]) -> None:
@@ -77,8 +95,8 @@ def follow_links(app: Sphinx, docname: str, content: list[str]) -> None:
     """Let relative links of Markdown lead where they lead on GitHub.
 
     A link to a file at the root becomes one to its page, a link to a folder one to its README.md.
-    Every other file, as ../config/box.yaml, MyST copies into the site. What is not there is left as
-    it is: MyST warns of it.
+    Every other file, as ../config/box.yaml, MyST copies into the site. What is not there is left
+    as it is: MyST warns of it.
     """
     page = DOCS / f'{docname}.md'
     if Path(app.env.doc2path(docname)) != page:
@@ -132,13 +150,13 @@ def link_code(app: Sphinx, doctree: nodes.document, docname: str) -> None:
 
 
 def no_way_back(_app: Sphinx, page: str, _template: str, context: dict[str, Any], _: Any) -> None:
-    """Listings without "[docs]": it misses what a package offers under a name of its own."""
+    """Make listings without "[docs]": it misses what a package offers under a name of its own."""
     if page.startswith('_modules/') and 'body' in context:
         context['body'] = re.sub(r'<a class="viewcode-back"[^>]*>.*?</a>', '', context['body'])
 
 
 def setup(app: Sphinx) -> None:
-    """Called by Sphinx."""
+    """Set up this extension; Sphinx calls it."""
     app.connect('source-read', mirror, priority=400)
     app.connect('source-read', follow_links)
     app.connect('doctree-resolved', link_code)

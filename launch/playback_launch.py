@@ -1,8 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked poses of a bag, as if they came now, and the simulator on the bag's time.
 
 ros2 launch rigid_gns_ros playback_launch.py bag:=my_bag scene:=my_scene.yaml
 """
 
+from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     ExecuteProcess,
@@ -13,8 +28,6 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import SetParameter, SetRemap
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchDescription
 
 # passed on to simulator_launch.py
 PASSED = ('params_file', 'namespace', 'model', 'scene', 'record')

@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Learned simulators of rigid spheres: scenes, trajectories and prediction. No ROS in here."""
 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 from .scene import Plane, Scene
 from .state import State, Trajectory
 
 if TYPE_CHECKING:
-    from .rollout import Rollout, Simulator, load_simulator
+    from .rollout import load_simulator, Rollout, Simulator
 
 __all__ = ['Plane', 'Rollout', 'Scene', 'Simulator', 'State', 'Trajectory', 'load_simulator']
 

@@ -1,28 +1,43 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns calibrate`: materials under which short rollouts meet tracked poses best.
 
 From a start of tracked poses, the contact model predicts some steps; the errors, in units of what
-the tracker's noise explains, are made least by Gauss-Newton steps (`scipy.optimize.least_squares`),
-under a loss that grows with the logarithm, since a missed collision says nothing of materials.
+the tracker's noise explains, are made least by Gauss-Newton steps
+(`scipy.optimize.least_squares`), under a loss that grows with the logarithm, since a missed
+collision says nothing of materials.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+import json
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from .calibration_windows import Window, deviations, noise_of, windows_of, with_materials
+from .calibration_windows import deviations, noise_of, Window, windows_of, with_materials
 from .completion import completes, shipped_models
 from .config import positive
 from .dataset import Dataset, Record
-from .material_fit import MATERIALS, MaterialFit, most_evaluations
+from .material_fit import MaterialFit, MATERIALS, most_evaluations
 from .progress import Progress
-from .rollout import Simulator, load_simulator
+from .rollout import load_simulator, Simulator
 from .scene import Scene
 
 DEFAULT = ('restitution', 'friction', 'rolling_friction')
@@ -166,7 +181,9 @@ def _of_scene(scene: Scene, name: str) -> float:
     return float(np.mean(getattr(scene, name)))
 
 
-def _mean_error(simulator: Simulator, windows: Sequence[Window], values: dict[str, float]) -> float:
+def _mean_error(
+    simulator: Simulator, windows: Sequence[Window], values: dict[str, float]
+) -> float:
     ends = []
     for window in windows:
         places, _ = deviations(simulator, window, values)
@@ -175,7 +192,7 @@ def _mean_error(simulator: Simulator, windows: Sequence[Window], values: dict[st
 
 
 def format_calibration(found: Calibration) -> str:
-    """The fitted materials as a table, with what they are for pairs of two such things."""
+    """Return the fitted materials as a table, with what they are for pairs of two such things."""
     lines = [f'{"material":20} {"before":>8} {"fitted":>8} {"error":>8}']
     for name, one in found.materials.items():
         error = f'{one.error:8.2g}' if one.told and one.error is not None else '       -'

@@ -1,19 +1,33 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Short rollouts from tracked poses, and how far they end from what was tracked."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+import warnings
 
 import numpy as np
 
 from .dataset import Record
 from .rollout import Simulator
 from .scene import Scene
-from .state import Array, State, rotation_between
-from .tracked_motion import HALF_TURN, PoseNoise, estimate_noise, rotates, tracked_starts
+from .state import Array, rotation_between, State
+from .tracked_motion import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts
 
 # what the best materials leave of an error, in radii and radians: the model is not the world
 _MODEL_ERROR = 5e-3
@@ -98,7 +112,7 @@ def noise_of(records: Sequence[Record]) -> PoseNoise:
 
 
 def with_materials(scene: Scene, values: dict[str, float]) -> Scene:
-    """The scene with other materials, the same for all spheres.
+    """Return the scene with other materials, the same for all spheres.
 
     Args:
         scene: A surface without a value of its own has that of the spheres.
@@ -115,7 +129,9 @@ def with_materials(scene: Scene, values: dict[str, float]) -> Scene:
     return replace(scene, surfaces=surfaces, **spheres)
 
 
-def deviations(simulator: Simulator, window: Window, values: dict[str, float]) -> tuple[Array, ...]:
+def deviations(
+    simulator: Simulator, window: Window, values: dict[str, float]
+) -> tuple[Array, ...]:
     """Errors of position [m] and rotation [rad] of a rollout, each of shape (steps, n, 3).
 
     A rollout that diverged is a million off.
@@ -123,7 +139,9 @@ def deviations(simulator: Simulator, window: Window, values: dict[str, float]) -
     steps = len(window.positions)
     start = window.start
     with warnings.catch_warnings():
-        warnings.simplefilter('ignore')  # materials tried on the way may be beyond the trained ones
+        warnings.simplefilter(
+            'ignore'
+        )  # materials tried on the way may be beyond the trained ones
         predicted = simulator.rollout(
             with_materials(window.scene, values),
             start.positions,

@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Weights on disk: safetensors plus a JSON card beside it. Pickle is never read."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import hashlib
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -73,7 +87,7 @@ def load_tensors(path: Path) -> Tensors:
 
 
 def save_model(path: str | Path, network: Network, card: dict[str, Any]) -> None:
-    """Write `path`.safetensors and `path`.json, which get each other's mark: see `load_weights`."""
+    """Write `path`.safetensors and `path`.json, with each other's mark: see `load_weights`."""
     weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
     save_tensors(weights, tensors_of(network))
     marks = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}

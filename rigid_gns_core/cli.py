@@ -1,13 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns`: one command per stage, whose module owns its options and is imported on demand."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import importlib
 import os
 import select
 import sys
-from collections.abc import Sequence
 from typing import Any
 
 # name: (module with add_arguments(parser) and run(arguments) -> int, one-line help)
@@ -17,7 +31,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
     ),
-    'import': ('rigid_gns_ros.learning.import_bag', 'make a data set of the tracked poses in bags'),
+    'import': (
+        'rigid_gns_ros.learning.import_bag',
+        'make a data set of the tracked poses in bags',
+    ),
     'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
     'train': ('rigid_gns_core.train_command', 'train a simulator from a YAML recipe'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
@@ -134,7 +151,7 @@ def _run(argv: list[str]) -> int:
 
 
 def _with_remedy(error: ModuleNotFoundError) -> str:
-    """What is missing, and how to get it; an error of our own says that already."""
+    """Return what is missing, and how to get it; an error of our own says that already."""
     from .extras import missing
 
     if error.name is None or 'which is not installed' in str(error):

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Windows of several steps, rolled out with gradients: each step starts from what was predicted.
 
 One-step training sees only states near those of the teacher (thesis section 3.3); here the network
@@ -17,8 +31,8 @@ from torch import Tensor
 from .graph import build_graph
 from .models.configs import GNSConfig
 from .models.gns import GNS
-from .models.tensor_features import TensorGraph, TensorMotion, tensor_features
-from .windows import Batch, Draw, Source, angles_of, owners, rotate_batch, turned
+from .models.tensor_features import tensor_features, TensorGraph, TensorMotion
+from .windows import angles_of, Batch, Draw, owners, rotate_batch, Source, turned
 
 # radii from the truth beyond which a sphere is lost to chaos and teaches nothing any more
 LOST = 0.5
@@ -32,8 +46,8 @@ class Windows(NamedTuple):
 
     start: with noise; positions: true ones after each step [m], shape (K, n, 3); targets: [v,
     omega] of each step [m/s, rad/s], shape (K, n, 6); properties: radius and mass, shape (n, 2);
-    owner: index of the window, shape (n,); angles: by which windows are turned about gravity [rad],
-    shape (windows,), or None; windows: number of windows; dt: time step [s].
+    owner: index of the window, shape (n,); angles: by which windows are turned about gravity
+    [rad], shape (windows,), or None; windows: number of windows; dt: time step [s].
     """
 
     start: TensorMotion
@@ -49,8 +63,8 @@ class Windows(NamedTuple):
 class Frame(NamedTuple):
     """One step of all windows.
 
-    batch: what went in; output: of the network, normalised, shape (n, 6); counted: the spheres that
-    count, shape (n,).
+    batch: what went in; output: of the network, normalised, shape (n, 6); counted: the spheres
+    that count, shape (n,).
     """
 
     batch: Batch
@@ -90,7 +104,7 @@ def stack_windows(
 
 
 def connector(sources: Sequence[Source], draws: Sequence[Draw], config: GNSConfig) -> Connect:
-    """Connections of windows by `build_graph`."""
+    """Return connections of windows by `build_graph`."""
     own = [sources[draw.source] for draw in draws]
     ends = np.cumsum([0, *(source.count for source in own)])
     spheres = [slice(*pair) for pair in pairwise(ends)]
@@ -109,7 +123,7 @@ def connector(sources: Sequence[Source], draws: Sequence[Draw], config: GNSConfi
 def roll_out(
     network: GNS, windows: Windows, connect: Connect, corrects_target: bool
 ) -> Iterator[Frame]:
-    """Steps of all windows in closed loop, with gradients through features and integration.
+    """Yield steps of all windows in closed loop, with gradients through features and integration.
 
     The graph is built anew in each step, from poses without gradient. A sphere counts until a step
     starts with it lost.

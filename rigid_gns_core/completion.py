@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns completion`: completion for a shell; and what the words of an option can be."""
 
 from __future__ import annotations
@@ -33,7 +47,7 @@ def shipped_models() -> list[str]:
 
 
 def configs(kind: str) -> Callable[[], list[str]]:
-    """Finds the names of the shipped YAML files in config/`kind`."""
+    """Find the names of the shipped YAML files in config/`kind`."""
 
     def find() -> list[str]:
         from .config import config_folder
@@ -44,7 +58,7 @@ def configs(kind: str) -> Callable[[], list[str]]:
 
 
 def chosen_command(commands: Iterable[str], line: str, point: int) -> str | None:
-    """The command in a line that is being typed; None where it is not whole yet.
+    """Return the command in a line that is being typed; None where it is not whole yet.
 
     Args:
         commands: All names.

@@ -1,13 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Frozen dataclasses from YAML, with errors that name the key and list the allowed ones."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 import dataclasses
+from pathlib import Path
 import types
 import typing
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
@@ -28,7 +42,8 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T
     where = where or cls.__name__
     if not isinstance(mapping, Mapping):
         raise ConfigError(f'{where} is {mapping!r}, expected a mapping')
-    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
+    members = dataclasses.fields(cls)  # type: ignore[arg-type]
+    fields = {field.name: field for field in members if field.init}
     if unknown := sorted(set(mapping) - set(fields), key=str):
         raise ConfigError(f'{where}: unknown key {unknown[0]!r}, allowed: {", ".join(fields)}')
     hints = typing.get_type_hints(cls)
@@ -160,7 +175,9 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             for index, (argument, item) in enumerate(zip(arguments, value, strict=True))
         )
     if dataclasses.is_dataclass(hint):
-        return value if isinstance(value, hint) else from_mapping(hint, value, where)  # type: ignore[arg-type]
+        if isinstance(value, hint):  # type: ignore[arg-type]
+            return value
+        return from_mapping(hint, value, where)  # type: ignore[arg-type]
     if hint is float:
         if value == 'inf':
             return float('inf')

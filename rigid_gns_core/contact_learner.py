@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training of the contact model: several frames in closed loop, on steps in which bodies touch."""
 
 from __future__ import annotations
@@ -18,7 +32,7 @@ from .models.contact.candidates import Candidates, find_candidates, join
 from .models.contact.geometry import find_contacts
 from .models.contact.memory import Memory
 from .models.contact.network import ContactNetwork
-from .models.contact.step import Motion, frame
+from .models.contact.step import frame, Motion
 from .models.contact.world import UNIT_GRAVITY, World
 from .similarity import ModelUnits
 from .state import Array
@@ -249,7 +263,7 @@ class ContactLearner(Learner[ContactNetwork]):
 def _draw(
     sources: Sequence[Scenario], rng: np.random.Generator, frames: int
 ) -> tuple[Scenario, int]:
-    """A scenario and a step at which some sphere that moves has several contacts."""
+    """Return a scenario and a step at which some sphere that moves has several contacts."""
     for _ in range(_THROWS):
         scenario = sources[int(rng.integers(len(sources)))]
         step = int(rng.integers(scenario.record.trajectory.steps - frames + 1))

@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Trajectories in HDF5: one file each, with scene, seed and teacher; see docs/data_format.md."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
+import hashlib
 from importlib import resources
+import json
+import os
 from pathlib import Path
+import re
 from typing import Any, Literal, overload
 
 import h5py
@@ -147,7 +161,7 @@ def read_record(path: str | Path) -> Record:
 
 
 def read_records(path: str | Path) -> list[Record]:
-    """Records of one file, or of all files of a folder.
+    """Return records of one file, or of all files of a folder.
 
     Raises:
         DatasetError: A file is damaged, or the folder lacks some.
@@ -156,7 +170,7 @@ def read_records(path: str | Path) -> list[Record]:
 
 
 def demo_record() -> Record:
-    """The trajectory the package ships: 154 spheres in the 60 x 60 m box.
+    """Return the trajectory the package ships: 154 spheres in the 60 x 60 m box.
 
     Raises:
         DatasetError: The installation lacks it.
@@ -204,8 +218,10 @@ class Dataset(Sequence[Record]):
 
     @overload
     def __getitem__(self, index: int) -> Record: ...
+
     @overload
     def __getitem__(self, index: slice) -> list[Record]: ...
+
     def __getitem__(self, index: int | slice) -> Record | list[Record]:
         if isinstance(index, slice):
             return [self._read(path) for path in self.paths[index]]

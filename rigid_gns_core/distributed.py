@@ -1,16 +1,30 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training by several processes under torchrun: who does what, and what they agree on."""
 
 from __future__ import annotations
 
-import datetime
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+import datetime
+import os
 from typing import NamedTuple, TypeVar
 
 import torch
-import torch.distributed as dist
 from torch import Tensor
+import torch.distributed as dist
 
 T = TypeVar('T')
 
@@ -46,7 +60,7 @@ class Processes:
         return self.rank == 0
 
     def share(self, items: Sequence[T]) -> Sequence[T]:
-        """What this process does of the items; the shares of all are the items.
+        """Return what this process does of the items; the shares of all are the items.
 
         Raises:
             ValueError: There are fewer items than processes.
@@ -75,7 +89,7 @@ class Processes:
         self.sum(0.0)
 
     def fair(self, mean: Mean) -> Tensor:
-        """The mean scaled so that its average over processes is the mean over what all have.
+        """Return the mean, scaled so that its average over processes is the mean over all.
 
         DistributedDataParallel averages gradients, so that a process with few spheres would count
         as much as one with many.

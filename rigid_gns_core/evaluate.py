@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Score predictions against a reference: one report, as a table, JSON and a figure.
 
 Also the stage `rigid-gns evaluate`.
@@ -6,15 +20,15 @@ Also the stage `rigid-gns evaluate`.
 from __future__ import annotations
 
 import argparse
-import importlib
 from collections.abc import Iterable, Mapping, Sequence
+import importlib
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from .completion import completes, configs, shipped_models
-from .metrics import HORIZONS, divergence, error_metrics, horizon_metrics, law_metrics
+from .metrics import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .metrics.error import check_comparable
 from .metrics.table import format_table
 from .scene import Scene
@@ -87,8 +101,8 @@ def summarise(reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Mean and standard deviation over reports of `evaluate`, in the same nesting.
 
     A number becomes `mean`, `std` (of the population), `count`, and `infinite`, how many were.
-    Where some were, mean and std are infinite too, and `finite_mean`, `finite_std` are of the rest.
-    A number that not all reports have is summarised over those that have it.
+    Where some were, mean and std are infinite too, and `finite_mean`, `finite_std` are of the
+    rest. A number that not all reports have is summarised over those that have it.
 
     Raises:
         ValueError: There are no reports.

@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What to install where a module is missing: the extra of this package that brings it."""
 
 from __future__ import annotations
 
+from importlib import metadata
 import re
 import sys
-from importlib import metadata
 
 from .versions import PACKAGE
 
@@ -23,7 +37,7 @@ _ALSO = {'rclpy': 'source the setup.bash of a ROS 2 Jazzy, or '}
 
 
 def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str | None:
-    """What to do so that a module can be imported; None: this package asks for no such module.
+    """Return what makes a module importable; None: this package asks for no such module.
 
     Args:
         module: Its name, such as 'torch' or 'PIL.Image'.
@@ -52,7 +66,7 @@ def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str |
 
 
 def missing(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
-    """The error, in words: `what` needs a module that is not installed, and how to get it."""
+    """Return the error: `what` needs a module that is not installed, and how to get it."""
     module = error.name or str(error)
     advice = remedy(module)
     text = f'{what} needs {module}, which is not installed'

@@ -1,7 +1,21 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns train --from MODEL`: training that starts from the weights of a checkpoint.
 
-The normalisers of features and targets are part of the weights and stay as they are, so the records
-are brought to the units that the checkpoint was trained in.
+The normalisers of features and targets are part of the weights and stay as they are, so the
+records are brought to the units that the checkpoint was trained in.
 """
 
 from __future__ import annotations
@@ -9,11 +23,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .checkpoint import CheckpointError, Tensors, find_model
+from .checkpoint import CheckpointError, find_model, Tensors
 from .config import to_mapping
 from .dataset import Record
 from .rollout import load_simulator
@@ -47,7 +61,7 @@ class StartingPoint:
 
     @classmethod
     def of(cls, name: str | Path) -> StartingPoint:
-        """A shipped model by name, or any by path.
+        """Return a shipped model by name, or any by path.
 
         Raises:
             CheckpointError: There is no such model, or its files are damaged.
@@ -62,11 +76,11 @@ class StartingPoint:
         )
 
     def records(self, records: Sequence[Record]) -> list[Record]:
-        """Records in the checkpoint's units, and what is tracked with the velocity of its start.
+        """Return records in the checkpoint's units; tracked ones with the velocity of their start.
 
         Raises:
-            ValueError: A record's time step is not that of the model for its radius and gravity, or
-                it was tracked and the model learns from velocities of the instant.
+            ValueError: A record's time step is not that of the model for its radius and gravity,
+                or it was tracked and the model learns from velocities of the instant.
         """
         return [self._record(record) for record in records]
 
@@ -125,7 +139,7 @@ class StartingPoint:
 
 
 def _with_start(trajectory: Trajectory, gravity: Sequence[float]) -> Trajectory:
-    """The trajectory with the velocity of the instant in frame 0, where poses give a mean.
+    """Return the trajectory with the velocity of the instant in frame 0, where poses give a mean.
 
     Backward differences repeat in frame 0 the mean velocity of the first step; a sphere that flies
     was slower by g dt / 2 when it began.

@@ -1,28 +1,42 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns generate`: Bullet trajectories of a data recipe, or of one scene, into HDF5 files."""
 
 from __future__ import annotations
 
 import argparse
-import signal
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
+import signal
+import sys
+import time
 from typing import Any
 
 from .completion import completes, configs
 from .config import from_mapping
 from .dataset import (
-    RECIPE_NAME,
+    check_membership,
     Contents,
     DatasetError,
-    Record,
-    check_membership,
     present_records,
     read_recipe,
     read_record,
+    RECIPE_NAME,
+    Record,
     record_path,
     write_recipe,
     write_record,
@@ -30,7 +44,7 @@ from .dataset import (
 from .progress import Progress
 from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
 from .sampling import load_scene, sample_start
-from .workers import WorkerDied, Workers, add_worker_arguments, chosen_workers
+from .workers import add_worker_arguments, chosen_workers, WorkerDied, Workers
 
 EXAMPLE = """examples:
   rigid-gns generate --config smoke --out data/smoke
@@ -209,8 +223,8 @@ def run(arguments: argparse.Namespace) -> int:
     size = sum(path.stat().st_size for path in paths)
     seconds = time.monotonic() - begin
     print(
-        f'{arguments.out}: {len(paths)} trajectories of {recipe.steps} steps, {size / 1e6:.1f} MB, '
-        f'{seconds:.0f} s'
+        f'{arguments.out}: {len(paths)} trajectories of {recipe.steps} steps, '
+        f'{size / 1e6:.1f} MB, {seconds:.0f} s'
     )
     return 0
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training of the thesis' GNS on noisy windows, of one step (thesis section 3.3) or several."""
 
 from __future__ import annotations
@@ -19,7 +33,7 @@ from .models.gns import GNS
 from .resident import Resident
 from .similarity import ModelUnits
 from .training_set import common_scene
-from .windows import Batch, Draw, Noise, Source, draw_windows, one_step_batch
+from .windows import Batch, Draw, draw_windows, Noise, one_step_batch, Source
 
 # windows whose statistics normalise features, and a step number no training step has
 _STATISTICS_WINDOWS, _STATISTICS_STEP = 256, 2**31
@@ -71,7 +85,8 @@ class GNSLearner(Learner[GNS]):
         units: Radius, gravity and time step of the trajectories.
         materials: Of all trajectories.
         device: Where the network is trained; None: the CPU.
-        resident: Keep the trajectories there and connect spheres there; None: unless it is the CPU.
+        resident: Keep the trajectories there and connect spheres there; None: unless it is the
+            CPU.
 
     Raises:
         ValueError: No trajectory is as long as `closed_loop_steps`.
@@ -133,7 +148,7 @@ class GNSLearner(Learner[GNS]):
         return self.closed_loop(draws)
 
     def draw(self, step: int, size: int, noise: Noise) -> list[Draw]:
-        """The windows of a step: a resumed run draws the same ones."""
+        """Return the windows of a step: a resumed run draws the same ones."""
         config = self.config
         return draw_windows(
             self.sources,
@@ -172,7 +187,7 @@ class GNSLearner(Learner[GNS]):
         return terms
 
     def closed_loop(self, draws: Sequence[Draw]) -> tuple[Mean, ...]:
-        """The same over several steps, or on a device; what counts does so alike."""
+        """Return the same over several steps, or on a device; what counts does so alike."""
         config, network = self.config, self.network
         steps, corrects = config.closed_loop_steps, config.noise.corrects_target
         if self.resident is None:

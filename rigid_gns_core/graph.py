@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which spheres and surfaces are connected in a step (thesis section 3.2.1).
 
 "Distance" is the gap between surfaces of bodies, not between centres: with centres, two slow
@@ -8,13 +22,13 @@ number of neighbours.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from .plane import Plane, closest_points
+from .plane import closest_points, Plane
 from .scene import Scene
 from .state import Array
 
@@ -28,8 +42,8 @@ class Reach:
 
     Args:
         connectivity: `epsilon`: gap below `epsilon`. `vmax`: gap below V_max dt. `vi`: gap below
-            the larger V_i dt of the two. `swept`: smallest gap during the step of straight relative
-            motion below `margin` (design of the contact model; the fewest edges).
+            the larger V_i dt of the two. `swept`: smallest gap during the step of straight
+            relative motion below `margin` (design of the contact model; the fewest edges).
         epsilon: Reach of `epsilon` connectivity [m].
         margin: Added to the reach of all others [m]: covers what V dt leaves out, the
             g dt^2 / 2 that a resting sphere falls when its support goes.

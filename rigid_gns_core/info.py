@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns info`: versions, what is there and what is missing, and the cards of models."""
 
 from __future__ import annotations
@@ -5,12 +19,12 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+from pathlib import Path
 import platform
 import re
-from pathlib import Path
 from typing import Any
 
-from .checkpoint import DEFAULT_MODEL, CheckpointError, find_model, load_card
+from .checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
 from .completion import completes, shipped_models
 from .extras import remedy
 from .probes import Probes
@@ -58,7 +72,7 @@ def collect(models: list[str] | None = None) -> dict[str, Any]:
 
 
 def describe_model(name: str) -> dict[str, Any]:
-    """What the card of a model says, and where its file is.
+    """Return what the card of a model says, and where its file is.
 
     Raises:
         CheckpointError: There is no such model, or its card is damaged.
@@ -157,7 +171,9 @@ def _gpu(torch: dict[str, Any], cards: list[str]) -> str:
         return f'{seen}, but no torch to use it'
     if torch['cuda'] is None:
         return f'{seen}, but this torch is a build for the CPU: pytorch.org/get-started has others'
-    return f'{seen}, but torch cannot use it: look at nvidia-smi for the CUDA version of the driver'
+    return (
+        f'{seen}, but torch cannot use it: look at nvidia-smi for the CUDA version of the driver'
+    )
 
 
 def _ros(found: dict[str, Any]) -> str:
@@ -173,7 +189,9 @@ def _model_lines(model: dict[str, Any]) -> list[str]:
     if 'error' in model:
         return [head, f'  damaged: {model["error"]}']
     materials = ', '.join(
-        f'{name} {value[0]:.3g} to {value[1]:.3g}' if isinstance(value, list) else f'{name} {value}'
+        f'{name} {value[0]:.3g} to {value[1]:.3g}'
+        if isinstance(value, list)
+        else f'{name} {value}'
         for name, value in model['materials'].items()
     )
     scores = ', '.join(

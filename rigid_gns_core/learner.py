@@ -1,16 +1,30 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What all trainings share: schedule, optimiser, averaged weights, state (thesis section 3.3)."""
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+import math
 from typing import Any, ClassVar, Generic, TypeVar
 
 import torch
-from torch import Tensor, nn
+from torch import nn, Tensor
 
 from .checkpoint import CheckpointError
 from .config import check_least, check_positive
@@ -167,7 +181,7 @@ class Learner(ABC, Generic[N]):
 
     @contextmanager
     def averaged_weights(self) -> Iterator[N]:
-        """The network with its averaged weights, where the recipe has an average."""
+        """Yield the network with its averaged weights, where the recipe has an average."""
         current = [parameter.detach().clone() for parameter in self.parameters]
         with torch.no_grad():
             if self.config.average:

@@ -1,13 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How Numba compiles a package of ours: at the first use, then read from a folder of its own."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import hashlib
 import os
-import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+import shutil
+from typing import Any, cast, TypeVar
 
 import numba
 
@@ -42,7 +56,7 @@ class MachineCode:
         return self._seen
 
     def of(self, function: Function, **options: Any) -> Function:
-        """`function` compiled, with more options of numba.njit."""
+        """Return `function` compiled, with more options of numba.njit."""
         settings: Any = numba.config
         theirs = settings.CACHE_DIR
         settings.CACHE_DIR = str(self.folder)

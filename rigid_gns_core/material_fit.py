@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Materials by least squares over short rollouts, under a loss that forgets outliers."""
 
 from __future__ import annotations
@@ -7,14 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .calibration_windows import Window, residuals
+from .calibration_windows import residuals, Window
 from .progress import Progress
 from .rollout import Simulator
 from .state import Array
 
 
 class Bounds(NamedTuple):
-    """Range of a material, values tried first, a step for differences, and what counts as known."""
+    """Range of a material, values tried first, step for differences, and what counts as known."""
 
     low: float
     high: float
@@ -70,7 +84,7 @@ class MaterialFit:
         return [residuals(self.simulator, window, materials) for window in self.windows]
 
     def scan(self) -> dict[str, float]:
-        """The best of the values tried, one material after another, on some of the windows."""
+        """Return the best of the values tried, one material at a time, on some of the windows."""
         if len(self.windows) > _SCANNED:
             every = len(self.windows) // _SCANNED
             some = self.windows[::every][:_SCANNED]
@@ -120,7 +134,7 @@ class MaterialFit:
         return named(point)
 
     def errors(self, values: dict[str, float]) -> dict[str, float]:
-        """Standard errors: the larger of two estimates, neither of which takes errors for alike.
+        """Return standard errors: the larger of two estimates; neither takes errors for alike.
 
         One is from slopes (a sandwich with a window as its unit), one from fits to groups of
         windows on their own, which also sees how rough the sum of errors is.
@@ -161,7 +175,7 @@ class MaterialFit:
         return sum(float(np.log1p((e / scale) ** 2).sum()) for e in self.all_residuals(values))
 
     def _slopes(self, values: dict[str, float]) -> list[Array]:
-        """Derivatives of the errors of each window, shape (errors, materials)."""
+        """Return derivatives of the errors of each window, shape (errors, materials)."""
         columns = []
         for name, value in values.items():
             low, high, _, step, _ = MATERIALS[name]

@@ -1,9 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rollouts on a GPU: scenes side by side in one batch of tensors. torch is imported when asked."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +34,15 @@ _PAIRS = 2**22
 
 
 def known_device(name: str, backend: str) -> torch.device:
-    """The device of this name.
+    """Return the device of this name.
 
     Raises:
         ValueError: It is not there, or the backend cannot use it.
     """
     if backend != 'torch':
         raise ValueError(
-            f"device is {name!r}, but backend {backend!r} runs on the CPU; give backend='torch' too"
+            f'device is {name!r}, but backend {backend!r} runs on the CPU; '
+            "give backend='torch' too"
         )
     import torch
 
@@ -41,8 +56,8 @@ def known_device(name: str, backend: str) -> torch.device:
     present = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if device.type == 'cuda' and (device.index or 0) >= present:
         raise ValueError(
-            f'device is {name!r}, but torch {torch.__version__} finds {present} CUDA devices here; '
-            'leave device out to run on the CPU'
+            f'device is {name!r}, but torch {torch.__version__} finds {present} CUDA devices '
+            'here; leave device out to run on the CPU'
         )
     return device
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a user may choose of a model that is loaded."""
 
 from __future__ import annotations
@@ -8,7 +22,7 @@ BACKENDS = ('engine', 'torch')
 
 
 def known_backend(name: str) -> str:
-    """The name of a backend; ValueError where there is none such."""
+    """Return the name of a backend; ValueError where there is none such."""
     if name not in BACKENDS:
         raise ValueError(f'backend is {name!r}, allowed: {", ".join(BACKENDS)}')
     return name

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Places of the spheres of a start: thrown at random, laid on a floor, in blocks, or as given."""
 
 from __future__ import annotations
@@ -88,7 +102,10 @@ def _on_floor(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.Ge
                     [np.cos(angle), np.sin(angle)]
                 )
             inside = (place[:2] >= low[:2]).all() and (place[:2] <= high[:2]).all()
-            if not inside or _nearest(positions[others], radii[others], place, radius) < recipe.gap:
+            if (
+                not inside
+                or _nearest(positions[others], radii[others], place, radius) < recipe.gap
+            ):
                 continue
             if _is_clear(scene, place[None], radius, recipe.gap, floor):
                 break
@@ -135,8 +152,8 @@ def _in_blocks(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.G
                 break
         else:
             raise SamplingError(
-                f'only {len(positions)} of {count} spheres found a place, in blocks {side} wide on '
-                f'a floor of {high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} m; '
+                f'only {len(positions)} of {count} spheres found a place, in blocks {side} wide '
+                f'on a floor of {high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} m; '
                 'use fewer spheres, a smaller gap or a larger box'
             )
         positions = np.concatenate([positions, places])
@@ -144,7 +161,7 @@ def _in_blocks(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.G
 
 
 def _given(scene: Scene, recipe: StartRecipe, radii: Array) -> Array:
-    """The places that the recipe says, shape (n, 3), checked."""
+    """Return the places that the recipe says, shape (n, 3), checked."""
     positions = np.concatenate(
         [*(block.positions for block in recipe.blocks), np.reshape(recipe.at, (-1, 3))]
     )
@@ -152,8 +169,8 @@ def _given(scene: Scene, recipe: StartRecipe, radii: Array) -> Array:
     worst = np.unravel_index(np.argmin(clearance), clearance.shape) if clearance.size else None
     if worst is not None and clearance[worst] < -_TOLERANCE * radii[worst[0]]:
         raise SamplingError(
-            f'sphere {worst[0]} at {_text(positions[worst[0]])} m starts {-clearance[worst]:.3g} m '
-            f'deep in surface {worst[1]}; move it'
+            f'sphere {worst[0]} at {_text(positions[worst[0]])} m starts '
+            f'{-clearance[worst]:.3g} m deep in surface {worst[1]}; move it'
         )
     for sphere in range(1, len(positions)):
         nearest = _nearest(positions[:sphere], radii[:sphere], positions[sphere], radii[sphere])
@@ -209,7 +226,9 @@ def _throws(
         points, heights = closest_points(scene.surfaces, places)
         distance = np.linalg.norm(places[:, None] - points, axis=2)
         # behind a plane without end is outside; behind a bounded one is a place as good as another
-        endless = np.array([np.isinf([s.length_x, s.length_y]).all() for s in scene.surfaces], bool)
+        endless = np.array(
+            [np.isinf([s.length_x, s.length_y]).all() for s in scene.surfaces], bool
+        )
         free = (distance >= radius + gap) & ((heights > 0) | ~endless)
         yield from places[free.all(1)]
 
@@ -243,6 +262,7 @@ def _region(
         axis = int(np.argmax(low - high))
         raise SamplingError(
             f'no room for a sphere of radius {radius:g} m and a gap of {recipe.gap:g} m along '
-            f'{"xyz"[axis]}: the lowest centre is {low[axis]:.4g} m, the highest {high[axis]:.4g} m'
+            f'{"xyz"[axis]}: the lowest centre is {low[axis]:.4g} m, '
+            f'the highest {high[axis]:.4g} m'
         )
     return low, high

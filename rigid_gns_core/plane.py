@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bounded planes, and the checks of values that planes and scenes share."""
 
 from __future__ import annotations
@@ -24,7 +38,7 @@ RANGES = {
 
 
 def checked_property(name: str, value: ArrayLike) -> PerSphere:
-    """A property as a number, or a tuple of one per sphere; ValueError where it is out of range."""
+    """Return a property as a number, or a tuple of one per sphere; ValueError: out of range."""
     array = np.asarray(value, dtype=np.float64)
     if array.ndim > 1 or array.size == 0:
         raise ValueError(f'{name} has shape {array.shape}, expected a number or one per sphere')
@@ -93,7 +107,9 @@ class Plane:
         direction = np.asarray(_unit('direction of a plane', direction))
         direction = direction - normal * (direction @ normal)
         if np.linalg.norm(direction) < 1e-6:
-            raise ValueError('direction of a plane is parallel to its normal; choose one across it')
+            raise ValueError(
+                'direction of a plane is parallel to its normal; choose one across it'
+            )
         set_field(self, 'direction', _unit('direction of a plane', direction))
         for name in ('length_x', 'length_y'):
             length = float(getattr(self, name))
@@ -134,7 +150,9 @@ class Plane:
         """
         for name, value in (('length_x', length_x), ('length_y', length_y), ('height', height)):
             if not value > 0 or (name != 'height' and value == np.inf):
-                raise ValueError(f'{name} of the box is {value:g}, expected more than 0 and finite')
+                raise ValueError(
+                    f'{name} of the box is {value:g}, expected more than 0 and finite'
+                )
         x, y = length_x / 2, length_y / 2
         z = height / 2 if np.isfinite(height) else 0.0
         up = (0.0, 0.0, 1.0)

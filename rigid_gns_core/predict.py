@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns rollout`: predict a trajectory from a scene file's start and write it as a record.
 
 With `--samples` also what becomes of starts near it: how sure a prediction is.
@@ -6,11 +20,11 @@ With `--samples` also what becomes of starts near it: how sure a prediction is.
 from __future__ import annotations
 
 import argparse
-import threading
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+import threading
+import time
 
 import numpy as np
 
@@ -107,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def starts_near(start: State, count: int, spread: float, seed: int) -> list[State]:
-    """The start with positions moved by Gaussian noise of standard deviation `spread` [m].
+    """Return the start with positions moved by Gaussian noise of standard deviation `spread` [m].
 
     Sample k does not depend on how many there are.
     """
@@ -133,7 +147,7 @@ def position_spread(trajectories: Sequence[Trajectory]) -> Array:
 
 
 def print_spread(trajectories: Sequence[Trajectory]) -> None:
-    """A table of the spread over time, at about ten times."""
+    """Print a table of the spread over time, at about ten times."""
     spread = position_spread(trajectories)
     print(f'spread of {len(trajectories)} samples [m], over spheres')
     print('  time [s]     median        90 %     largest')

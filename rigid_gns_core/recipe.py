@@ -1,17 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The recipe of a data set: how each trajectory's scene and start are drawn."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass, field, fields, replace
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from .config import ConfigError, find_config, from_mapping, load_yaml
-from .sampling import Layout, StartRecipe, check_range, sample_start
+from .sampling import check_range, Layout, sample_start, StartRecipe
 from .scene import Plane, Scene
 from .state import State
 
@@ -25,8 +39,8 @@ class DataRecipe:
     """How a set of trajectories is drawn; see config/data/thesis.yaml.
 
     Trajectory `index` follows from (seed, index) alone, whatever the others are and whoever
-    makes it. A material is a number, or a range that is drawn from evenly (see `vary`); a radius or
-    mass is a number, or a range from which each sphere draws a value evenly in its logarithm.
+    makes it. A material is a number, or a range that is drawn from evenly (see `vary`); a radius
+    or mass is a number, or a range from which each sphere draws a value evenly in its logarithm.
 
     Args:
         trajectories: Number of trajectories.
@@ -151,7 +165,9 @@ class DataRecipe:
         surfaces = Plane.box(length_x, length_y) if self.walls else (Plane(),)
         if self.vary == 'sphere':
             # where there is a range; a number is the scene's, which a surface takes over
-            ranged = [n for n in ('restitution', 'friction') if isinstance(getattr(self, n), tuple)]
+            ranged = [
+                n for n in ('restitution', 'friction') if isinstance(getattr(self, n), tuple)
+            ]
             surfaces = tuple(
                 replace(plane, **{name: _draw(rng, getattr(self, name)) for name in ranged})
                 for plane in surfaces
@@ -170,7 +186,7 @@ class DataRecipe:
 
 
 def load_recipe(name: str | Path) -> DataRecipe:
-    """Data recipe of a YAML file, or of a shipped name in config/data.
+    """Return the data recipe of a YAML file, or of a shipped name in config/data.
 
     `base: NAME` takes all values of another recipe; the file's own replace them.
 
@@ -209,14 +225,14 @@ def recipe_difference(old: DataRecipe, new: DataRecipe) -> list[str]:
 
 
 def _draw(rng: np.random.Generator, value: Range, count: int | None = None) -> Any:
-    """A number, or `count` of them where there is a range."""
+    """Return a number, or `count` of them where there is a range."""
     if not isinstance(value, tuple):
         return value
     return float(rng.uniform(*value)) if count is None else _plain(rng.uniform(*value, count))
 
 
 def _draw_logarithmic(rng: np.random.Generator, value: Range, count: int) -> Any:
-    """A number, or shape (count,) where there is a range, evenly in the logarithm."""
+    """Return a number, or shape (count,) where there is a range, evenly in the logarithm."""
     if not isinstance(value, tuple):
         return value
     # the logarithm and back may leave the range by rounding

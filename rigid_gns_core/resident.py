@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training trajectories that stay on a device: batches are drawn and connected there by index."""
 
 from __future__ import annotations
@@ -5,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
+import torch
 from torch import Tensor
 
 from .closed_loop import Connect, Windows
@@ -14,8 +28,8 @@ from .models.configs import GNSConfig
 from .models.device_graph import DeviceScenes
 from .models.rotations import rotate_quaternions, rotation_between
 from .models.tensor_features import TensorGraph, TensorMotion
-from .models.tensor_graph import Spheres, connect
-from .windows import Draw, Source, angles_of
+from .models.tensor_graph import connect, Spheres
+from .windows import angles_of, Draw, Source
 
 Index = NDArray[np.int64]
 
@@ -84,7 +98,7 @@ class Resident:
         )
 
     def connector(self, draws: Sequence[Draw]) -> Connect:
-        """Connections of windows, found on the device."""
+        """Return connections of windows, found on the device."""
         source = np.array([draw.source for draw in draws])
         counts = self.counts[source]
         scenes = DeviceScenes(*(values[self._index(source)] for values in self.scenes))

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rolling friction of spheres on surfaces, the same in every direction.
 
 Bullet limits the torque along two fixed axes of a surface, so a sphere that rolls diagonally is
@@ -89,7 +103,8 @@ class RollingFriction:
     """Rolling friction in a Bullet world whose first bodies are the surfaces of `scene`.
 
     Spheres that stand are held by Bullet's own rolling friction, which no update now and then can
-    do. It lets go of them once they roll, and before a blow: Bullet's own acts between spheres too.
+    do. It lets go of them once they roll, and before a blow: Bullet's own acts between spheres
+    too.
 
     Args:
         bullet: The pybullet module.
@@ -156,7 +171,9 @@ class RollingFriction:
         gap -= self._radius[one] + self._radius[other]
         both = self._held[one] & self._held[other]
         near = gap <= np.where(both, reach, way[one] + way[other])
-        graph = coo_array((np.ones(near.sum()), (one[near], other[near])), shape=2 * (len(bodies),))
+        graph = coo_array(
+            (np.ones(near.sum()), (one[near], other[near])), shape=2 * (len(bodies),)
+        )
         _, island = connected_components(graph, directed=False)
         struck = held[np.isin(island[held], island[way > 0])]
         self._hold(struck, np.zeros(len(struck), dtype=bool))

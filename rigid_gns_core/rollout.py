@@ -1,25 +1,39 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Load a learned simulator and roll it out, at any radius and gravity."""
 
 from __future__ import annotations
 
-import time
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
+import time
 from typing import Any, ClassVar, Literal, NamedTuple
+import warnings
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .batch import in_threads, paired, usable_cores
-from .checkpoint import CheckpointError, Tensors, find_model, load_card, load_weights
+from .checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
 from .config import from_mapping
 from .scene import Scene
-from .similarity import ModelUnits, Similarity, in_units
+from .similarity import in_units, ModelUnits, Similarity
 from .state import State, Trajectory
-from .stepper import Advance, Stepper, state_at
+from .stepper import Advance, state_at, Stepper
 
 # steps are taken together for so long, after which Ctrl-C is heard [s]
 _BLOCK = 0.1
@@ -117,7 +131,7 @@ class Simulator(ABC):
         self.units = from_mapping(ModelUnits, card['units'], f'{name}: units')
 
     def native_dt(self, scene: Scene) -> float:
-        """The model's time step for this radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
+        """Return the model's time step for radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
         return self.units.dt * in_units(scene, self.units)[0].time
 
     @abstractmethod
@@ -130,7 +144,7 @@ class Simulator(ABC):
 
     @abstractmethod
     def stepper(self, scene: Scene, state: State) -> Stepper:
-        """A rollout in the model's units."""
+        """Return a rollout in the model's units."""
 
     def start(
         self,

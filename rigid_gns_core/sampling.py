@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Seeded start states, and scene files that hold a scene with its start."""
 
 from __future__ import annotations
@@ -9,7 +23,6 @@ from typing import Literal
 import numpy as np
 
 from .config import ConfigError, find_config, from_mapping, load_yaml
-from .placement import SamplingError as SamplingError
 from .placement import place_spheres
 from .plane import Vector
 from .scene import Scene
@@ -74,9 +87,9 @@ class StartRecipe:
         gap: Least distance between surfaces at the start [m]; not between the spheres of a block,
             nor to the ground below it. On a floor, a gap of 0 lets some spheres touch.
         seed: Seed of the places.
-        layout: `scattered` touches nothing; on a `floor` every sphere rests on the ground; `blocks`
-            are one to four grids of touching spheres, turned about z, that rest on the ground or
-            hang in the air.
+        layout: `scattered` touches nothing; on a `floor` every sphere rests on the ground;
+            `blocks` are one to four grids of touching spheres, turned about z, that rest on the
+            ground or hang in the air.
         speed: Lowest and highest speed [m/s], one for each sphere that moves, in a random
             direction: a horizontal one on a floor and in blocks.
         spin: Lowest and highest angular speed [rad/s] of the same spheres, about a random axis.
@@ -176,7 +189,9 @@ def sample_start(
     return State(positions=positions, velocities=velocities, angular_velocities=spins)
 
 
-def _vectors(size: tuple[float, float], count: int, rng: np.random.Generator, level: bool) -> Array:
+def _vectors(
+    size: tuple[float, float], count: int, rng: np.random.Generator, level: bool
+) -> Array:
     """Vectors of random size and direction, horizontal ones where `level`; shape (count, 3)."""
     sizes = rng.uniform(*size, (count, 1))
     directions = rng.normal(size=(count, 3))

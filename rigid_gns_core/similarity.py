@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Dynamic similarity: any radius and gravity in the units of a model.
 
 But for materials, motion depends on g dt^2 / r alone. Lengths are measured in radii of the model,
@@ -13,7 +27,7 @@ from functools import lru_cache
 import numpy as np
 
 from .scene import Plane, Scene
-from .state import Array, State, quaternion_multiply
+from .state import Array, quaternion_multiply, State
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,7 @@ class Similarity:
         return cls(length, time, *_upright(scene.up))
 
     def scene(self, scene: Scene) -> Scene:
-        """The scene in the model's units."""
+        """Return the scene in the model's units."""
         surfaces = tuple(
             replace(
                 plane,
@@ -79,7 +93,7 @@ class Similarity:
         )
 
     def to_model(self, state: State) -> State:
-        """A state of the world in the model's units."""
+        """Return a state of the world in the model's units."""
         turn = self.rotation.T
         return State(
             positions=state.positions @ turn / self.length,
@@ -89,7 +103,7 @@ class Similarity:
         )
 
     def to_world(self, state: State) -> State:
-        """A state of the model in the world's units; inverse of `to_model`."""
+        """Return a state of the model in the world's units; inverse of `to_model`."""
         turn, quaternions = self.rotation, state.quaternions
         if self.quaternion[3] < 1.0:
             back = self.quaternion * [-1.0, -1.0, -1.0, 1.0]

@@ -1,12 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The kinds of models: what each can serve, and how it is rolled out."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TYPE_CHECKING, TypeVar
+import warnings
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -102,7 +116,7 @@ class GNSSimulator(Simulator):
                 )
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
-        """A rollout in the model's units."""
+        """Return a rollout in the model's units."""
         if self.device is not None:
             import torch
 
@@ -117,8 +131,8 @@ class GNSSimulator(Simulator):
             return run_on_device(rollouts, steps)
         if self.backend == 'torch' or workers == 1:
             return super()._run(rollouts, steps, 1)
-        # a limit of BLAS is one of the process: what each worker sets and lifts in every step would
-        # be lifted under the feet of the others
+        # a limit of BLAS is one of the process: what each worker sets and lifts in every step
+        # would be lifted under the feet of the others
         with threadpool_limits(self.threads, user_api='blas'):
             return super()._run(rollouts, steps, workers)
 
@@ -198,7 +212,7 @@ class ContactSimulator(Simulator):
                 )
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
-        """A rollout in the model's units."""
+        """Return a rollout in the model's units."""
         options, config = self.options, self.config
         switches = {'guard': options.guard, 'sleep': options.sleep}
         if self.backend == 'torch':
@@ -256,7 +270,7 @@ KINDS = {'gns': Kind(GNSConfig, GNSSimulator), 'contact': Kind(ContactConfig, Co
 
 
 def _filled(network: N, tensors: Tensors) -> N:
-    """The network with these weights."""
+    """Return the network with these weights."""
     import torch
 
     network.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})

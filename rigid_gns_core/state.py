@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The state of spheres at one time, and a trajectory of states.
 
 One place owns names, shapes, units and conventions: SI units, right-handed world frame, z up
@@ -79,7 +93,7 @@ class State:
     def unchecked(
         cls, positions: Array, quaternions: Array, velocities: Array, angular_velocities: Array
     ) -> State:
-        """A state of arrays that are known to be right; they are not copied."""
+        """Return a state of arrays that are known to be right; they are not copied."""
         state = object.__new__(cls)
         fields = (positions, quaternions, velocities, angular_velocities)
         names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
@@ -210,7 +224,7 @@ class Trajectory:
         )
 
     def window(self, start: int, stop: int) -> Trajectory:
-        """Steps `start` to `stop`, `stop` not included, as a trajectory of its own."""
+        """Return steps `start` to `stop`, `stop` not included, as a trajectory of its own."""
         part = slice(start, stop)
         return replace(
             self,

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a rollout asks of a model: states one after the other, in the model's units."""
 
 from __future__ import annotations
@@ -26,14 +40,14 @@ class Stepper(ABC):
 
     @abstractmethod
     def step(self) -> State:
-        """The state one model step later.
+        """Return the state one model step later.
 
         Raises:
             FloatingPointError: The rollout diverged.
         """
 
     def advance(self, steps: int) -> Advance:
-        """The states of the next `steps` steps, at least one; the same as `step` gives."""
+        """Return the states of the next `steps` steps, at least one; the same as `step` gives."""
         states, error = [], ''
         for _ in range(steps):
             try:

@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Reports as strict JSON: infinities, which JSON lacks, are the strings "inf" and "-inf"."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +65,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
 
 
 def encode(value: Any, digits: int | None = None) -> Any:
-    """Mappings, sequences and NumPy's values as JSON knows them; NaN stays as it is."""
+    """Return mappings, sequences and NumPy's values as JSON knows them; NaN stays as it is."""
     if isinstance(value, Mapping):
         return {str(key): encode(item, digits) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -76,7 +90,7 @@ def _decode(value: Any) -> Any:
 
 
 def _laid_out(value: Any, indent: str) -> str:
-    """A line for each entry of a mapping, or of a list of mappings; the rest on one line."""
+    """Return a line for each entry of a mapping or a list of mappings; the rest on one line."""
     inner = indent + ' '
     if isinstance(value, dict) and value:
         lines = [f'{inner}{json.dumps(k)}: {_laid_out(v, inner)}' for k, v in value.items()]

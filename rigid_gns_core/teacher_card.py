@@ -1,14 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The teacher card: how far Bullet, as the teacher runs it, is from closed-form mechanics."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
+import json
 from pathlib import Path
 from typing import Any
 
-from .closed_form_checks import GROUPS, Check, run_checks
+from .closed_form_checks import Check, GROUPS, run_checks
 from .progress import Progress
 
 

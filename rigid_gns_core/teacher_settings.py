@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the teacher runs Bullet; `docs/teacher.md` gives the reason for every default."""
 
 from __future__ import annotations
@@ -21,8 +35,8 @@ class TeacherSettings:
         bounce_threshold: Approach speeds below this many times g times the substep do not bounce,
             so that piles come to rest.
         contact_erp: Part of a penetration that is removed in a substep, by position alone.
-        rolling_updates: Times per `dt` that rolling friction acts on spheres that roll; 0: Bullet's
-            own, up to the square root of 2 too strong, at twice the speed.
+        rolling_updates: Times per `dt` that rolling friction acts on spheres that roll; 0:
+            Bullet's own, up to the square root of 2 too strong, at twice the speed.
     """
 
     substeps: int = 240

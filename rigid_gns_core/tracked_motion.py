@@ -1,4 +1,18 @@
-"""What tracked poses alone tell: the tracker's noise, and velocities of spheres that touch nothing.
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What tracked poses alone tell: tracker's noise, and velocities of spheres that touch nothing.
 
 Between contacts a sphere has a constant acceleration (gravity in flight, none where a surface
 carries it) and a constant spin. So third differences of its positions are noise, and so are those
@@ -121,12 +135,14 @@ def tracked_starts(
         # rolling friction slows a spin too; 0.02 rad is a tenth of what a bounce does
         trusted[1:-1] &= change <= SIGMAS * np.sqrt(6.0) * noise.rotation + 0.02
         # near half a turn in a step the way round is a guess
-        trusted[1:-1] &= np.maximum(*np.linalg.norm([turned[1:], turned[:-1]], axis=-1)) < HALF_TURN
+        trusted[1:-1] &= (
+            np.maximum(*np.linalg.norm([turned[1:], turned[:-1]], axis=-1)) < HALF_TURN
+        )
     return TrackedStarts(velocities, spins, trusted)
 
 
 def normal_spread(values: Array) -> float:
-    """Standard deviation of the normal part of values, (k,), the rest are contacts; 0 of none."""
+    """Return the std of the normal part of values, (k,); the rest are contacts; 0 of none."""
     if not len(values):
         return 0.0
     size = np.sort(np.abs(values))

@@ -1,16 +1,30 @@
-"""Train a simulator from a YAML recipe, with validation by rollout and resume to the same bytes."""
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Train a simulator from a YAML recipe; validation by rollout, resume to the same bytes."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
 import json
 import math
 import os
-import warnings
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
+import warnings
 
 import numpy as np
 import torch
@@ -106,7 +120,7 @@ class Trainer:
         return self.best
 
     def validate(self) -> float:
-        """The learner's own score, or by rollout: see `validation` in the card; inf: diverged.
+        """Return the learner's own score, or by rollout (`validation` in the card); inf: diverged.
 
         By rollout it is the mean over held-out rollouts of the root Chamfer distance [radii].
         """
@@ -123,7 +137,7 @@ class Trainer:
         return float(np.mean(scores))
 
     def card(self, score: float | None) -> dict[str, Any]:
-        """What a checkpoint says of itself."""
+        """Return what a checkpoint says of itself."""
         return {
             'kind': self.learner.kind,
             'config': to_mapping(self.learner.model),
@@ -224,8 +238,8 @@ def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
     enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
     if records and not enough:
         raise ValueError(
-            f'no validation trajectory has {config.validation_steps} steps (validation_steps), the '
-            f'longest has {max(record.trajectory.steps for record in records)}; lower it, or '
+            f'no validation trajectory has {config.validation_steps} steps (validation_steps), '
+            f'the longest has {max(record.trajectory.steps for record in records)}; lower it, or '
             'generate longer ones'
         )
     return enough[: config.validation_rollouts]

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns train`: its options, which a shell can complete without importing torch."""
 
 from __future__ import annotations
@@ -19,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--data', required=True, type=Path, nargs='+', help='folders made by generate'
     )
     parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
-    parser.add_argument('--out', required=True, type=Path, help='folder of the run; resumed if old')
+    parser.add_argument(
+        '--out', required=True, type=Path, help='folder of the run; resumed if old'
+    )
     start = parser.add_argument(
         '--from', dest='start', metavar='MODEL', help='weights to start from: a name or a path'
     )

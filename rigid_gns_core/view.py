@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns view`: a rollout or a bag in Rerun: spheres over time beside curves."""
 
 from __future__ import annotations
@@ -10,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from .extras import missing
-from .report.comparison import Comparison, add_source, read_comparison
+from .report.comparison import add_source, Comparison, read_comparison
 from .report.quads import focus, visible_quads
 from .report.series import charts
 
@@ -70,7 +84,9 @@ def send(recording: Any, comparison: Comparison) -> None:
         ENTITIES, COLOURS, comparison.sides.values(), strict=False
     ):
         frames, count = trajectory.positions.shape[:2]
-        recording.log(entity, rerun.Points3D.from_fields(radii=radii, colors=[colour]), static=True)
+        recording.log(
+            entity, rerun.Points3D.from_fields(radii=radii, colors=[colour]), static=True
+        )
         points = rerun.Points3D.columns(positions=trajectory.positions.reshape(-1, 3))
         recording.send_columns(
             entity,

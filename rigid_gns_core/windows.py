@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training windows: (X[k], Y[k+1]) pairs from trajectories, with noise (thesis section 3.3)."""
 
 from __future__ import annotations
@@ -12,10 +26,10 @@ from torch import Tensor
 
 from .models.configs import GNSConfig
 from .models.features import Motion
-from .models.gns import GraphInput, graph_input, side_by_side
+from .models.gns import graph_input, GraphInput, side_by_side
 from .models.stepping import backward_velocities, difference
 from .scene import Scene
-from .state import Array, Trajectory, rotate_quaternions
+from .state import Array, rotate_quaternions, Trajectory
 
 
 class Shifts(NamedTuple):
@@ -30,7 +44,7 @@ class Shifts(NamedTuple):
     angular_velocities: Array
 
     def __call__(self, motion: Motion) -> Motion:
-        """The motion with this noise."""
+        """Return the motion with this noise."""
         return Motion(
             motion.positions + self.positions,
             rotate_quaternions(motion.quaternions, self.rotations),
@@ -71,12 +85,12 @@ class Noise:
     """Gaussian noise on the network's inputs.
 
     Args:
-        std: Standard deviation [radii, radians, radii/s, rad/s] on positions, rotations, velocities
-            and angular velocities.
+        std: Standard deviation [radii, radians, radii/s, rad/s] on positions, rotations,
+            velocities and angular velocities.
         corrects_target: Ask for the velocity that leads from the noisy pose to the true next one,
-            so that errors of position are mended, not kept. The thesis leaves the target unchanged.
-            In closed loop the pose is the predicted one, and only positions are mended: a network
-            cannot see how far a sphere has turned.
+            so that errors of position are mended, not kept. The thesis leaves the target
+            unchanged. In closed loop the pose is the predicted one, and only positions are mended:
+            a network cannot see how far a sphere has turned.
     """
 
     std: float = 0.01
@@ -121,7 +135,12 @@ class Source:
         velocities[0] = backward_velocities(trajectory[0], scene, trajectory.dt)
         angular_velocities[0] = trajectory.angular_velocities[0]
         return cls(
-            scene, poses.positions, poses.quaternions, velocities, angular_velocities, trajectory.dt
+            scene,
+            poses.positions,
+            poses.quaternions,
+            velocities,
+            angular_velocities,
+            trajectory.dt,
         )
 
     @property
@@ -267,7 +286,7 @@ def rotate_batch(batch: Batch, angles: Tensor, config: GNSConfig) -> Batch:
 
 
 def turned(values: Tensor, angle: Tensor, vectors: int) -> Tensor:
-    """Rows with their first `vectors` triples turned about z by each row's angle [rad], (rows,)."""
+    """Rows with the first `vectors` triples turned about z by each row's angle [rad], (rows,)."""
     block = values[:, : 3 * vectors].reshape(-1, vectors, 3)
     cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
     x, y = block[..., 0], block[..., 1]

@@ -1,4 +1,18 @@
-"""Runs many calls of one function on processes of this machine, or on a user's Dask or Ray cluster.
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Many calls of one function on processes of this machine, or on a user's Dask or Ray cluster.
 
 joblib does the work; functions and arguments must be picklable, and on a cluster the folders they
 name must be the same files for all workers.
@@ -7,14 +21,14 @@ name must be the same files for all workers.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterable, Iterator, Sequence
 import contextlib
+from dataclasses import dataclass
 import os
 import threading
 import time
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
+import warnings
 
 from .batch import usable_cores
 
@@ -81,7 +95,7 @@ class Workers:
             for call in calls:
                 yield function(*call)
             return
-        from joblib import Parallel, delayed, parallel_config
+        from joblib import delayed, Parallel, parallel_config
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
         with self._connected():
@@ -109,7 +123,11 @@ class Workers:
             from distributed import Client
 
             # without an address the client that this process has made before is taken
-            with Client(self.scheduler) if self.scheduler else contextlib.nullcontext():  # type: ignore[no-untyped-call,unused-ignore]
+            with (
+                Client(self.scheduler)  # type: ignore[no-untyped-call,unused-ignore]
+                if self.scheduler
+                else contextlib.nullcontext()
+            ):
                 yield
         elif self.backend == 'ray':
             import ray
@@ -124,7 +142,9 @@ class Workers:
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     """Options that say who does the work."""
-    parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per core')
+    parser.add_argument(
+        '--workers', type=int, metavar='N', help='processes; default: one per core'
+    )
     parser.add_argument(
         '--backend',
         choices=BACKENDS,

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Record messages into a rosbag2 folder (MCAP and metadata.yaml) without ROS.
 
 What rosbag2 of ROS 2 Jazzy writes is written here, key for key, so that `ros2 bag`, `rosbags` and
@@ -7,16 +21,16 @@ What rosbag2 of ROS 2 Jazzy writes is written here, key for key, so that `ros2 b
 from __future__ import annotations
 
 import atexit
+from collections.abc import Callable
 import math
+from pathlib import Path
 import queue
 import sys
 import threading
 import time
-from collections.abc import Callable
-from pathlib import Path
 
 from .encoding.definitions import type_hash
-from .recording.bag_metadata import Qos, RecordedTopic, qos_profiles
+from .recording.bag_metadata import Qos, qos_profiles, RecordedTopic
 from .recording.bag_splits import SplitBag
 
 FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
@@ -122,8 +136,8 @@ class BagWriter:
     def write(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
         """Queue one message; never waits for the disk.
 
-        After `close`, after an error, with a full queue or with a time before the epoch the message
-        is counted in `lost`.
+        After `close`, after an error, with a full queue or with a time before the epoch the
+        message is counted in `lost`.
 
         Raises:
             ValueError: The topic was not added, a mistake in the program.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Read bags: finished folders, single MCAP files, and what a killed recorder has left.
 
 No ROS needed.
@@ -5,17 +19,17 @@ No ROS needed.
 
 from __future__ import annotations
 
-import itertools
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+import itertools
 from pathlib import Path
+import re
 from typing import Any
 
-import numpy as np
-import yaml
 from mcap.records import Channel, Header, Schema
+import numpy as np
 from numpy.typing import NDArray
+import yaml
 
 from .recording.bag_file import LIBRARY
 from .recording.mcap_records import BagError, read_records, zstd_decompress
@@ -148,7 +162,7 @@ def _natural(path: Path) -> list[int | str]:
 
 
 def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
-    """Function that undoes `ros2 bag record --compression-mode message`."""
+    """Return the function that undoes `ros2 bag record --compression-mode message`."""
     if str(information.get('compression_mode', '')).lower() != 'message':
         return lambda data: data
     return zstd_decompress

@@ -1,12 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`evaluate BAG`: score predictions against the tracked poses of a bag. No ROS needed."""
 
 from __future__ import annotations
 
 import argparse
-import sys
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+import sys
+import textwrap
 from typing import Any
 
 from rigid_gns_core.evaluate import format_table
@@ -85,7 +99,7 @@ def evaluate_bag(
 
 
 def format_report(report: dict[str, Any]) -> str:
-    """The tables of a report with its notes."""
+    """Return the tables of a report with its notes."""
     shown = {key: value for key, value in report.items() if key not in _BY_HORIZON}
     notes = [
         textwrap.fill(
@@ -137,7 +151,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--reproduce',
         action='store_true',
-        help='compute every prediction again instead, and compare bytes (exit code 1: some differ)',
+        help='compute every prediction again instead, and compare bytes '
+        '(exit code 1: some differ)',
     )
 
 

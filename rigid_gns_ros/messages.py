@@ -1,4 +1,18 @@
-"""The messages of poses, texts and numbers as CDR bytes, with no object per pose and no ROS needed.
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The messages of poses, texts and numbers as CDR bytes: no object per pose, no ROS needed.
 
 rclpy publishes such bytes as they are and a raw subscription hands them over, so a frame of 300
 poses costs microseconds instead of milliseconds (docs/bags.md has the figures), and the bytes
@@ -7,15 +21,14 @@ published are the bytes recorded.
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
+import struct
 
 import numpy as np
 from numpy.typing import ArrayLike
-
 from rigid_gns_core.state import Array
 
-from .encoding.cdr import LITTLE_ENDIAN, MessageError, Reader, encode_text, split_stamp
+from .encoding.cdr import encode_text, LITTLE_ENDIAN, MessageError, Reader, split_stamp
 
 __all__ = [
     'MessageError',

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parameters of the nodes, a table for each; a test compares docs/node.md with them."""
 
 from __future__ import annotations
@@ -5,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -41,7 +55,7 @@ class ParameterSpec:
     dynamic: bool = False
 
     def problem(self, value: Any) -> str | None:
-        """What is wrong with a value beyond type and range, which ROS checks; else None."""
+        """Return what is wrong with a value beyond type and range, which ROS checks; else None."""
         if self.choices and value not in self.choices:
             return f'{self.name} is {value!r}, allowed: {", ".join(self.choices)}'
         if self.least and value != 0 and not self.least <= value:
@@ -246,5 +260,7 @@ def _descriptor(spec: ParameterSpec) -> Any:
             FloatingPointRange(from_value=float(spec.low), to_value=float(spec.high))
         ]
     elif isinstance(spec.default, int) and not isinstance(spec.default, bool):
-        descriptor.integer_range = [IntegerRange(from_value=int(spec.low), to_value=int(spec.high))]
+        descriptor.integer_range = [
+            IntegerRange(from_value=int(spec.low), to_value=int(spec.high))
+        ]
     return descriptor

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Snippets of the pages, and a reader who types all of a page, in order, into one folder.
 
 What cannot run here is checked as far as it goes: `PARSED` by the command's own parser, nodes and
@@ -8,27 +22,26 @@ launch files by the parameters and arguments that they declare (tests/ros starts
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
+from dataclasses import dataclass
 import importlib
 import io
+from itertools import pairwise
 import os
+from pathlib import Path
 import re
 import runpy
 import shlex
 import sys
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
+import warnings
 
 import pytest
-import yaml
-
 from rigid_gns_core import cli
 from rigid_gns_ros import evaluate_bag
 from rigid_gns_ros.parameters import SIMULATOR, TRACKER
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / 'README.md'
@@ -239,7 +252,7 @@ def parse(words: list[str]) -> None:
 
 
 def check_ros(words: list[str]) -> None:
-    """A node with parameters that it declares, or a launch file with arguments that it has."""
+    """Check a node and the parameters that it declares, or a launch file and its arguments."""
     verb, package, name, *rest = words[1:]
     assert package == 'rigid_gns_ros', words
     if verb == 'launch':
@@ -278,7 +291,7 @@ def check_options(words: list[str]) -> None:
 
 
 def _parser(words: list[str]) -> argparse.ArgumentParser:
-    """That of `rigid-gns`, of one of its commands or of `evaluate`, with no word but options."""
+    """Return that of `rigid-gns`, a command of it, or `evaluate`, without words but options."""
     parser, module = argparse.ArgumentParser(), 'rigid_gns_ros.evaluate_bag'
     if words[0] == 'rigid-gns':
         if words[1] not in cli.COMMANDS:

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bullet as a peer: the teacher's world without what the teacher adds to Bullet."""
 
 from __future__ import annotations
@@ -13,9 +27,9 @@ from ..teacher_settings import TeacherSettings
 class BulletSpheres(Teacher):
     """A live Bullet scene that is advanced frame by frame, with nothing in Python but one loop.
 
-    Maximal coordinates, solver and bounce threshold are the teacher's; rolling friction is Bullet's
-    own, and of the state the positions alone are read: the teacher's velocities cost as much as a
-    substep.
+    Maximal coordinates, solver and bounce threshold are the teacher's; rolling friction is
+    Bullet's own, and of the state the positions alone are read: the teacher's velocities cost as
+    much as a substep.
 
     Args:
         scene: Surfaces, sphere properties and materials.

@@ -1,12 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How a simulator fares while another process keeps one core busy."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -17,7 +31,7 @@ from .scenes import BenchScene
 
 @contextmanager
 def busy_core() -> Iterator[int]:
-    """A process that does nothing but compute; its number. It ends with the context."""
+    """Start a process that only computes, until the context ends; yield its number."""
     # a pipe that ends with us ends it too, should we be killed
     code = (
         'import os, threading; '

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One chart per scene: speed against error, a line for each family of peers."""
 
 from __future__ import annotations
@@ -5,12 +19,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from ..figure import GRID, INK, clean_axes
 from .scenes import FRAME
+from ..figure import clean_axes, GRID, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,7 +117,7 @@ def _no_date(path: Path) -> dict[str, Any]:
 
 
 def _horizons(scene: Mapping[str, Any]) -> list[str]:
-    """The first and the last of the position errors, without those in between."""
+    """Return the first and the last of the position errors, without those in between."""
     measured = [p['errors'] for p in scene['peers'] if p['errors'] and p['timing']]
     names = [name for name in (measured[0] if measured else ()) if name.startswith('position')]
     return list(dict.fromkeys([names[0], names[-1]])) if names else []
@@ -132,7 +146,9 @@ def _draw(axes: Axes, scene: Mapping[str, Any], name: str) -> None:
     axes.margins(x=0.12)
     _number(axes)
     frame = int(name.rsplit('_', 1)[1])
-    axes.set_title(f'after {frame} frames, {frame * FRAME:g} s', loc='left', fontsize=11, color=INK)
+    axes.set_title(
+        f'after {frame} frames, {frame * FRAME:g} s', loc='left', fontsize=11, color=INK
+    )
     axes.set_xlabel('frames of 0.1 s per second of wall clock (faster: right)', color=INK)
     axes.set_ylabel('mean position error [m] (better: down)', color=INK)
     axes.grid(color=GRID, linewidth=0.8)

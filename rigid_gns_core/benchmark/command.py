@@ -1,12 +1,35 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns benchmark`: speed against error of all peers, side by side in one run."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
+import sys
 from typing import Any
 
+from .busy_core import measure_busy_core
+from .fresh import first_prediction, memory_per_sphere
+from .judge import floor_of, result
+from .machine import describe_machine, load_average
+from .peers import all_peers, BULLET_ITERATIONS, Field, NOTES, Peer, warm_up
+from .race import BLOCK, race, timing
+from .report import COMPARED, format_processes, format_scaling, format_scene
+from .scaling import COUNTS, measure_scaling, QUICK_COUNTS
+from .scenes import bench_scenes, BenchScene, FRAME, SCENES
 from ..completion import completes
 from ..hard_cases.references import References
 from ..progress import Progress
@@ -14,15 +37,6 @@ from ..rollout import load_simulator
 from ..strict_json import write_json
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
-from .busy_core import measure_busy_core
-from .fresh import first_prediction, memory_per_sphere
-from .judge import floor_of, result
-from .machine import describe_machine, load_average
-from .peers import BULLET_ITERATIONS, NOTES, Field, Peer, all_peers, warm_up
-from .race import BLOCK, race, timing
-from .report import COMPARED, format_processes, format_scaling, format_scene
-from .scaling import COUNTS, QUICK_COUNTS, measure_scaling
-from .scenes import FRAME, SCENES, BenchScene, bench_scenes
 
 REFERENCE_SUBSTEPS = 384
 QUICK_REFERENCE_SUBSTEPS = 24
@@ -62,7 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--no-processes', action='store_true', help='no fresh processes, no memory, no busy core'
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
-    parser.add_argument('--figures', type=Path, metavar='DIR', help='one chart per scene, PNG, SVG')
+    parser.add_argument(
+        '--figures', type=Path, metavar='DIR', help='one chart per scene, PNG, SVG'
+    )
     parser.epilog = '\n'.join(
         [
             'example:',
@@ -118,7 +134,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str, Any]:
     load = load_average()
     if load is not None and load[0] > 0.5:
-        print(f'the machine is busy (load average {load[0]:g}): times will say so', file=sys.stderr)
+        print(
+            f'the machine is busy (load average {load[0]:g}): times will say so', file=sys.stderr
+        )
     return {
         'quick': arguments.quick,
         'repeats': repeats,
@@ -138,7 +156,7 @@ def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str
 
 
 def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> References | None:
-    """The teacher at the substeps asked for, at half and at a quarter of them."""
+    """Return the teacher at the substeps asked for, at half and at a quarter of them."""
     substeps = arguments.reference_substeps
     if substeps is None:
         substeps = QUICK_REFERENCE_SUBSTEPS if arguments.quick else REFERENCE_SUBSTEPS

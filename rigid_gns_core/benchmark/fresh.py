@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a fresh process costs: time to its first prediction, memory.
 
 `python -m rigid_gns_core.benchmark.fresh first` or `... memory SPHERES` is that process; it prints
@@ -63,8 +77,8 @@ def _ask(what: str, spheres: int) -> dict[str, Any]:
 
 
 def _predict(spheres: int, steps: int) -> None:
-    from ..rollout import load_simulator
     from .scaling import bouncing_box
+    from ..rollout import load_simulator
 
     scene, start = bouncing_box(spheres)
     load_simulator().rollout(scene, start.positions, steps=steps)

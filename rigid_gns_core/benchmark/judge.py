@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far a peer is from the reference, and whether it blew up."""
 
 from __future__ import annotations
@@ -7,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from .race import Lane
+from .scenes import BenchScene, FRAME
 from ..metrics import chamfer, passed_through
 from ..scene import Scene
 from ..state import Array, Trajectory
-from .race import Lane
-from .scenes import FRAME, BenchScene
 
 HORIZONS = (30, 50, 100)
 """Frames after which errors are reported."""
@@ -41,7 +55,7 @@ def position_errors(positions: Array, reference: Array) -> dict[str, float]:
 
 
 def faults(scene: BenchScene, lane: Lane) -> tuple[list[str], list[str]]:
-    """What went wrong in a lane: what makes it count as unstable, and what does not.
+    """Return what went wrong in a lane: what makes it count as unstable, and what does not.
 
     Unstable: it stopped, its energy rose, or spheres are behind a surface at the end. Those whose
     centres were behind one and came back are told, no more.
@@ -68,8 +82,8 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
     """Largest part by which the energy is over that of the start; 0: it never is.
 
     Of positions alone, since not all peers give velocities: between two frames, the kinetic energy
-    of the mean velocity and the mean of both heights. In flight and at rest that is never more than
-    the true one, so a rise is real; the rotation, which is not seen, can only add.
+    of the mean velocity and the mean of both heights. In flight and at rest that is never more
+    than the true one, so a rise is real; the rotation, which is not seen, can only add.
 
     Args:
         scene: Gravity, masses and the start with its velocities.
@@ -94,7 +108,7 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
 
 
 def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float] | None:
-    """Errors of the reference at half its substeps against itself; below that there is no truth."""
+    """Errors of the reference at half its substeps against itself; there is no truth below."""
     if runs is None:
         return None
     half, finest = runs[0], runs[2]

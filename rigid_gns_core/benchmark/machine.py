@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a timing depends on: machine, versions, threads, load."""
 
 from __future__ import annotations
 
 import os
-import platform
 from pathlib import Path
+import platform
 from typing import Any
 
 from ..batch import usable_cores
@@ -28,7 +42,7 @@ def describe_machine() -> dict[str, Any]:
 
 
 def load_average() -> list[float] | None:
-    """Processes that wanted a core over the last 1, 5 and 15 minutes; None: not known here."""
+    """Return how many processes wanted a core over 1, 5 and 15 minutes; None: not known here."""
     try:
         return [round(load, 2) for load in os.getloadavg()]
     except (AttributeError, OSError):

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """MuJoCo as a peer: spheres on planes, at the settings that were best here.
 
 MuJoCo has no coefficient of restitution: contacts are springs with dampers. The damping ratio that
@@ -107,7 +121,7 @@ class MujocoSpheres:
 
 
 def describe(settings: MujocoSettings) -> dict[str, Any]:
-    """Settings for a report, with what is the same for all."""
+    """Return settings for a report, with what is the same for all."""
     return {
         'engine': 'mujoco',
         'version': metadata.version('mujoco'),
@@ -117,7 +131,7 @@ def describe(settings: MujocoSettings) -> dict[str, Any]:
 
 
 def damping_ratio(restitution: float) -> float:
-    """That of a spring with damper which gives a blow back with this restitution."""
+    """Return that of a spring with damper which gives a blow back with this restitution."""
     if restitution <= 0.0:
         return 1.0
     log = float(np.log(restitution))
@@ -180,7 +194,7 @@ def _contact(restitution: float, substep: float, settings: MujocoSettings) -> st
 
 
 def _check_endless(scene: Scene, plane: Plane) -> None:
-    """A plane's end must lie on or behind another plane, else spheres meet what is not there."""
+    """Check that planes end on or behind others, else spheres meet what is not there."""
     along = np.array([plane.length_x, plane.length_y]) / 2
     for axis, half in zip(plane.axes[:2], along, strict=True):
         if np.isinf(half):
@@ -192,7 +206,9 @@ def _check_endless(scene: Scene, plane: Plane) -> None:
                 if other is not plane
             ]
             if min(heights, default=np.inf) > 1e-6:
-                raise ValueError('planes of MuJoCo have no end; the scene has one that spheres see')
+                raise ValueError(
+                    'planes of MuJoCo have no end; the scene has one that spheres see'
+                )
 
 
 def _unturned(quaternions: Array, vectors: Array) -> Array:

@@ -1,23 +1,37 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Who is compared: Bullet, MuJoCo, the thesis' network and the contact model with its variants."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from typing import Any, Protocol
+import warnings
 
 import numpy as np
 
-from ..rollout import Simulator, load_simulator
+from .bullet_engine import BulletSpheres
+from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
+from .scenes import FRAME
+from ..rollout import load_simulator, Simulator
 from ..scene import Scene
 from ..state import Array, State
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
-from .bullet_engine import BulletSpheres
-from .mujoco_engine import MujocoSettings, MujocoSpheres, describe, load_mujoco
-from .scenes import FRAME
 
 BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
 MUJOCO_SUBSTEPS = (6, 12, 24, 48)
@@ -93,7 +107,7 @@ def all_peers(
     quick: bool = False,
     bullet_iterations: int = BULLET_ITERATIONS,
 ) -> Field:
-    """The peers, family by family.
+    """Return the peers, family by family.
 
     Args:
         families: Those wanted; None: all.

@@ -1,17 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """All peers through one scene in turns, so that what else the machine does meets all alike."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+import time
 from typing import Any
 
 import numpy as np
 
-from ..state import Array
 from .peers import Peer, Run
 from .scenes import BenchScene
+from ..state import Array
 
 BLOCK = 5
 """Frames that a peer takes before it is the next one's turn."""
@@ -73,9 +87,9 @@ def timing(lane: Lane) -> dict[str, Any] | None:
     """Seconds per frame of a lane; None where it did not take a frame.
 
     Returns:
-        `seconds_per_frame` with `median`, `p10` and `p90` over repeats [s], each repeat the mean of
-        its frames; `frames_per_second` of the median; `latency` with `p50`, `p99` and `worst` of
-        all single frames [s], and how many they are, `frames`.
+        `seconds_per_frame` with `median`, `p10` and `p90` over repeats [s], each repeat the mean
+        of its frames; `frames_per_second` of the median; `latency` with `p50`, `p99` and `worst`
+        of all single frames [s], and how many they are, `frames`.
     """
     repeats = [seconds for seconds in lane.seconds if seconds]
     if not repeats:

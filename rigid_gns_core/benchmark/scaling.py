@@ -1,18 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the time of a step grows with the number of spheres."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
+import time
 from typing import Any
 
 import numpy as np
 
+from .scenes import lattice
 from ..plane import Plane
 from ..rollout import Simulator
 from ..scene import Scene
 from ..state import State
-from .scenes import lattice
 
 COUNTS = (1, 10, 100, 1000, 3000, 10_000, 30_000, 100_000)
 QUICK_COUNTS = (1, 10, 40)
@@ -47,8 +61,8 @@ def measure_scaling(
 
     Returns:
         `rows` with `spheres`, `seconds_per_step` (`median`, `p10`, `p90` over repeats [s]) and
-        `steps_per_second`; `exponent` fitted from `FITTED_FROM` spheres on, None with less than two
-        such rows; `area_per_sphere` [m^2].
+        `steps_per_second`; `exponent` fitted from `FITTED_FROM` spheres on, None with less than
+        two such rows; `area_per_sphere` [m^2].
     """
     seconds: dict[int, list[float]] = {count: [] for count in counts}
     for _ in range(repeats):

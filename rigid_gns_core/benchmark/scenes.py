@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The scenes of the benchmark: from no contact at all to a pile."""
 
 from __future__ import annotations
@@ -52,7 +66,7 @@ class BenchScene:
 def bench_scenes(
     names: Iterable[str] | None = None, *, quick: bool = False
 ) -> tuple[BenchScene, ...]:
-    """The scenes in the order of the table.
+    """Return the scenes in the order of the table.
 
     Args:
         names: Those wanted; None: all.
@@ -68,7 +82,9 @@ def bench_scenes(
     return tuple(replace(scene, frames=QUICK_FRAMES) if quick else scene for scene in made)
 
 
-def lattice(columns: tuple[int, int], count: int, pitch: float, low: float, jitter: float) -> Array:
+def lattice(
+    columns: tuple[int, int], count: int, pitch: float, low: float, jitter: float
+) -> Array:
     """Centres of an upright lattice around x = y = 0 that was shaken [m], shape (count, 3).
 
     Args:

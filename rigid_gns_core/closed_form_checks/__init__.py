@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Checks of an engine against closed forms, each with its error and its bound.
 
 `run_checks` takes any callable with the signature of `teacher.simulate`, so that a learned
@@ -8,10 +22,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from ..bounce import Simulate
 from .check import Check
 from .many_spheres import collision_checks, pile_checks
 from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
+from ..bounce import Simulate
 
 __all__ = ['GROUPS', 'Check', 'run_checks']
 

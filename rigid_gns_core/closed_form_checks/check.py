@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One measured quantity against what closed forms say of it."""
 
 from __future__ import annotations
@@ -35,6 +49,8 @@ def check(
 
 
 def worst(name: str, cases: list[str], measured: Array, expected: Array, bound: float) -> Check:
-    """The worst of several cases stands for all; measured and expected: shape (cases,)."""
-    checks = [check(name, *values, bound) for values in zip(cases, measured, expected, strict=True)]
+    """Return the worst of several cases for all; measured and expected: shape (cases,)."""
+    checks = [
+        check(name, *values, bound) for values in zip(cases, measured, expected, strict=True)
+    ]
     return max(checks, key=lambda one: abs(one.error) if np.isfinite(one.error) else np.inf)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Checks of spheres among each other: collisions of two, piles, rest."""
 
 from __future__ import annotations
@@ -6,12 +20,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .check import Check, check
 from .. import closed_form
 from ..bounce import GRAVITY, Simulate
 from ..plane import Plane
 from ..scene import Scene
 from ..state import Array, State
-from .check import Check, check
 
 
 def collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
@@ -87,7 +101,9 @@ def pile_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     """Penetration, energy and creep of a pile in a box and of spheres at rest."""
     side, layers, steps = (2, 2, 40) if quick else (3, 3, 150)
     draw = np.random.default_rng(0)
-    grid = np.stack(np.meshgrid(*[2.1 * (np.arange(side) - (side - 1) / 2)] * 2), -1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(*[2.1 * (np.arange(side) - (side - 1) / 2)] * 2), -1).reshape(
+        -1, 2
+    )
     start = np.concatenate(
         [
             np.c_[

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which spheres and planes might touch in a frame, whatever happens to them in it."""
 
 from __future__ import annotations
@@ -7,20 +21,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .jit import compiled, in_place
-from .neighbours import Flags, Indices, find_pairs
+from .neighbours import find_pairs, Flags, Indices
 from .vector import dot, length, minus, row
 from .world import World
+from ..state import Array
 
 
 class Candidates(NamedTuple):
     """Pairs of bodies, by the first one; m of them.
 
     a: sphere, shape (m,); b: the other sphere, a < b, or n for a plane, shape (m,); plane: number
-    of the plane, -1 for pairs, shape (m,); side: side of the plane that the sphere is on, -1 behind
-    a plate (a plane with an end on all sides), else 1, shape (m,); key: a number that a pair keeps
-    from frame to frame; they are sorted by it, shape (m,).
+    of the plane, -1 for pairs, shape (m,); side: side of the plane that the sphere is on, -1
+    behind a plate (a plane with an end on all sides), else 1, shape (m,); key: a number that a
+    pair keeps from frame to frame; they are sorted by it, shape (m,).
     """
 
     a: Indices

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """When, where and along which normal bodies meet within a substep, on their free paths."""
 
 from __future__ import annotations
@@ -7,12 +21,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .candidates import Candidates
 from .jit import compiled, in_place
 from .neighbours import Flags, Indices
-from .vector import Vector, dot, length, minus, plus, put, row, times
+from .vector import dot, length, minus, plus, put, row, times, Vector
 from .world import World
+from ..state import Array
 
 # bodies nearer than this times the smaller radius count as touching
 TOUCH = 2e-4
@@ -21,12 +35,12 @@ TOUCH = 2e-4
 class Contacts(NamedTuple):
     """Contacts of one substep; c of them. The normal points from body b to body a.
 
-    candidate: which of the candidates, shape (c,); a, b, plane, side: as there; normal: unit normal
-    at the time of impact, shape (c, 3); time: of impact from the start of the substep, negative
-    where the bodies overlap and should have met before; gap: between the surfaces at that time;
-    open: the same for bodies that their free paths do not bring together, but that are so near that
-    other contacts may (their time is 0), else 0; approach: speed at which they approach then; pull:
-    relative acceleration of the free paths along the normal; shape (c,) each.
+    candidate: which of the candidates, shape (c,); a, b, plane, side: as there; normal: unit
+    normal at the time of impact, shape (c, 3); time: of impact from the start of the substep,
+    negative where the bodies overlap and should have met before; gap: between the surfaces at that
+    time; open: the same for bodies that their free paths do not bring together, but that are so
+    near that other contacts may (their time is 0), else 0; approach: speed at which they approach
+    then; pull: relative acceleration of the free paths along the normal; shape (c,) each.
     """
 
     candidate: Indices
@@ -109,13 +123,13 @@ def from_rectangle(local: Vector, half: Array) -> Vector:
 
 @in_place
 def to_plane(axes: Array, vector: Vector) -> Vector:
-    """A vector in the axes of a plane."""
+    """Return a vector in the axes of a plane."""
     return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
 
 
 @in_place
 def from_plane(axes: Array, local: Vector) -> Vector:
-    """A vector of a plane's axes in the world."""
+    """Return a vector of a plane's axes in the world."""
     flat = plus(times(local[0], row(axes, 0)), times(local[1], row(axes, 1)))
     return plus(flat, times(local[2], row(axes, 2)))
 
@@ -132,7 +146,7 @@ def meeting_with_plane(
     past: float,
     near: float,
 ) -> Meeting:
-    """A sphere that touches or meets a bounded plane within h, on its parabola.
+    """Return a sphere that touches or meets a bounded plane within h, on its parabola.
 
     A plane with an infinite side is the boundary of a body: spheres are in front of it, however
     deep. One with an end on all sides is a plate that has two faces. Its edge is met at the end of

@@ -1,24 +1,38 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One frame: K substeps of the spheres that may touch something; all others fall."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..state import Array
 from .candidates import Candidates, find_candidates, reach_of
 from .contacts import find_contacts
 from .impulses import no_impulses
-from .islands import Islands, connect, no_islands
+from .islands import connect, Islands, no_islands
 from .jit import compiled, in_place
 from .memory import Memory, pressing, recall, remember
 from .neighbours import Flags, Indices
 from .overlap import push_out
 from .quaternions import turn
 from .sleep import Sleepers, wake
-from .spheres import Spheres, copy_spheres
-from .substep import Motion, Settings, copy_motion, substep
+from .spheres import copy_spheres, Spheres
+from .substep import copy_motion, Motion, Settings, substep
 from .vector import dot, length, minus, put, row
 from .world import UNIT_GRAVITY, World, world_among
+from ..state import Array
 
 # passes that mend collisions in paths that contacts bent within the last substep
 _CATCHES = 3
@@ -35,7 +49,7 @@ def advance(
     settings: Settings,
     sleepers: Sleepers,
 ) -> tuple[Spheres, Memory, Islands]:
-    """The spheres a frame later, the impulses at its end, and the islands that made contact.
+    """Return the spheres a frame later, the impulses at its end, and the islands in contact.
 
     Args:
         world: What does not move.
@@ -170,9 +184,14 @@ def _set_apart(world: World, motion: Motion, candidates: Candidates, every: Flag
 
 @in_place
 def _put_back(
-    motion: Motion, turning: Array, own: Islands, members: Indices, after: Spheres, islands: Islands
+    motion: Motion,
+    turning: Array,
+    own: Islands,
+    members: Indices,
+    after: Spheres,
+    islands: Islands,
 ) -> None:
-    """The motion of the members among all spheres."""
+    """Write the motion of the members among that of all spheres."""
     for m in range(len(members)):
         i = members[m]
         put(after.positions, i, row(motion.positions, m))

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The thesis' GNS in NumPy: the same as models/gns.py, without torch."""
 
 from __future__ import annotations
@@ -96,7 +110,7 @@ class GNSEngine:
 
 
 def _sum_at(receivers: Indices, message: Floats, count: int) -> Any:
-    """Sums of messages by receiver, shape (count, width)."""
+    """Return sums of messages by receiver, shape (count, width)."""
     edges = len(receivers)
     one = np.ones(edges, dtype=np.float32)
     return csr_array((one, (receivers, np.arange(edges))), shape=(count, edges)) @ message

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Energy guard: in no frame does the energy of an island rise, whatever the weights.
 
 Energy is that of translation, rotation and height. The guard acts after the network, and reports
@@ -11,13 +25,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
-from .islands import Islands, groups_of
+from .islands import groups_of, Islands
 from .jit import compiled, in_place
 from .neighbours import Indices
 from .spheres import Spheres
-from .vector import Vector, add_to, cross, dot, minus, plus, put, row, solve_symmetric, times
+from .vector import add_to, cross, dot, minus, plus, put, row, solve_symmetric, times, Vector
 from .world import World
+from ..state import Array
 
 # rises below this share of the island's energy are rounding
 _ROUNDING = 1e-13
@@ -72,8 +86,8 @@ def hold(
     """Keep the energy of each island at most what it was, in place.
 
     An island in the air gets the linear and angular momentum of its ballistic flight, and loses
-    what energy it has too much from its inner motion, so that they stay. One that touches a surface
-    loses speed; where that is not enough, because it was lifted, it stays where it was.
+    what energy it has too much from its inner motion, so that they stay. One that touches a
+    surface loses speed; where that is not enough, because it was lifted, it stays where it was.
 
     Args:
         world: What does not move.

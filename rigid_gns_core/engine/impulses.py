@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Impulses at contacts, and what they make of the bodies."""
 
 from __future__ import annotations
@@ -6,20 +20,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .contacts import Contacts
 from .jit import compiled, in_place
 from .law import Law
 from .neighbours import Indices
-from .vector import Vector, across, add_to, cross, dot, minus, plus, put, row, times
+from .vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from .world import World
+from ..state import Array
 
 
 class Impulses(NamedTuple):
     """Impulses on body a of each contact; body b gets the opposite.
 
-    normal: along the normal, at least 0, shape (c,); tangential: across it, friction, shape (c, 3);
-    rolling: angular impulse of rolling friction, zero between spheres, shape (c, 3).
+    normal: along the normal, at least 0, shape (c,); tangential: across it, friction, shape
+    (c, 3); rolling: angular impulse of rolling friction, zero between spheres, shape (c, 3).
     """
 
     normal: Array
@@ -56,7 +70,7 @@ def no_impulses(count: int) -> Impulses:
 
 @in_place
 def push(world: World, c: Contacts, bodies: Bodies, k: int, impulse: Vector) -> None:
-    """An impulse at contact k, as it acts on velocities."""
+    """Apply an impulse at contact k to velocities."""
     a, b = c.a[k], c.b[k]
     add_to(bodies.change, a, times(world.inverse_mass[a], impulse))
     add_to(bodies.change, b, times(-world.inverse_mass[b], impulse))
@@ -64,7 +78,7 @@ def push(world: World, c: Contacts, bodies: Bodies, k: int, impulse: Vector) -> 
 
 @in_place
 def spin(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, impulse: Vector) -> None:
-    """The same impulse, as it acts on angular velocities."""
+    """Apply the same impulse to angular velocities."""
     a, b = c.a[k], c.b[k]
     torque = cross(row(c.normal, k), impulse)
     add_to(bodies.turn, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
@@ -83,7 +97,7 @@ def slip_of(
 
 @in_place
 def slip_now(c: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
-    """The same with the impulses so far."""
+    """Return the same with the impulses so far."""
     a, b = c.a[k], c.b[k]
     return slip_of(
         c,
@@ -98,7 +112,7 @@ def slip_now(c: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
 
 @in_place
 def parting_of(c: Contacts, bodies: Bodies, k: int) -> float:
-    """Normal velocity with the impulses so far."""
+    """Return the normal velocity with the impulses so far."""
     a, b = c.a[k], c.b[k]
     free = minus(row(bodies.velocity, a), row(bodies.velocity, b))
     return dot(row(c.normal, k), plus(free, minus(row(bodies.change, a), row(bodies.change, b))))

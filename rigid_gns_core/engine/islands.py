@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Islands: spheres that contacts connect in a frame. Surfaces belong to none."""
 
 from __future__ import annotations
@@ -7,14 +21,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .jit import compiled, in_place
-from .neighbours import Flags, Indices, counting_sort
+from .neighbours import counting_sort, Flags, Indices
 
 
 class Islands(NamedTuple):
     """Spheres that were touched in a frame and the islands they make.
 
-    parent: forest over the spheres, whose roots name the islands, shape (n,); touched: spheres with
-    a contact, shape (n,); grounded: spheres that touch a surface, shape (n,).
+    parent: forest over the spheres, whose roots name the islands, shape (n,); touched: spheres
+    with a contact, shape (n,); grounded: spheres that touch a surface, shape (n,).
     """
 
     parent: Indices
@@ -42,7 +56,7 @@ def no_islands(count: int) -> Islands:
 
 @in_place
 def root_of(parent: Indices, sphere: int) -> int:
-    """The island of a sphere, by the number of one of its spheres."""
+    """Return the island of a sphere, by the number of one of its spheres."""
     while parent[sphere] != sphere:
         parent[sphere] = parent[parent[sphere]]
         sphere = parent[sphere]
@@ -51,7 +65,7 @@ def root_of(parent: Indices, sphere: int) -> int:
 
 @in_place
 def connect(islands: Islands, one: int, other: int) -> None:
-    """A contact between spheres; `other` -1: with a surface."""
+    """Note a contact between spheres; `other` -1: with a surface."""
     islands.touched[one] = True
     if other < 0:
         islands.grounded[one] = True
@@ -63,7 +77,7 @@ def connect(islands: Islands, one: int, other: int) -> None:
 
 @compiled
 def groups_of(islands: Islands) -> Groups:
-    """The islands of touched spheres."""
+    """Return the islands of touched spheres."""
     touched, found = np.flatnonzero(islands.touched), 0
     number, label = np.full(len(islands.parent), -1), np.empty(len(touched), np.int64)
     grounded = np.zeros(len(touched), np.bool_)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the engine is compiled; every file of it with compiled functions imports this one."""
 
 from __future__ import annotations
@@ -18,7 +32,7 @@ def compiled(function: Function) -> Function:
 
 
 def in_place(function: Function) -> Function:
-    """The same for functions that make no array: nothing counts references in them.
+    """Return the same for functions that make no array: nothing counts references in them.
 
     Counting them, atomically and for every array of every tuple, took most of the time.
     """
@@ -26,5 +40,5 @@ def in_place(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """The same for functions that Python calls; no lock is held, so that scenes run in threads."""
+    """Compile a function that Python calls; it holds no lock, so that scenes run in threads."""
     return _CODE.of(function, nogil=True)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The law of one isolated contact: what it would come to, whatever else there is."""
 
 from __future__ import annotations
@@ -7,10 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .contacts import Contacts
 from .jit import compiled, in_place
 from .world import UNIT_GRAVITY, World
+from ..state import Array
 
 # approach speeds below this do not bounce: as the teacher, 3 g dt / 240
 _QUIET = 3.0 * UNIT_GRAVITY * 0.1 / 240.0
@@ -19,9 +33,9 @@ _QUIET = 3.0 * UNIT_GRAVITY * 0.1 / 240.0
 class Law(NamedTuple):
     """Coefficients of the contacts of one substep, shape (c,) each.
 
-    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres; unit: change of
-    normal velocity by a unit impulse; arm_a, arm_b: from centre to contact point; spin_a, spin_b:
-    arm^2 / inertia.
+    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres; unit: change
+    of normal velocity by a unit impulse; arm_a, arm_b: from centre to contact point; spin_a,
+    spin_b: arm^2 / inertia.
     """
 
     restitution: Array
@@ -79,11 +93,11 @@ def law_of(world: World, contacts: Contacts) -> Law:
 def aim_of(
     e: float, h: float, time: float, gap: float, approach: float, pull: float, extra: float
 ) -> Aim:
-    """The law of one isolated contact along its normal.
+    """Return the law of one isolated contact along its normal.
 
     On a surface that pulls, a sphere bounces with e times the speed of each approach, in flights
-    whose times are a geometric series, until it approaches slower than `_QUIET` and rests. So small
-    bounces need no small substeps.
+    whose times are a geometric series, until it approaches slower than `_QUIET` and rests. So
+    small bounces need no small substeps.
 
     Args:
         e: Restitution.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Layers of a network for all contacts at once, contacts innermost; as models/layers.py."""
 
 from __future__ import annotations
@@ -13,9 +27,15 @@ _BLOCK = 128
 
 @in_place
 def layer(
-    inputs: Floats, weight: Floats, bias: Floats, outputs: Floats, first: int, start: int, size: int
+    inputs: Floats,
+    weight: Floats,
+    bias: Floats,
+    outputs: Floats,
+    first: int,
+    start: int,
+    size: int,
 ) -> None:
-    """Outputs = weight.T inputs + bias for `size` contacts; shapes (i, c), (o, c).
+    """Set outputs = weight.T inputs + bias for `size` contacts; shapes (i, c), (o, c).
 
     Contacts are the inner loop, which the compiler turns into vector instructions; two outputs and
     four inputs at a time, so that little is read twice. Where outputs are odd, one comes twice.
@@ -70,7 +90,7 @@ def mlp(
 
 @in_place
 def turn_over(one: Floats, other: Floats) -> None:
-    """The transpose of `one`, into `other`."""
+    """Write the transpose of `one` into `other`."""
     for start in range(0, len(other), 8):  # few rows at a time, so that both stay near
         end = min(start + 8, len(other))
         for i in range(len(one)):

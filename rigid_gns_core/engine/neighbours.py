@@ -1,8 +1,22 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Pairs of spheres within reach of each other: grids whose cells double from level to level.
 
 A sphere lives in the grid whose cells are as wide as its reach, and looks for others in its own
-grid and in coarser ones. So one fast sphere has a wide look around, all others keep theirs, and the
-cost grows with the number of spheres and of pairs.
+grid and in coarser ones. So one fast sphere has a wide look around, all others keep theirs, and
+the cost grows with the number of spheres and of pairs.
 """
 
 from __future__ import annotations
@@ -13,8 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..state import Array
 from .jit import compiled, entry, in_place
+from ..state import Array
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -159,7 +173,7 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
 
 @compiled
 def _every_pair(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, Indices]:
-    """The same by looking at all pairs, which is faster for few spheres."""
+    """Return the same by looking at all pairs, which is faster for few spheres."""
     count = len(positions)
     near = np.empty((count, count), np.bool_)
     start = np.zeros(count + 1, np.int64)

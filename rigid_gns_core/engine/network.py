@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The learned part: a graph network on contacts, which sets the pace of each in every round.
 
 The same as models/contact/network.py and features.py, contact by contact.
@@ -5,22 +19,22 @@ The same as models/contact/network.py and features.py, contact by contact.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..state import Array
 from .contacts import Contacts
-from .elementary import Floats, asinh_all, exp, log_all, tanh_all
+from .elementary import asinh_all, exp, Floats, log_all, tanh_all
 from .jit import compiled, in_place
 from .law import Law
 from .layers import layer, mlp
 from .neighbours import Indices
-from .vector import Vector, dot, length, minus, row, times
+from .vector import dot, length, minus, row, times, Vector
 from .world import UNIT_GRAVITY, World
+from ..state import Array
 
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles
 MOMENTUM = 0.5
@@ -75,7 +89,7 @@ def no_weights() -> Weights:
 
 @in_place
 def plain(load: Array, pace: Array) -> None:
-    """The pace without a network; see `tune`."""
+    """Write the pace without a network; see `tune`."""
     for c in range(len(load)):
         pace[c, 0] = pace[c, 1] = 1.0
         pace[c, 2] = MOMENTUM * (1.0 - 1.0 / load[c])
@@ -153,10 +167,10 @@ def encode(weights: Weights, features: Floats, latent: Floats) -> None:
 def gather_latents(
     contacts: Contacts, group: Indices, latents: Floats, weight: Array, fixed: int, total: Array
 ) -> None:
-    """What each contact's bodies have of their other contacts; the fixed one tells nothing.
+    """Sum what each contact's bodies have of their other contacts; the fixed one tells nothing.
 
-    Sums are in float64, where their order does not matter, so that equal contacts of a lattice stay
-    equal.
+    Sums are in float64, where their order does not matter, so that equal contacts of a lattice
+    stay equal.
 
     Args:
         contacts: All.
@@ -194,7 +208,7 @@ def read_round(
     lacking: float, slip: float, carried: float, others: float, others_slip: float, load: float,
     scale: float, seen: Floats,
 ) -> None:  # fmt: skip
-    """What a contact sees in a round, before logarithms; shape (7,): `Feel` of the reference."""
+    """Write what a contact sees in a round, before logarithms; (7,): `Feel` of the reference."""
     speed = 10.0 / scale
     seen[0] = speed * lacking
     seen[1] = speed * slip

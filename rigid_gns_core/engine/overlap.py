@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Overlaps: undone by position alone, so that they give no speed."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..state import Array
 from .candidates import find_candidates
 from .contacts import Contacts, find_contacts, gap_of
 from .jit import compiled, entry
 from .vector import add_to, put, row, times
 from .world import World
+from ..state import Array
 
 # sweeps that push out what still overlaps at the end of a substep
 _SWEEPS = 4

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What each contact lacks of its law, and what the others make of it, round by round."""
 
 from __future__ import annotations
@@ -8,17 +22,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.configs import CONTACT_FEATURES
-from ..state import Array
 from .contacts import Contacts
 from .elementary import Floats
 from .impulses import Bodies, Impulses, own_slip, parting_of, slip_now, slip_of
 from .jit import compiled, in_place
-from .law import Aim, Law, aim_of
+from .law import Aim, aim_of, Law
 from .neighbours import Indices
-from .network import Weights, describe, encode
-from .vector import Vector, across, dot, minus, put, row, times
+from .network import describe, encode, Weights
+from .vector import across, dot, minus, put, row, times, Vector
 from .world import UNIT_GRAVITY, World
+from ..models.configs import CONTACT_FEATURES
+from ..state import Array
 
 # contacts with this part of the force of a body's strongest count half
 _FAINT = 0.01
@@ -93,7 +107,7 @@ def look_ahead(
     pace: float,
     weights: Weights,
 ) -> None:
-    """What free paths bring to each contact, and what the others make of that."""
+    """Find what free paths bring to each contact, and what the others make of that."""
     learned = len(weights.rounds) > 0
     features = np.empty((CONTACT_FEATURES if learned else 0, len(r.group)), np.float32)
     for q, k in enumerate(r.group):
@@ -150,7 +164,7 @@ def slip_of_others(
 
 @in_place
 def _common(one: float, other: float) -> float:
-    """The smaller of two numbers of one sign, else 0."""
+    """Return the smaller of two numbers of one sign, else 0."""
     if one * other > 0:
         return math.copysign(min(math.fabs(one), math.fabs(other)), one)
     return 0.0
@@ -167,7 +181,7 @@ def compare(
     h: float,
     pace: float,
 ) -> None:
-    """What each contact lacks of its law, and how many press on each body.
+    """Find what each contact lacks of its law, and how many press on each body.
 
     The strongest of a body counts 1, one of no force nothing, so that contacts that carry nothing
     change nothing.

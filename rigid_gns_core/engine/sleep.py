@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Islands at rest sleep: they cost nothing and do not creep. What may touch them wakes them."""
 
 from __future__ import annotations
@@ -6,14 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .candidates import Candidates, find_candidates
-from .islands import Islands, groups_of
+from .islands import groups_of, Islands
 from .jit import compiled
 from .neighbours import Flags, Indices
 from .spheres import Spheres
 from .vector import length, minus, put, row
 from .world import World
+from ..state import Array
 
 # a sphere is quiet below this speed [sqrt(g r)], also at its surface ..
 _SPEED = 1.6e-3
@@ -25,9 +39,9 @@ _DRIFT = 0.2
 class Sleepers(NamedTuple):
     """Which spheres sleep; shape (n,) each.
 
-    asleep: whether it sleeps; island: number of what it fell asleep with; quiet: frames that it has
-    been quiet; place: where that began, shape (n, 3); limit: speed below which it is quiet; names:
-    how many islands have fallen asleep, shape (1,).
+    asleep: whether it sleeps; island: number of what it fell asleep with; quiet: frames that it
+    has been quiet; place: where that began, shape (n, 3); limit: speed below which it is quiet;
+    names: how many islands have fallen asleep, shape (1,).
     """
 
     asleep: Flags

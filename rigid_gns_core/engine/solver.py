@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Impulses of all contacts of a substep, by rounds of a law whose pace the network sets.
 
 The same as models/contact/solver.py: every round recomputes what each contact feels of the others
@@ -10,19 +24,19 @@ import math
 
 import numpy as np
 
-from ..models.configs import ROUND_FEATURES
-from ..state import Array
 from .contacts import Contacts
-from .impulses import Bodies, Impulses, begin, own_slip, slip_now
+from .impulses import begin, Bodies, Impulses, own_slip, slip_now
 from .jit import compiled, in_place
 from .law import Law
 from .layers import turn_over
 from .neighbours import Indices
-from .network import Weights, gather_latents, plain, read_round, tune
-from .rounds import Rounds, compare, look_ahead, new_rounds, slip_of_others
+from .network import gather_latents, plain, read_round, tune, Weights
+from .rounds import compare, look_ahead, new_rounds, Rounds, slip_of_others
 from .steps import press, resist_rolling, resist_slip
 from .vector import add_to, length, minus, plus, put, row, times
 from .world import UNIT_GRAVITY, World
+from ..models.configs import ROUND_FEATURES
+from ..state import Array
 
 
 @compiled
@@ -97,7 +111,7 @@ def _set_pace(
     weights: Weights,
     index: int,
 ) -> None:
-    """A round of message passing."""
+    """Pass messages for one round."""
     fixed, width = len(bodies.load) - 1, len(r.latent)
     inputs = np.empty((2 * width + ROUND_FEATURES, len(r.group)), np.float32)
     rows = np.empty((len(r.group), width), np.float32)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Moving state of all spheres."""
 
 from __future__ import annotations
@@ -6,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .jit import compiled, in_place
+from ..state import Array
 
 
 class Spheres(NamedTuple):
@@ -21,7 +35,7 @@ class Spheres(NamedTuple):
 
 @compiled
 def copy_spheres(spheres: Spheres) -> Spheres:
-    """The same in other memory."""
+    """Return the same in other memory."""
     return Spheres(
         spheres.positions.copy(),
         spheres.quaternions.copy(),

@@ -1,17 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rolls a contact model out in the model's units: sleep, frame, energy guard."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
+import sys
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Plane, Scene
-from ..state import State
-from ..stepper import Advance, Stepper, state_at
 from .frame import advance
 from .guard import hold
 from .islands import Islands
@@ -19,18 +30,24 @@ from .jit import compiled, entry, is_compiled
 from .memory import Memory, no_memory
 from .network import no_weights, weights_of
 from .overlap import separate
-from .sleep import Sleepers, all_awake, settle
-from .spheres import Spheres, is_finite, store
+from .sleep import all_awake, settle, Sleepers
+from .spheres import is_finite, Spheres, store
 from .substep import Settings
 from .world import World, world_of
+from ..scene import Plane, Scene
+from ..state import State
+from ..stepper import Advance, state_at, Stepper
 
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'
 
 
 def settings_of(
-    tensors: Mapping[str, NDArray[Any]] | None, substeps: int, rounds: int, everywhere: bool = False
+    tensors: Mapping[str, NDArray[Any]] | None,
+    substeps: int,
+    rounds: int,
+    everywhere: bool = False,
 ) -> Settings:
-    """A model for the engine; tensors None: the law alone."""
+    """Return a model for the engine; tensors None: the law alone."""
     weights = no_weights() if tensors is None else weights_of(tensors, rounds)
     return Settings(substeps, rounds, weights, no_weights(), everywhere)
 

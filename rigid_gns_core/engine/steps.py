@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The steps of a round: normal impulses, rolling friction, friction."""
 
 from __future__ import annotations
@@ -13,7 +27,7 @@ from .world import World
 
 @in_place
 def press(world: World, c: Contacts, bodies: Bodies, made: Impulses, r: Rounds) -> None:
-    """Normal impulses."""
+    """Set normal impulses."""
     for q, k in enumerate(r.group):
         a, b, old = c.a[k], c.b[k], made.normal[k]
         split = bodies.load[a] * world.inverse_mass[a] + bodies.load[b] * world.inverse_mass[b]

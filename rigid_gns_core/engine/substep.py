@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One substep: free flight, contacts, impulses, push-out."""
 
 from __future__ import annotations
@@ -6,19 +20,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..state import Array
 from .candidates import Candidates
 from .contacts import Contacts, find_contacts
 from .impulses import Bodies, Impulses, no_impulses
-from .islands import Islands, connect, no_islands, root_of
+from .islands import connect, Islands, no_islands, root_of
 from .jit import compiled, in_place
 from .law import law_of
-from .neighbours import Flags, Indices, counting_sort
+from .neighbours import counting_sort, Flags, Indices
 from .network import Weights
 from .overlap import push_out
 from .solver import solve
 from .vector import put, row
 from .world import UNIT_GRAVITY, World
+from ..state import Array
 
 # islands whose last round still changed a contact by this part of g h get so many more of the law,
 # or fewer where they change all by less than that part of it
@@ -36,7 +50,7 @@ class Motion(NamedTuple):
 
 @compiled
 def copy_motion(motion: Motion) -> Motion:
-    """The same in other memory."""
+    """Return the same in other memory."""
     p, v, w = motion.positions, motion.velocities, motion.angular_velocities
     return Motion(p.copy(), v.copy(), w.copy(), motion.awake)
 
@@ -107,7 +121,19 @@ def substep(
         for island in range(len(begin) - 1):
             some = again[begin[island] : begin[island + 1]]
             solve(
-                world, contacts, law, some, bodies, first, start, h, pace, _MORE, enough, none, made
+                world,
+                contacts,
+                law,
+                some,
+                bodies,
+                first,
+                start,
+                h,
+                pace,
+                _MORE,
+                enough,
+                none,
+                made,
             )
     _fly(world, motion, h)
     for i in range(count):
@@ -161,7 +187,7 @@ def _forget(memory: Impulses) -> None:
 
 @compiled
 def _by_company(contacts: Contacts, count: int, everywhere: bool) -> tuple[Indices, Indices]:
-    """Contacts that share no body with another, which need neither network nor rounds; the rest."""
+    """Contacts that share no body with another, and need no network and no rounds; the rest."""
     load = np.zeros(count + 1, np.int64)
     for k in range(len(contacts.a)):
         load[contacts.a[k]] += 1

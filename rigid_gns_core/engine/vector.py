@@ -1,11 +1,25 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Vectors of three numbers as tuples, which the compiler keeps in registers."""
 
 from __future__ import annotations
 
 import math
 
-from ..state import Array
 from .jit import in_place
+from ..state import Array
 
 Vector = tuple[float, float, float]
 
@@ -78,7 +92,7 @@ def across(vector: Vector, normal: Vector) -> Vector:
 
 @in_place
 def clip(vector: Vector, most: float) -> Vector:
-    """The vector, no longer than `most`."""
+    """Return the vector, no longer than `most`."""
     long = length(vector)
     return times(most / long, vector) if long > most else vector
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What does not move, as arrays: spheres, materials, planes and gravity.
 
 Body n, one past the last sphere, stands for everything that is fixed: its inverse mass is zero, so
@@ -11,9 +25,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .jit import compiled
 from ..scene import Scene
 from ..state import Array
-from .jit import compiled
 
 # gravity of the model's units, in which a frame takes 0.1 and the largest radius is 1
 UNIT_GRAVITY = 9.81
@@ -25,8 +39,8 @@ class World(NamedTuple):
     radius, inverse_mass, inverse_inertia (1 / (2/5 m r^2)): of spheres, and of the fixed body (0),
     shape (n + 1,); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
     (3,); point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
-    each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite, shape
-    (s, 2); plate: planes with an end on all sides, which have two faces, shape (s,);
+    each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
+    shape (s, 2); plate: planes with an end on all sides, which have two faces, shape (s,);
     surface_restitution, surface_friction: of the planes, shape (s,).
     """
 
@@ -46,7 +60,7 @@ class World(NamedTuple):
 
 
 def world_of(scene: Scene, count: int) -> World:
-    """The world of `count` spheres in `scene`."""
+    """Return the world of `count` spheres in `scene`."""
     radius = scene.per_sphere('radius', count)
     mass = scene.per_sphere('mass', count)
     planes = scene.surfaces
@@ -75,7 +89,7 @@ def world_of(scene: Scene, count: int) -> World:
 
 @compiled
 def world_among(world: World, members: NDArray[np.int64]) -> World:
-    """The world of some of the spheres."""
+    """Return the world of some of the spheres."""
     bodies = np.append(members, len(world.restitution))
     return World(
         world.radius[bodies],

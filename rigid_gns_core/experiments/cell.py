@@ -1,19 +1,33 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A cell: one variant with one seed. What determines it is its key, so it never runs twice."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, MISSING
+from functools import cache, cached_property
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
-from functools import cache, cached_property
 from typing import Any
 
+from .budget import Budget
+from .study import Experiment, Kind, Variant
 from ..generate import resolve
 from ..recipe import load_recipe, recipe_hash
 from ..sampling import load_scene
-from .budget import Budget
-from .study import Experiment, Kind, Variant
 
 VERSION = 1
 """Raised where the same configuration gives other numbers than before, so that cells run again."""
@@ -92,13 +106,13 @@ def cells_of(
 
 
 def teacher_cells(budget: Budget) -> list[Cell]:
-    """The reference itself, on the test set and on the scenes unlike the training set."""
+    """Return the reference itself, on the test set and on the scenes unlike the training set."""
     names = ['test', *(['ood'] if budget.data.ood else [])]
     return [Cell('teacher', name, 0, budget) for name in names]
 
 
 def differing(config: Any) -> dict[str, Any]:
-    """What of a configuration differs from its defaults.
+    """Return what of a configuration differs from its defaults.
 
     A switch that is added later then leaves the keys of old cells as they are.
     """

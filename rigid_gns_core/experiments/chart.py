@@ -1,17 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One figure per experiment: ours, what the thesis prints, the floor, and what diverged."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from ..figure import GRID, INK, clean_axes
-from ..metrics.table import LAWS
-from .points import Panel, Point, panels_of, printed_numbers
+from .points import Panel, panels_of, Point, printed_numbers
 from .text import LONG, SET_NAMES, SHORT
+from ..figure import clean_axes, GRID, INK
+from ..metrics.table import LAWS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +33,10 @@ if TYPE_CHECKING:
 # Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
 OURS, THESIS, LOST = '#0072b2', '#e69f00', '#d55e00'
 NAMES = {**{key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()}, **LONG, **SHORT}
-NAMES |= {'position_error_10': 'error after 10 steps [m]', 'frames_per_second': 'frames per second'}
+NAMES |= {
+    'position_error_10': 'error after 10 steps [m]',
+    'frames_per_second': 'frames per second',
+}
 _EDGE = 0.985  # of the axis: where what is off the scale is drawn
 
 
@@ -60,7 +77,12 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
             handles, texts = axes.get_legend_handles_labels()
             known |= dict(zip(texts, handles, strict=True))
     figure.legend(
-        known.values(), known.keys(), loc='outside lower center', ncols=3, frameon=False, fontsize=9
+        known.values(),
+        known.keys(),
+        loc='outside lower center',
+        ncols=3,
+        frameon=False,
+        fontsize=9,
     )
     title = f'{table["title"]} (thesis: {table["source"]})'
     if table['kind'] == 'train':
@@ -97,7 +119,7 @@ def _draw(axes: Axes, panel: Panel, along: bool, axis: str, *, first: bool) -> N
 def _mark(
     axes: Axes, along: bool, panel: Panel, place: float, value: float, std: float, style: Any
 ) -> None:
-    """A point with its standard deviation, which ends within the axis."""
+    """Draw a point with its standard deviation, which ends within the axis."""
     low, high = panel.limits
     bar = [[min(std, value - low)], [min(std, high - value)]]
     axes.errorbar(

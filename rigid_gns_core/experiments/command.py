@@ -1,15 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns experiment`: run an experiment of the thesis, write its table and figure."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 import signal
 import sys
-from pathlib import Path
 
-from ..completion import completes, configs
-from ..strict_json import write_compact_json
-from ..workers import add_worker_arguments, chosen_workers
 from .budget import Budget, load_budget
 from .cell import Cell, cells_of
 from .chart import write_chart
@@ -19,6 +30,9 @@ from .store import DIGITS, Store
 from .study import Experiment, load_experiment, shipped_experiments
 from .table import make_table
 from .text import format_table
+from ..completion import completes, configs
+from ..strict_json import write_compact_json
+from ..workers import add_worker_arguments, chosen_workers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--list', action='store_true', help='name all experiments and stop')
     budget = parser.add_argument(
-        '--budget', default='cpu', metavar='NAME', help='cpu (default), smoke, full, or a YAML file'
+        '--budget',
+        default='cpu',
+        metavar='NAME',
+        help='cpu (default), smoke, full, or a YAML file',
     )
     completes(names, lambda: [*configs('experiments')(), 'all'])
     completes(budget, configs('budgets'))
@@ -44,7 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out', type=Path, default=Path('docs/thesis'), help='results (docs/thesis)'
     )
     parser.add_argument(
-        '--no-run', action='store_true', help='only tables and figures, of the cells that are there'
+        '--no-run',
+        action='store_true',
+        help='only tables and figures, of the cells that are there',
     )
     parser.add_argument(
         '--page',
@@ -106,7 +125,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run_cells(
-    cells: list[Cell], budget: Budget, folders: Folders, store: Store, arguments: argparse.Namespace
+    cells: list[Cell],
+    budget: Budget,
+    folders: Folders,
+    store: Store,
+    arguments: argparse.Namespace,
 ) -> list[str]:
     """Lines on what failed."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C

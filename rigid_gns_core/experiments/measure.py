@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What is measured of a rollout, and of the teacher beside itself; names as in docs/metrics.md."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+import warnings
 
 import numpy as np
 
 from ..dataset import Record
-from ..evaluate import Velocities, evaluate
+from ..evaluate import evaluate, Velocities
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
 from ..rollout import Simulator
@@ -31,7 +45,7 @@ Columns = dict[str, list[float | None]]
 def roll_outs(
     simulator: Simulator, records: Sequence[Record], steps: int, *, at_once: bool
 ) -> Iterator[Trajectory]:
-    """A rollout from each record's start; NaN from where it diverges.
+    """Yield a rollout from each record's start; NaN from where it diverges.
 
     Args:
         simulator: The model.

@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Fills the tables of docs/thesis.md from the results, between markers that name an experiment."""
 
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
+import re
 
-from ..config import ConfigError
-from ..strict_json import read_json
 from .study import shipped_experiments
 from .text import format_table
+from ..config import ConfigError
+from ..strict_json import read_json
 
 _BLOCK = re.compile(r'(<!-- experiment: (\w+) -->\n)(.*?)(<!-- end -->)', re.DOTALL)
 

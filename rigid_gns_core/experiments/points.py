@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a figure of an experiment shows: one point for each variant, in each panel."""
 
 from __future__ import annotations
@@ -85,7 +99,7 @@ def panels_of(table: Mapping[str, Any]) -> list[Panel]:
 
 
 def printed_numbers(value: Any) -> list[float]:
-    """The number, or mean and std, that the thesis prints; empty where it is a word or nothing."""
+    """Return the number, or mean and std, that the thesis prints; empty: it is none."""
     if value is None or isinstance(value, str):
         return []
     return [float(part) for part in (value if isinstance(value, list) else [value])]

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs the cells that have no result yet, side by side or on a cluster."""
 
 from __future__ import annotations
@@ -7,13 +21,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..progress import Progress
-from ..workers import Workers
 from .budget import Budget
 from .cell import Cell
 from .sets import make_sets
 from .store import Store
 from .work import LOG, run_cell
+from ..progress import Progress
+from ..workers import Workers
 
 
 @dataclass(frozen=True)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Data sets of a budget: made on demand below one folder, or used where they are there."""
 
 from __future__ import annotations
@@ -6,20 +20,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from .budget import Budget
 from ..dataset import (
-    RECIPE_NAME,
     Dataset,
     DatasetError,
-    Record,
     read_recipe,
     read_record,
+    RECIPE_NAME,
+    Record,
     record_path,
 )
 from ..generate import generate, generate_scene, resolve
 from ..recipe import DataRecipe, load_recipe, recipe_hash
 from ..sampling import load_scene
 from ..workers import Workers
-from .budget import Budget
 
 # ending of a file or key in `Data`: share of the reference's substeps
 SUBSTEPS = {'': 1.0, 'half': 0.5, 'twice': 2.0}
@@ -53,12 +67,12 @@ def ood_path(folder: Path, scene: str, ending: str = '') -> Path:
 
 
 def training_set(budget: Budget, folder: Path) -> list[Record]:
-    """The training set."""
+    """Return the training set."""
     return _first(folder / budget.data.train, load_recipe(budget.data.train).trajectories)
 
 
 def references(budget: Budget, folder: Path, which: str, ending: str = '') -> list[Record]:
-    """References of a set, at a share of the substeps; 'test' or 'ood'."""
+    """Return references of a set, at a share of the substeps; 'test' or 'ood'."""
     if which == 'ood':
         return [read_record(ood_path(folder, scene, ending)) for scene in budget.data.ood]
     name = getattr(budget.data, ending) if ending else budget.data.test
@@ -66,7 +80,7 @@ def references(budget: Budget, folder: Path, which: str, ending: str = '') -> li
 
 
 def _first(folder: Path, count: int) -> list[Record]:
-    """The first `count` trajectories: a folder may hold more of the same recipe."""
+    """Return the first `count` trajectories: a folder may hold more of the same recipe."""
     return Dataset(folder, partial=True)[:count]
 
 

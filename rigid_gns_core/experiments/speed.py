@@ -1,22 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Frames per second of a variant (thesis section 4.3.5), with random weights."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
+import time
 from typing import Any
 
 import numpy as np
 
+from .cell import Cell
+from .measure import describe
 from ..benchmark.machine import cpu_name, load_average
 from ..config import to_mapping
 from ..dataset import Record
 from ..graph import build_graph
 from ..simulators import GNSSimulator
 from ..training_set import common_scene
-from .cell import Cell
-from .measure import describe
 
 REPEATS = 3
 
@@ -32,8 +46,8 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
         `frames_per_second`, `seconds_per_frame`, `edges` (of spheres, one direction) and
         `surface_edges`, one value for each record, means over its frames; `cpu` and `load`.
     """
-    import torch
     from threadpoolctl import threadpool_limits
+    import torch
 
     from ..models.features import Motion
     from ..models.gns import GNS

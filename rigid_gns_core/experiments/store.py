@@ -1,18 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Results of cells as JSON, one file each, with all that says where they came from."""
 
 from __future__ import annotations
 
-import platform
-import subprocess
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+import platform
+import subprocess
 from typing import Any
 
+from .cell import Cell, VERSION
 from ..config import to_mapping
 from ..strict_json import read_json, write_compact_json
 from ..versions import PACKAGE, versions_of
-from .cell import VERSION, Cell
 
 DIGITS = 6
 """Significant digits that are kept."""
@@ -34,7 +48,7 @@ class Store:
         return next(iter(sorted(self.folder.glob(f'*_{cell.key}.json'))), None)
 
     def read(self, cell: Cell) -> dict[str, Any] | None:
-        """Result of a cell; None: it has not run."""
+        """Return the result of a cell; None: it has not run."""
         path = self.find(cell)
         return None if path is None else read_json(path)
 
@@ -46,7 +60,7 @@ class Store:
 
 
 def describe_cell(cell: Cell) -> dict[str, Any]:
-    """What a cell is and what made it; no path and no name of a machine."""
+    """Return what a cell is and what made it; no path and no name of a machine."""
     budget = cell.budget
     config: dict[str, Any] = {'changes': cell.changes}
     if cell.kind == 'train':

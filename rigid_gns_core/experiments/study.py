@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What an experiment is: variants of one recipe, and what the thesis prints for each."""
 
 from __future__ import annotations
@@ -7,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ..config import ConfigError, config_folder, find_config, from_mapping, load_yaml
+from ..config import config_folder, ConfigError, find_config, from_mapping, load_yaml
 
 Kind = Literal['train', 'teacher', 'speed']
 SETS = ('test', 'ood')
@@ -88,7 +102,7 @@ class Experiment:
                 )
 
     def only(self, names: list[str] | None) -> tuple[Variant, ...]:
-        """The variants of these names; None: all.
+        """Return the variants of these names; None: all.
 
         Raises:
             ConfigError: An unknown name; the allowed ones are listed.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tables of experiments as Markdown, for the terminal and for docs/thesis.md."""
 
 from __future__ import annotations
@@ -56,7 +70,7 @@ def format_table(table: Mapping[str, Any]) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number of so many significant digits, as short as can be read."""
+    """Return a number of so many significant digits, as short as can be read."""
     if value is None:
         return ''
     if value == 0 or not np.isfinite(value):
@@ -77,7 +91,7 @@ def spread(mean: float | None, std: float | None) -> str:
 
 
 def printed(value: Any) -> str:
-    """What the thesis prints: a number, [mean, std], a word, or nothing."""
+    """Return what the thesis prints: a number, [mean, std], a word, or nothing."""
     if value is None:
         return ''
     if isinstance(value, str):
@@ -108,10 +122,12 @@ def _block(
     columns: Mapping[str, str],
     floor: Mapping[str, Any],
 ) -> str:
-    """A line for each variant, and one for the floor where a column has one."""
+    """Return a line for each variant, and one for the floor where a column has one."""
     scores = [row['sets'][which][steps] for row in rows]
     keys = [key for key in columns if any(key in s['metrics'] for s in scores)]
-    words = [key for key in PRINTED if key in columns and any(_thesis(r, which, key) for r in rows)]
+    words = [
+        key for key in PRINTED if key in columns and any(_thesis(r, which, key) for r in rows)
+    ]
     head = ['variant', 'diverged', *(columns[key] for key in keys)]
     lines = [head + [f'thesis: {PRINTED[key]}' for key in words]]
     for row, score in zip(rows, scores, strict=True):
@@ -173,7 +189,7 @@ def _cell(statistic: Mapping[str, Any] | None) -> str:
 
 
 def markdown(lines: Sequence[Sequence[str]]) -> str:
-    """A table whose first line is its head, columns as wide as they need."""
+    """Return a table whose first line is its head, columns as wide as they need."""
     widths = [max(3, *(len(line[i]) for line in lines)) for i in range(len(lines[0]))]
     rows = [
         '| ' + ' | '.join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + ' |'

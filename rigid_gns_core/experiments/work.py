@@ -1,22 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs a cell, in whatever process; returns what its JSON will hold."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
+from pathlib import Path
 import time
 import traceback
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
+from .cell import Cell
+from .measure import columns, describe, floor_of, least_floor, measure, roll_outs, Values
+from .sets import references, training_set
+from .speed import measure_speed
 from ..dataset import Record
 from ..evaluate import Velocities
 from ..metrics import LAW_KEYS
 from ..training_set import fingerprint
-from .cell import Cell
-from .measure import Values, columns, describe, floor_of, least_floor, measure, roll_outs
-from .sets import references, training_set
-from .speed import measure_speed
 
 LOG = 'output.txt'
 

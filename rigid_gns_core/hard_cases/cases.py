@@ -1,7 +1,21 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The hard cases, and the thresholds that a simulator has to keep in all of them.
 
-SI units; radius 1 m and mass 1 kg where a case is not about size or mass, the materials of `_scene`
-where it is not about materials. Where spheres start at random, the seed says how.
+SI units; radius 1 m and mass 1 kg where a case is not about size or mass, the materials of
+`_scene` where it is not about materials. Where spheres start at random, the seed says how.
 """
 
 from __future__ import annotations
@@ -12,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
+from .case import Case
 from ..plane import Plane
-from ..sampling import StartRecipe, sample_start
+from ..sampling import sample_start, StartRecipe
 from ..scene import Scene
 from ..state import Array, State
-from .case import Case
 
 ENERGY_RISE = 1e-4
 """Largest sum of rises of the energy, over the sum of m g r plus the kinetic energy at start."""
@@ -31,7 +45,7 @@ _SLOPE = float(np.sqrt(0.5))
 def hard_cases(
     names: Iterable[str] | None = None, *, quick: bool = False, seed: int = 0
 ) -> tuple[Case, ...]:
-    """The cases in the order of the table.
+    """Return the cases in the order of the table.
 
     Args:
         names: Those wanted; None: all.
@@ -58,7 +72,7 @@ def _scene(surfaces: tuple[Plane, ...] = (Plane(),), **properties: Any) -> Scene
 
 
 def _box(width: float, height: float) -> tuple[Plane, ...]:
-    """A closed box: floor, walls and a lid."""
+    """Return a closed box: floor, walls and a lid."""
     lid = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0), width, width)
     return (*Plane.box(width, width, height), lid)
 

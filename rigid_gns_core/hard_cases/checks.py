@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What is measured of a trajectory of a hard case, and what is judged."""
 
 from __future__ import annotations
@@ -8,12 +22,12 @@ from typing import Any, get_args
 
 import numpy as np
 
+from .case import Case
+from .cases import DRIFT, ENERGY_RISE
 from ..evaluate import Velocities
 from ..metrics import divergence, energy, passed_through, sphere_penetration, surface_penetration
 from ..scene import Scene
 from ..state import Array, Trajectory
-from .case import Case
-from .cases import DRIFT, ENERGY_RISE
 
 HORIZONS = (10, 30, 100)
 """Steps at which errors against the teacher are reported."""
@@ -101,7 +115,8 @@ def energy_rise(case: Case, trajectory: Trajectory) -> tuple[float, float]:
     """Sum of all rises of the energy, with rotation, and what pushing spheres out took.
 
     Both over the sum of m g r plus the kinetic energy at the start. In a case that starts with
-    overlaps, the potential energy that the first step gains is the second number, not in the first.
+    overlaps, the potential energy that the first step gains is the second number, not in the
+    first.
     """
     parts = energy(trajectory, case.scene)
     mass, radius = (case.scene.per_sphere(name, trajectory.count) for name in ('mass', 'radius'))

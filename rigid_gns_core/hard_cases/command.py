@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns hard-cases`: run models through the hard cases, beside the teacher."""
 
 from __future__ import annotations
@@ -8,18 +22,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from .case import Case
+from .cases import DRIFT, ENERGY_RISE, hard_cases
+from .checks import LEAST_FLOOR, TEACHER_ENERGY_RISE
+from .engines import load_engine, run_cases, TEACHER
+from .references import References
+from .report import format_summary, format_table
 from ..completion import completes, shipped_models
 from ..progress import Progress
 from ..strict_json import write_json
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
 from ..versions import PACKAGE, version_of
-from .case import Case
-from .cases import DRIFT, ENERGY_RISE, hard_cases
-from .checks import LEAST_FLOOR, TEACHER_ENERGY_RISE
-from .engines import TEACHER, load_engine, run_cases
-from .references import References
-from .report import format_summary, format_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

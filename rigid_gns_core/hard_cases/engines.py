@@ -1,22 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What is put to the hard cases, and how."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
+import warnings
 
 import numpy as np
 
+from .case import Case
+from .checks import failures, measure_errors, measure_laws, measure_precision
+from .references import References
 from ..evaluate import Velocities
 from ..scene import Scene
 from ..state import State, Trajectory
 from ..teacher import simulate as bullet
 from ..teacher_settings import TeacherSettings
-from .case import Case
-from .checks import failures, measure_errors, measure_laws, measure_precision
-from .references import References
 
 if TYPE_CHECKING:
     from ..rollout import Simulator
@@ -52,7 +66,7 @@ def simulator_engine(
     velocities: Velocities | None = None,
     twin: Callable[[], Engine] | None = None,
 ) -> Engine:
-    """A learned simulator; `velocities` None: as it says itself, or else by poses."""
+    """Return a learned simulator; `velocities` None: as it says itself, or else by poses."""
 
     def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
         given = (scene, start.positions, start.velocities, start.angular_velocities)
@@ -68,7 +82,7 @@ def simulator_engine(
 
 
 def teacher_engine(settings: TeacherSettings) -> Engine:
-    """The teacher itself, at the time step that the learned simulators have."""
+    """Return the teacher itself, at the time step that the learned simulators have."""
 
     def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
         gravity = float(np.linalg.norm(scene.gravity))
@@ -79,7 +93,7 @@ def teacher_engine(settings: TeacherSettings) -> Engine:
 
 
 def load_engine(name: str, velocities: Velocities | None, settings: TeacherSettings) -> Engine:
-    """A model by name or path, or the teacher; `velocities` None: as it says itself."""
+    """Return a model by name or path, or the teacher; `velocities` None: as it says itself."""
     if name == TEACHER:
         return teacher_engine(settings)
     from ..rollout import load_simulator
@@ -99,10 +113,10 @@ def run_cases(
     """One row per case and engine, case by case.
 
     Yields:
-        `case`, `model`, `verdict` (ok, FAILED or refused), `failed` (names of laws), `refused` (the
-        reason or None), `warnings`, `dt` [s], `velocities`, `laws` (see `measure_laws`), `errors`
-        (see `measure_errors`), `teacher` (False: it blew up; None: not asked), `precision` (see
-        `measure_precision`).
+        `case`, `model`, `verdict` (ok, FAILED or refused), `failed` (names of laws), `refused`
+        (the reason or None), `warnings`, `dt` [s], `velocities`, `laws` (see `measure_laws`),
+        `errors` (see `measure_errors`), `teacher` (False: it blew up; None: not asked),
+        `precision` (see `measure_precision`).
     """
     for case in cases:
         for engine in engines:
@@ -160,7 +174,7 @@ def _empty(case: Case, model: str) -> dict[str, Any]:
 
 
 def _lost(case: Case) -> Trajectory:
-    """The start, and nothing after it."""
+    """Return the start, and nothing after it."""
     shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
     arrays = {n: np.full((case.steps + 1, len(case.start), k), np.nan) for n, k in shapes.items()}
     for name, array in arrays.items():

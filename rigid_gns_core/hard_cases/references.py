@@ -1,21 +1,35 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The teacher beside a hard case: at three step sizes, and kept in a folder."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 import hashlib
 import json
-import zipfile
-from dataclasses import asdict, replace
 from pathlib import Path
+import zipfile
 
 import numpy as np
 
+from .case import Case
+from .checks import HORIZONS
 from ..state import Trajectory
 from ..teacher import simulate as bullet
 from ..teacher_settings import TeacherError, TeacherSettings
 from ..whole_file import whole_file
-from .case import Case
-from .checks import HORIZONS
 
 _FORMAT = 1  # counts up where files in the cache no longer mean the same
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')
@@ -39,7 +53,7 @@ class References:
         self._last: dict[str, Trajectory] = {}
 
     def of(self, case: Case, dt: float) -> list[Trajectory] | None:
-        """Up to the last horizon, at time steps of `dt` [s]; None where Bullet refuses the case."""
+        """Up to the last horizon, at time steps of `dt` [s]; None: Bullet refuses the case."""
         steps = min(case.steps, max(HORIZONS))
         runs: dict[str, Trajectory] = {}
         for settings in self._settings:
@@ -61,7 +75,7 @@ class References:
 
 
 def _key(case: Case, steps: int, dt: float, settings: TeacherSettings) -> str:
-    """What a trajectory of the teacher depends on, as a hash."""
+    """Return what a trajectory of the teacher depends on, as a hash."""
     start = {name: getattr(case.start, name).tolist() for name in _ARRAYS}
     content = [_FORMAT, case.scene.to_mapping(), start, steps, dt, asdict(settings)]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

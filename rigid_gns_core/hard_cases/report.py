@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The table of hard cases: per case one line per model."""
 
 from __future__ import annotations
@@ -48,8 +62,9 @@ def format_summary(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _legend(errors: bool) -> str:
     text = (
-        f'! out of bounds: finite, inside, energy rise <= {ENERGY_RISE:g} (of m g r of all spheres '
-        f'plus the kinetic energy at the start), drift <= {DRIFT:g} r where spheres should rest.\n'
+        f'! out of bounds: finite, inside, energy rise <= {ENERGY_RISE:g} (of m g r of all '
+        f'spheres plus the kinetic energy at the start), drift <= {DRIFT:g} r where spheres '
+        'should rest.\n'
         'deepest [diameters]: of the second half; speed [m/s]: the fastest at the end.'
     )
     if errors:
@@ -62,7 +77,7 @@ def _legend(errors: bool) -> str:
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """The first three cells are words, the rest numbers."""
+    """Return a row: the first three cells are words, the rest numbers."""
     pairs = zip(cells, widths, strict=False)
     aligned = [c.ljust(w) if i < 3 else c.rjust(w) for i, (c, w) in enumerate(pairs)]
     return '  '.join(aligned)
@@ -89,7 +104,7 @@ def _cell(row: Mapping[str, Any], column: str) -> str:
 
 
 def _remark(row: Mapping[str, Any], notes: dict[str, int]) -> str:
-    """What else there is to say; long texts go below the table, under a number."""
+    """Return what else there is to say; long texts go below the table, under a number."""
     parts = []
     laws = row['laws'] or {}
     if 0 < laws.get('push_out', 0.0) < np.inf:

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scores of a trajectory: physical laws, which need no reference, and errors against a reference.
 
 The definitions, with their formulas and choices, are in docs/metrics.md.
@@ -7,13 +21,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene import Scene
-from ..state import Trajectory
-from .error import HORIZONS, chamfer, error_metrics, horizon_metrics, position_mse
+from .error import chamfer, error_metrics, horizon_metrics, HORIZONS, position_mse
 from .motion import (
-    Energy,
     angular_momentum,
     divergence,
+    Energy,
     energy,
     energy_gain,
     horizontal_momentum_drift,
@@ -21,7 +33,9 @@ from .motion import (
     time_to_rest,
     vertical_spin_drift,
 )
-from .penetration import Penetration, passed_through, sphere_penetration, surface_penetration
+from .penetration import passed_through, Penetration, sphere_penetration, surface_penetration
+from ..scene import Scene
+from ..state import Trajectory
 
 __all__ = [
     'HORIZONS',

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Errors of a predicted trajectory against a reference."""
 
 from __future__ import annotations
@@ -7,9 +21,9 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..scene import Scene
-from ..state import Array, Trajectory, rotation_between
 from .motion import divergence
+from ..scene import Scene
+from ..state import Array, rotation_between, Trajectory
 
 HORIZONS = (10, 30, 50, 100)
 """Steps at which short-horizon errors are reported."""
@@ -29,8 +43,8 @@ def error_metrics(
         `mse` [m^2], `chamfer` [m^2], `position_error` [m], `velocity_error` [m/s], `spin_error`
         [rad/s], `rotation_error` [rad]: infinite where either trajectory diverged.
         `predictability_time` [s]: when the median sphere is first further than half a radius
-        off; the length of the rollout where that never happens, and then `predictable_to_end` is 1,
-        else 0. `resting_spheres` [%]: those that the reference keeps within 0.01 radii of
+        off; the length of the rollout where that never happens, and then `predictable_to_end` is
+        1, else 0. `resting_spheres` [%]: those that the reference keeps within 0.01 radii of
         their start, and, where there are any, `resting_drift` [m]: how far the prediction takes
         them from their start, the farthest of all frames, mean over those spheres.
 
@@ -102,7 +116,7 @@ def horizon_metrics(
 
 
 def position_mse(predicted: Array, reference: Array) -> float:
-    """The thesis' MSE: mean over frames and spheres of |p - p'|^2 [m^2].
+    """Return the thesis' MSE: mean over frames and spheres of |p - p'|^2 [m^2].
 
     Args:
         predicted: Centres [m], shape (frames, n, 3).
@@ -114,7 +128,7 @@ def position_mse(predicted: Array, reference: Array) -> float:
 
 
 def chamfer(predicted: Array, reference: Array) -> float:
-    """The thesis' symmetric Chamfer distance, mean over frames [m^2].
+    """Return the thesis' symmetric Chamfer distance, mean over frames [m^2].
 
     In each frame, the mean squared distance of each centre to the nearest centre of the other set,
     summed over both directions.
@@ -154,7 +168,9 @@ def _rate_errors(predicted: Trajectory, reference: Trajectory) -> dict[str, floa
     return {
         'velocity_error': mean_norm(predicted.velocities - reference.velocities),
         'spin_error': mean_norm(predicted.angular_velocities - reference.angular_velocities),
-        'rotation_error': mean_norm(rotation_between(reference.quaternions, predicted.quaternions)),
+        'rotation_error': mean_norm(
+            rotation_between(reference.quaternions, predicted.quaternions)
+        ),
     }
 
 

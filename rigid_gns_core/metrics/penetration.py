@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Depth of intersections, of spheres with each other and with bounded planes."""
 
 from __future__ import annotations
@@ -30,11 +44,14 @@ class Penetration:
     count: int
 
 
-def sphere_penetration(positions: Array, radius: ArrayLike, tolerance: float = 1e-9) -> Penetration:
+def sphere_penetration(
+    positions: Array, radius: ArrayLike, tolerance: float = 1e-9
+) -> Penetration:
     """Intersections of spheres with spheres.
 
     The depth is r_i + r_j - |p_i - p_j|, over the mean diameter of the two, r_i + r_j. So 0.5
-    means for equal spheres that each reaches to the other's centre, and 1 that the centres are one.
+    means for equal spheres that each reaches to the other's centre, and 1 that the centres are
+    one.
 
     Args:
         positions: Centres [m], shape (frames, n, 3).
@@ -92,7 +109,9 @@ def surface_penetration(
         deepest = np.inf if unbounded else limit
         distance = np.empty(positions.shape[:2])
         for part in _sphere_blocks(positions):
-            distance[:, part], _ = _signed_distance(positions[:, part], radii[part], plane, deepest)
+            distance[:, part], _ = _signed_distance(
+                positions[:, part], radii[part], plane, deepest
+            )
         depth = 0.5 * (1.0 - distance / radii)
         hit = (depth > tolerance) & (depth <= deepest)
         touched |= hit.any(axis=0)
@@ -103,7 +122,7 @@ def surface_penetration(
 def passed_through(
     positions: Array, radius: ArrayLike, surfaces: tuple[Plane, ...]
 ) -> NDArray[np.bool_]:
-    """Whether each sphere's centre ever went through a rectangle from front to back, shape (n,)."""
+    """Whether each sphere's centre ever went through a rectangle, front to back, shape (n,)."""
     count = positions.shape[1]
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))
     through = np.zeros(count, dtype=bool)
@@ -117,7 +136,7 @@ def passed_through(
 def _signed_distance(
     positions: Array, radii: Array, plane: Plane, limit: float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Distance of each centre to the rectangle, negative where it went through [m]; and who did."""
+    """Distance of each centre to the rectangle [m], negative: it went through; and which did."""
     local = (positions - plane.point) @ plane.axes.T
     height = local[..., 2]
     half = np.array([plane.length_x, plane.length_y]) / 2

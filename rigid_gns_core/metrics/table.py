@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Reports of `evaluate` as plain text."""
 
 from __future__ import annotations
@@ -141,7 +155,7 @@ def _words(key: str) -> tuple[str, str]:
 
 
 def _align(rows: Sequence[tuple[str, ...]], least: int = 52) -> str:
-    """First row is the head; the first two columns (name, unit) become one, numbers align right."""
+    """First row is the head; first two columns (name, unit) become one; numbers align right."""
     joined = [(f'{name} [{unit}]' if unit else name, *cells) for name, unit, *cells in rows]
     widths = [max(len(row[i]) for row in joined) for i in range(len(joined[0]))]
     widths[0] = max(widths[0], least)

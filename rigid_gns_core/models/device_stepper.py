@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The thesis' GNS on a device: the state stays there, poses come to the host once per block.
 
 A step is a fixed list of tensor operations of fixed shape, so that the host never waits for the
@@ -11,18 +25,18 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
+import torch
 from torch import Tensor
 
+from .configs import GNSConfig
+from .device_graph import DeviceScenes, Links, links_of, padded
+from .gns import GNBlock, GNS
+from .rotations import rotate_quaternions
+from .stepping import backward_velocities
 from ..scene import Scene
 from ..state import Array, State
 from ..stepper import Stepper
-from .configs import GNSConfig
-from .device_graph import DeviceScenes, Links, links_of, padded
-from .gns import GNS, GNBlock
-from .rotations import rotate_quaternions
-from .stepping import backward_velocities
 
 # steps between two copies to the host
 BLOCK = 64
@@ -33,8 +47,8 @@ _ROOM = 16
 class DeviceMotion(NamedTuple):
     """What the network sees, in float64.
 
-    positions: shape (b, n, 3); quaternions: shape (b, n, 4); velocities, angular_velocities: newest
-    first, shape (H + 1, b, n, 3).
+    positions: shape (b, n, 3); quaternions: shape (b, n, 4); velocities, angular_velocities:
+    newest first, shape (H + 1, b, n, 3).
     """
 
     positions: Tensor
@@ -215,7 +229,7 @@ def state_of(rows: Array) -> State:
 
 
 def side_by_side(steppers: Sequence[DeviceStepper]) -> DeviceStepper:
-    """The scenes of several steppers, each at its start, as those of one."""
+    """Return the scenes of several steppers, each at its start, as those of one."""
     first = steppers[0]
     if len(steppers) == 1:
         return first

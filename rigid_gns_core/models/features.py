@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """From arrays of one step to what a network reads (thesis section 3.2.2). No torch in here."""
 
 from __future__ import annotations
@@ -8,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..graph import Graph, Indices, build_graph
+from .configs import GNSConfig
+from ..graph import build_graph, Graph, Indices
 from ..scene import Scene
 from ..state import Array
-from .configs import GNSConfig
 
 
 @dataclass(frozen=True)
@@ -70,7 +84,9 @@ def features_of(
     normal = normals[graph.surface_senders]
     receivers = graph.surface_receivers
     height = np.einsum('ij,ij->i', positions[receivers] - graph.surface_points, normal)[:, None]
-    surface = np.concatenate([velocity[receivers], normal, height * normal, np.abs(height)], axis=1)
+    surface = np.concatenate(
+        [velocity[receivers], normal, height * normal, np.abs(height)], axis=1
+    )
     return Features(
         nodes=_floats(np.concatenate(columns, axis=1)),
         edges=_floats(np.concatenate([displacement, distance], axis=1)),

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The thesis' graph network simulator: encode, process, decode (thesis sections 3.2.2 to 3.2.5).
 
 ==========================================  ====================================
@@ -19,16 +33,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+import torch
+from torch import nn, Tensor
 
+from .configs import GNSConfig
+from .features import Features, features_of, Motion
+from .layers import MLP, Normaliser
 from ..graph import Graph
 from ..scene import Scene
 from ..state import Array
-from .configs import GNSConfig
-from .features import Features, Motion, features_of
-from .layers import MLP, Normaliser
 
 
 class GraphInput(NamedTuple):
@@ -52,7 +66,7 @@ def graph_input(
 
 
 def as_tensors(features: Features) -> GraphInput:
-    """The same as tensors, without a copy."""
+    """Return the same as tensors, without a copy."""
     return GraphInput(*(torch.from_numpy(array) for array in features))
 
 
@@ -100,7 +114,8 @@ class GNBlock(nn.Module):
                 + mlp.part(2, edges)
             )
             if self.third_law:
-                # half the difference, not the sign of an index order: stays permutation equivariant
+                # half the difference, not the sign of an index order: stays permutation
+                # equivariant
                 message = 0.5 * (message - message[graph.reverse])
             received = received.index_add(0, graph.receivers, message)
             edges = edges + message

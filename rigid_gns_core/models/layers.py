@@ -1,9 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Building blocks that learned simulators share."""
 
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import nn, Tensor
 
 
 class MLP(nn.Module):
@@ -29,7 +43,7 @@ class MLP(nn.Module):
         return share
 
     def finish(self, hidden: Tensor) -> Tensor:
-        """Outputs from the sum of all parts, shape (..., outputs)."""
+        """Return outputs from the sum of all parts, shape (..., outputs)."""
         output: Tensor = self.last(torch.relu(hidden + self.bias))
         return output
 

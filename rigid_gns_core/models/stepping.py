@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One step of the thesis' GNS from state to state, with its history (thesis section 3.4)."""
 
 from __future__ import annotations
@@ -6,12 +20,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..graph import Reach, build_graph
-from ..scene import Scene
-from ..state import Array, State, rotate_quaternions, rotation_between
-from ..stepper import Stepper
 from .configs import GNSConfig
-from .features import Features, Motion, features_of
+from .features import Features, features_of, Motion
+from ..graph import build_graph, Reach
+from ..scene import Scene
+from ..state import Array, rotate_quaternions, rotation_between, State
+from ..stepper import Stepper
 
 
 def integrate(
@@ -89,7 +103,7 @@ class GNSStepper(Stepper):
         )
 
     def step(self) -> State:
-        """Advance by dt. Velocities of the result are means over the step (backward differences).
+        """Advance by dt; the result's velocities are means over the step: backward differences.
 
         Raises:
             FloatingPointError: The rollout diverged (a value is not finite or beyond 1e9).

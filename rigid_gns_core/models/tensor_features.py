@@ -1,7 +1,21 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a network reads, from tensors and with gradients: for training in closed loop.
 
-The same numbers as `features.features_of`, which prediction uses. Which bodies are connected has no
-gradient; positions and velocities of those that are do.
+The same numbers as `features.features_of`, which prediction uses. Which bodies are connected has
+no gradient; positions and velocities of those that are do.
 """
 
 from __future__ import annotations
@@ -13,12 +27,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..graph import Graph
-from ..scene import Scene
 from .configs import GNSConfig
 from .features import Motion
 from .gns import GraphInput
 from .rotations import rotate_quaternions
+from ..graph import Graph
+from ..scene import Scene
 
 
 class TensorMotion(NamedTuple):

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Graphs of scenes side by side, found on a device: those of `graph.build_graph` as tensors.
 
 All pairs of a scene are looked at, n x n numbers each: right for the hundreds of spheres of
@@ -11,9 +25,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..graph import Reach
 from .device_graph import DeviceScenes, near_spheres, near_surfaces
 from .tensor_features import TensorGraph
+from ..graph import Reach
 
 
 class Spheres(NamedTuple):

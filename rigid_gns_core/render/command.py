@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns render`: a moving picture of a rollout or a bag; no display and no GPU are needed."""
 
 from __future__ import annotations
@@ -42,7 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--elevation', type=float, default=24.0, metavar='DEG', help='of the camera (default 24)'
     )
-    parser.add_argument('--zoom', type=float, default=1.0, help='camera nearer by this (default 1)')
+    parser.add_argument(
+        '--zoom', type=float, default=1.0, help='camera nearer by this (default 1)'
+    )
     parser.epilog = (
         'example:\n  rigid-gns render rollout.h5 --reference bullet.h5 --stop 10 --out rollout.mp4'
     )
@@ -50,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Film; prints where it is and returns 0."""
-    from .movie import SUFFIXES, Film, write_film
+    from .movie import Film, SUFFIXES, write_film
 
     out: Path = arguments.out
     if out.suffix.lower() not in SUFFIXES:

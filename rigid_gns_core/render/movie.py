@@ -1,22 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Pictures in a row: which times, which spheres where, and into which file."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+import importlib
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from .camera import Camera
+from .picture import draw, Image, linear, Surroundings
 from ..extras import missing
 from ..progress import Progress
 from ..report.comparison import Comparison
 from ..report.quads import focus
 from ..state import Array, Trajectory
-from .camera import Camera
-from .picture import Image, Surroundings, draw, linear
 
 PREDICTED, REFERENCE = '#3b9fe3', '#f2a434'
 INK = (29, 36, 48)
@@ -71,7 +85,7 @@ class Film:
                 raise ValueError(f'{name} is {value:g}, expected more than 0')
 
     def times(self, duration: float) -> Array:
-        """Times of the frames [s] in a trajectory of `duration` [s], shape (frames,)."""
+        """Return times of the frames [s] in a trajectory of `duration` [s], shape (frames,)."""
         stop = duration if self.stop is None else min(self.stop, duration)
         if not 0 <= self.start < stop:
             raise ValueError(
@@ -118,7 +132,10 @@ def frames(comparison: Comparison, film: Film) -> Iterator[Image]:
             labels = [(0, names[1], REFERENCE), (width, names[0], PREDICTED)]
         elif len(sides) == 2:
             picture = (0.65 * images[0] + 0.35 * images[1]).astype(np.uint8)
-            labels = [(0, names[0], PREDICTED), (film.width // 2, f'{names[1]} (ghost)', REFERENCE)]
+            labels = [
+                (0, names[0], PREDICTED),
+                (film.width // 2, f'{names[1]} (ghost)', REFERENCE),
+            ]
         else:
             picture, labels = images[0], [(0, names[0], PREDICTED)]
         yield _labelled(picture, labels, f'{time:.1f} s')

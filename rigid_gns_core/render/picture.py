@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One picture of spheres at one time."""
 
 from __future__ import annotations
@@ -7,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .camera import Camera
 from ..report.quads import Quad, visible_quads
 from ..scene import Scene
 from ..state import Array
-from .camera import Camera
 
 Image = NDArray[np.uint8]
 
@@ -67,7 +81,7 @@ def draw(
     width: int,
     height: int,
 ) -> Image:
-    """A picture, RGB, shape (height, width, 3).
+    """Return a picture, RGB, shape (height, width, 3).
 
     Args:
         camera: Where it is taken from.
@@ -79,7 +93,7 @@ def draw(
         width: Of the picture [pixels].
         height: Of the picture [pixels].
     """
-    from .raycast import NOTHING, cast_quads, cast_spheres, shade
+    from .raycast import cast_quads, cast_spheres, NOTHING, shade
 
     rows, columns = OVERSAMPLING * height, OVERSAMPLING * width
     depth = np.full((rows, columns), np.inf)
@@ -145,6 +159,6 @@ def _across(vector: Array, which: int) -> Array:
 
 
 def _round(length: float) -> float:
-    """The next of 1, 2, 5, 10, ... above a length."""
+    """Return the next of 1, 2, 5, 10, ... above a length."""
     decade = 10.0 ** np.floor(np.log10(length))
     return float(next(f * decade for f in (1.0, 2.0, 5.0, 10.0) if f * decade >= length))

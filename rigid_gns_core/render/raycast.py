@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Spheres and rectangles as a picture, on the CPU: exact outlines, sunlight, shadows.
 
 A rectangle is an array of shape (4, 3): a corner [m], its two sides over their squared lengths
@@ -30,7 +44,7 @@ def _dot(rows: Array, row: int, x: float, y: float, z: float) -> float:
 def cast_spheres(
     depth: Array, shown: Numbers, view: Array, slope: float, centres: Array, radii: Array
 ) -> None:
-    """The nearest sphere of each pixel.
+    """Find the nearest sphere of each pixel.
 
     Args:
         depth: Distance forwards [m], filled, shape (height, width); infinite where nothing is.
@@ -119,8 +133,8 @@ def shadow_grid(lit: Array, cell: float) -> tuple[Array, Numbers, Numbers, Numbe
         cell: Side of a cell [m].
 
     Returns:
-        Least corner [m], shape (2,); numbers of cells, shape (2,); the `first` sphere of each cell,
-        and the one `following` each sphere; -1 where there is none.
+        Least corner [m], shape (2,); numbers of cells, shape (2,); the `first` sphere of each
+        cell, and the one `following` each sphere; -1 where there is none.
     """
     low = np.array([lit[:, 0].min(), lit[:, 1].min()])
     high = np.array([lit[:, 0].max(), lit[:, 1].max()])

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The comparison that a recorded bag holds, by what `rigid_gns_ros` has without ROS."""
 
 from __future__ import annotations
@@ -8,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from .comparison import Comparison
 from ..scene import Scene
 from ..state import Array
-from .comparison import Comparison
 
 
 def read_bag_comparison(
@@ -50,8 +64,9 @@ def read_bag_comparison(
         theirs, run.frame_id, run.poses.shape[1], ours.places[run.part]
     )
     ahead, truth, _ = alignment.align(run, usable)
+    model = report['recording']['model']
     return Comparison(
-        title=f'{path.resolve().name}: {ahead.count} spheres, model {report["recording"]["model"]}',
+        title=f'{path.resolve().name}: {ahead.count} spheres, model {model}',
         scene=Scene.from_mapping(report['recording']['scene'], 'scene of the bag'),
         predicted=ahead,
         reference=truth,

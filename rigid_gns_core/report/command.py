@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns report`: one HTML file of a rollout or a bag, to look at offline."""
 
 from __future__ import annotations
@@ -50,7 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f'--out is {out}, expected a name that ends with .html')
     if arguments.max_frames < 2:
         raise ValueError(f'--max-frames is {arguments.max_frames}, expected at least 2')
-    comparison = read_comparison(arguments, floors=arguments.floor, velocities=arguments.velocities)
+    comparison = read_comparison(
+        arguments, floors=arguments.floor, velocities=arguments.velocities
+    )
     write_report(out, comparison, max_frames=arguments.max_frames)
     print(f'{comparison.title}\nreport: {out} ({out.stat().st_size / 1e6:.1f} MB)')
     return 0

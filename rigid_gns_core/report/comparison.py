@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A prediction beside its reference, of a record or a bag: what report, view and render show."""
 
 from __future__ import annotations
@@ -11,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from ..completion import completes, configs
-from ..dataset import Record, read_record
-from ..evaluate import Velocities, evaluate
+from ..dataset import read_record, Record
+from ..evaluate import evaluate, Velocities
 from ..metrics import divergence, law_metrics
 from ..metrics.error import check_comparable
 from ..scene import Scene
@@ -57,7 +71,7 @@ class Comparison:
         return sides
 
     def window(self, start: int, stop: int) -> Comparison:
-        """Steps `start` to `stop`, `stop` not included; numbers stay those of the whole."""
+        """Return steps `start` to `stop`, `stop` not included; numbers stay those of the whole."""
         return replace(
             self,
             predicted=self.predicted.window(start, stop),
@@ -186,7 +200,9 @@ def _read_records(
         predicted=predicted,
         reference=truth,
         names=names,
-        evaluation=evaluate(predicted, truth, other.scene, velocities=velocities) if scored else {},
+        evaluation=evaluate(predicted, truth, other.scene, velocities=velocities)
+        if scored
+        else {},
     )
 
 
@@ -202,7 +218,7 @@ def _laws_alone(record: Record) -> dict[str, Any]:
 
 
 def engine_name(record: Record) -> str:
-    """What computed a record, as its legend says it."""
+    """Return what computed a record, as its legend says it."""
     engine = str(record.teacher.get('engine', 'unknown'))
     if engine == 'pybullet':
         return 'Bullet'

@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Poses as few bytes of text: quantised, differences in time, deflated, base64."""
 
 from __future__ import annotations
 
 import base64
-import zlib
 from typing import Any
+import zlib
 
 import numpy as np
 
@@ -37,7 +51,7 @@ def pack_quaternions(quaternions: Array) -> dict[str, Any]:
 
 
 def unpack(text: str, dtype: str, shape: tuple[int, ...]) -> Array:
-    """The integers of `_pack`, as the page reads them, shape (frames, n, components)."""
+    """Return the integers of `_pack`, as the page reads them, shape (frames, n, components)."""
     flat = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=f'<{dtype}')
     differences = flat.reshape(shape[1], shape[2], shape[0])
     with np.errstate(over='ignore'):

@@ -1,13 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One HTML file of a comparison: replay, curves and numbers; it needs nothing from outside."""
 
 from __future__ import annotations
 
 import base64
 import html
-import json
-import re
 from importlib import resources
+import json
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -34,7 +48,9 @@ MODULES = {
 }
 
 
-def write_report(path: str | Path, comparison: Comparison, *, max_frames: int = MAX_FRAMES) -> Path:
+def write_report(
+    path: str | Path, comparison: Comparison, *, max_frames: int = MAX_FRAMES
+) -> Path:
     """Write the report; a file that exists is replaced.
 
     Args:
@@ -68,7 +84,7 @@ def write_report(path: str | Path, comparison: Comparison, *, max_frames: int = 
 
 
 def payload(comparison: Comparison, max_frames: int = MAX_FRAMES) -> dict[str, Any]:
-    """What the page's scripts read: poses, surfaces and curves."""
+    """Return what the page's scripts read: poses, surfaces and curves."""
     scene, sides = comparison.scene, comparison.sides
     trajectories = list(sides.values())
     stride = max(1, -(-comparison.predicted.steps // (max_frames - 1)))
@@ -101,7 +117,7 @@ def payload(comparison: Comparison, max_frames: int = MAX_FRAMES) -> dict[str, A
 
 
 def _fastest(comparison: Comparison) -> float:
-    """The end of the scale of speeds [m/s]: all but 1 % of spheres and times are below."""
+    """Return the end of the scale of speeds [m/s]: all but 1 % of spheres and times are below."""
     speeds = np.linalg.norm(comparison.predicted.velocities, axis=2)
     return max(float(np.quantile(speeds, 0.99)), 1e-6)
 
@@ -126,7 +142,7 @@ def _static(name: str) -> str:
 
 
 def _module(name: str) -> str:
-    """A module as an address that holds it; such modules cannot name one another by path."""
+    """Return a module as an address that holds it; such modules cannot name others by path."""
     source = _static(name).replace('"./three.core.min.js"', '"three/core"')
     return 'data:text/javascript;charset=utf-8;base64,' + base64.b64encode(
         source.encode('utf-8')

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The surfaces of a scene as rectangles that can be drawn: endless ones end around the spheres."""
 
 from __future__ import annotations
@@ -38,7 +52,7 @@ def extent(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 
 
 def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
-    """The box that most spheres are in at most times: what a camera shows, each of shape (3,)."""
+    """Return the box that most spheres are in mostly: what a camera shows, each of shape (3,)."""
     places = np.concatenate([t.positions.reshape(-1, 3) for t in trajectories])
     radius = float(np.max(scene.radius))
     low, high = np.quantile(places, (0.03, 0.97), axis=0)
@@ -52,8 +66,8 @@ def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
     """Rectangles of all surfaces.
 
-    An endless side ends where the box from `low` to `high` [m], shape (3,), and the finite surfaces
-    do, upwards a little above the lowest point.
+    An endless side ends where the box from `low` to `high` [m], shape (3,), and the finite
+    surfaces do, upwards a little above the lowest point.
     """
     corners = [c for plane in scene.surfaces for c in _sure_corners(plane)]
     points = np.array([low, high, *corners])

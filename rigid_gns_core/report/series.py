@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Curves over time: error and floor, energies, penetrations, momentum, and times of a bag."""
 
 from __future__ import annotations
@@ -6,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from .comparison import Comparison, position_errors
 from ..metrics import angular_momentum, energy, linear_momentum
 from ..metrics.penetration import sphere_penetration, surface_penetration
 from ..scene import Scene
 from ..state import Array, Trajectory
-from .comparison import Comparison, position_errors
 
 # error curves are logarithmic: below this part of a radius they are drawn at it
 LEAST_ERROR = 1e-6
@@ -66,8 +80,8 @@ def _error(comparison: Comparison) -> dict[str, Any]:
         curve['values'] = np.maximum(curve['values'], least)
     curves.append(_curve('half a radius', np.full(len(distance), 0.5 * radius), 'bound dashed'))
     note = (
-        'Mean error of other simulations of the same start is the floor: in a chaotic scene nobody '
-        'stays below it for long.'
+        'Mean error of other simulations of the same start is the floor: in a chaotic scene '
+        'nobody stays below it for long.'
         if comparison.floors
         else 'In a chaotic scene errors grow whatever the model: simulations of the same start '
         'with other substeps, given as --floor, tell how fast.'

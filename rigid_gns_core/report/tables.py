@@ -1,9 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Every number of an evaluation as HTML: the most important as tiles, all in tables."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterator, Mapping
+import html
 from typing import Any
 
 from ..metrics.table import ERRORS, LAWS, UNITS
@@ -38,7 +52,9 @@ def leaves(value: Any, path: str = '') -> Iterator[tuple[str, Any]]:
 def tables(report: Mapping[str, Any]) -> str:
     """All of a report but its notes, as HTML tables; each cell has its path as `data-key`."""
     single = {
-        key: value for key, value in report.items() if not isinstance(value, (Mapping, list, tuple))
+        key: value
+        for key, value in report.items()
+        if not isinstance(value, (Mapping, list, tuple))
     }
     blocks = []
     order = sorted(
@@ -64,7 +80,7 @@ def notes(report: Mapping[str, Any]) -> str:
 
 
 def tiles(report: Mapping[str, Any], names: tuple[str, str]) -> str:
-    """The numbers that a reader looks for first."""
+    """Return the numbers that a reader looks for first."""
     found: list[tuple[str, Any, str, Any]] = []
     errors, laws = report.get('errors', {}), report.get('laws', {})
     ours, theirs = laws.get('predicted', {}), laws.get('reference', {})

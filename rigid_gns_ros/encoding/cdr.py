@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """CDR, the wire format of ROS 2: a writer and a bounds-checked reader of fields. No ROS in here.
 
 XCDR1: four bytes of encapsulation (0, 1 = little endian or 0 = big endian, two of options), then
@@ -40,7 +54,7 @@ class Writer:
         self._body += struct.pack('<' + codes, *values)
 
     def text(self, name: str, text: str) -> None:
-        """A string; MessageError names it where it cannot be one."""
+        """Write a string; MessageError names it where it cannot be one."""
         self.align(4)
         self._body += encode_text(name, text)
 
@@ -56,13 +70,13 @@ class Writer:
         self._body += data
 
     def stamp(self, stamp_ns: int) -> None:
-        """A time or duration [ns]; MessageError where its seconds do not fit into int32."""
+        """Write a time or duration [ns]; MessageError where its seconds do not fit into int32."""
         seconds, nanoseconds = split_stamp(stamp_ns)
         self.numbers('i', seconds)
         self.numbers('I', nanoseconds)
 
     def header(self, stamp_ns: int, frame_id: str) -> None:
-        """A std_msgs/Header."""
+        """Write a std_msgs/Header."""
         self.stamp(stamp_ns)
         self.text('frame_id', frame_id)
 
@@ -86,7 +100,9 @@ class Reader:
     def __init__(self, cdr: bytes, kind: str) -> None:
         self.cdr, self.kind, self.offset = cdr, kind, 4
         if len(cdr) < 4:
-            raise MessageError(f'{kind}: {len(cdr)} bytes, expected at least the 4 of a CDR header')
+            raise MessageError(
+                f'{kind}: {len(cdr)} bytes, expected at least the 4 of a CDR header'
+            )
         if cdr[0] != 0 or cdr[1] not in (0, 1):
             raise MessageError(
                 f'{kind}: encapsulation is 0x{bytes(cdr[:2]).hex()}, '
@@ -115,7 +131,8 @@ class Reader:
         end = start + 8 * count * width
         if end > len(self.cdr):
             raise MessageError(
-                f'{self.kind}: {count} {name} need {end} bytes, but the message has {len(self.cdr)}'
+                f'{self.kind}: {count} {name} need {end} bytes, '
+                f'but the message has {len(self.cdr)}'
             )
         self.offset = end
         # numpy wants an offset within the buffer, even for no numbers
@@ -162,13 +179,15 @@ class Reader:
 
 
 def encode_text(name: str, text: str) -> bytes:
-    """A string with its length; MessageError names it where it cannot be one."""
+    """Return a string with its length; MessageError names it where it cannot be one."""
     if '\0' in text:
         raise MessageError(f'{name} is {text!r}; a ROS string cannot hold a NUL character')
     try:
         data = text.encode() + b'\0'
     except UnicodeEncodeError as error:
-        raise MessageError(f'{name} is {text!r}, which UTF-8 cannot hold: {error.reason}') from None
+        raise MessageError(
+            f'{name} is {text!r}, which UTF-8 cannot hold: {error.reason}'
+        ) from None
     return struct.pack('<I', len(data)) + data
 
 

@@ -1,9 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Message definitions of the types that a bag of ours holds.
 
-A rosbag2 bag carries the full text of each type, so that it can be read where ROS is not installed.
-They are kept here so that a bag can be written there too. Texts and type hashes are those of ROS 2
-Jazzy (common_interfaces, rcl_interfaces; Apache-2.0); a test compares them with the installed
-share/<package>/msg/*.msg and *.json.
+A rosbag2 bag carries the full text of each type, so that it can be read where ROS is not
+installed. They are kept here so that a bag can be written there too. Texts and type hashes are
+those of ROS 2 Jazzy (common_interfaces, rcl_interfaces; Apache-2.0); a test compares them with the
+installed share/<package>/msg/*.msg and *.json.
 """
 
 from __future__ import annotations

@@ -1,7 +1,21 @@
-"""trajectory_msgs/MultiDOFJointTrajectory as CDR bytes, straight from and to arrays; no ROS needed.
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 
-Every point after the first has the same layout, four bytes after a multiple of eight, so all points
-are records of one structured array.
+"""trajectory_msgs/MultiDOFJointTrajectory as CDR bytes, from and to arrays; no ROS needed.
+
+Every point after the first has the same layout, four bytes after a multiple of eight, so all
+points are records of one structured array.
 """
 
 from __future__ import annotations
@@ -11,10 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-
 from rigid_gns_core.state import Array
 
-from .cdr import MessageError, Reader, Writer, split_stamp
+from .cdr import MessageError, Reader, split_stamp, Writer
 
 
 @dataclass(frozen=True)
@@ -130,6 +143,7 @@ def _bounded(reader: Reader, size: int, name: str) -> int:
     count = int(reader.number('I', f'number of {name}'))
     if count * size > len(reader.cdr) - reader.offset:
         raise MessageError(
-            f'{reader.kind}: {count} {name} cannot be in the {len(reader.cdr)} bytes of the message'
+            f'{reader.kind}: {count} {name} cannot be in the {len(reader.cdr)} bytes '
+            'of the message'
         )
     return count

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked poses at the times that were predicted for."""
 
 from __future__ import annotations
@@ -7,14 +21,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.state import Trajectory
 
+from .prediction_runs import AlignmentError, longest_run, Run
 from ..bag_reader import Topic
-from ..messages import MessageError, PoseArrayFrame, decode_pose_array
-from ..pose_interpolation import Stamps, interpolate
+from ..messages import decode_pose_array, MessageError, PoseArrayFrame
+from ..pose_interpolation import interpolate, Stamps
 from ..tracking.window import RESTART_FRAMES
-from .prediction_runs import AlignmentError, Run, longest_run
 
 __all__ = [
     'AlignmentError',
@@ -202,7 +215,7 @@ def covered(wanted: Stamps, stamps: Stamps) -> NDArray[np.bool_]:
 
 
 def _longest_tracked(wanted: Stamps, stamps: Stamps) -> slice:
-    """The longest part of `wanted` without one that lies in a gap between `stamps`."""
+    """Return the longest part of `wanted` without one that lies in a gap between `stamps`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], covered(wanted, stamps), [0]])))
     if not len(edges):
         return slice(0, 0)

@@ -1,17 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """When forecasts of a recording began, as the simulator said or as their stamps tell."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+import json
 
 import numpy as np
 
-from ..bag_reader import BagError, Topic
-from ..messages import MessageError, PoseArrayFrame, decode_string
-from ..pose_interpolation import Stamps
 from .prediction_runs import from_one_start, median_period
+from ..bag_reader import BagError, Topic
+from ..messages import decode_string, MessageError, PoseArrayFrame
+from ..pose_interpolation import Stamps
 
 
 @dataclass(frozen=True)
@@ -36,7 +50,7 @@ class Start:
 
 
 def recorded_starts(topic: Topic | None) -> list[Start]:
-    """Starts that a simulator recorded on ~/start; none where there is no such topic.
+    """Return starts that a simulator recorded on ~/start; none where there is no such topic.
 
     Raises:
         BagError: A message is not what it should be.
@@ -105,7 +119,8 @@ def forecasts(
     """Predictions by forecast.
 
     Without recorded starts, a forecast is taken to start from the tracked frame one period before
-    its first prediction; where there is no such frame it is left out, as are all of `start: every`.
+    its first prediction; where there is no such frame it is left out, as are all of
+    `start: every`.
 
     Args:
         starts: Recorded ones, or none.
@@ -136,4 +151,6 @@ def _forecasted(
     stamps = np.array([frames[index].stamp_ns for index in own], dtype=np.int64)
     order = np.argsort(stamps, kind='stable')
     own = own[order]
-    return Forecasted(start_ns, start, stamps[order], [frames[index] for index in own], places[own])
+    return Forecasted(
+        start_ns, start, stamps[order], [frames[index] for index in own], places[own]
+    )

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Position errors some time after a start, over many starts and all their spheres."""
 
 from __future__ import annotations
@@ -7,13 +21,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-
 from rigid_gns_core.state import Array
 
-from ..messages import PoseArrayFrame
-from ..pose_interpolation import interpolate
 from .alignment import covered
 from .forecast_starts import Forecasted
+from ..messages import PoseArrayFrame
+from ..pose_interpolation import interpolate
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
 """Times after a start at which errors are reported [s]."""
@@ -36,7 +49,7 @@ class HorizonErrors:
         self._times[horizon].append(time)
 
     def report(self) -> dict[str, dict[str, float]]:
-        """By horizon [s]: `time_s` (mean), `starts`, and `mean_m`, `median_m`, `p90_m`, `max_m`."""
+        """By horizon [s]: `time_s` (mean), `starts`, `mean_m`, `median_m`, `p90_m`, `max_m`."""
         found = {}
         for horizon, parts in self._distances.items():
             if parts:
@@ -57,8 +70,8 @@ def add_forecast(
 ) -> None:
     """Add errors of the predictions of one forecast.
 
-    For each horizon the prediction nearest to it is taken, if it is within 10 % of it, and compared
-    at its own stamp with the tracked poses, which are interpolated but not across gaps.
+    For each horizon the prediction nearest to it is taken, if it is within 10 % of it, and
+    compared at its own stamp with the tracked poses, which are interpolated but not across gaps.
 
     Args:
         errors: Where to add them.
@@ -84,7 +97,7 @@ def add_forecast(
 
 
 def format_horizons(report: Mapping[str, Mapping[str, float]], title: str) -> str:
-    """A table of `HorizonErrors.report`; empty where there is nothing."""
+    """Return a table of `HorizonErrors.report`; empty where there is nothing."""
     if not report:
         return ''
     lines = [f'{title:<34}{"starts":>8}' + _row(_HEADS)]

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked poses by sphere, where the simulator matched poses to spheres."""
 
 from __future__ import annotations
@@ -6,16 +20,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from rigid_gns_core.state import Array
 from scipy.optimize import linear_sum_assignment
 
-from rigid_gns_core.state import Array
-
-from ..messages import PoseArrayFrame
-from ..pose_interpolation import Stamps, interpolate
-from ..tracking.window import TrackingWindow
-from .alignment import MAX_GAP, Decoded
+from .alignment import Decoded, MAX_GAP
 from .forecast_starts import Start
 from .replay import replayed
+from ..messages import PoseArrayFrame
+from ..pose_interpolation import interpolate, Stamps
+from ..tracking.window import TrackingWindow
 
 
 @dataclass(frozen=True)
@@ -92,7 +105,7 @@ class IdentifiedFrames:
 
 
 def assigned(places: Array, poses: Array, radius: float) -> Array:
-    """The pose of each sphere, shape (n, 7), NaN where none is near."""
+    """Return the pose of each sphere, shape (n, 7), NaN where none is near."""
     found = np.full((len(places), 7), np.nan)
     if len(poses):
         apart = np.linalg.norm(places[:, None] - poses[None, :, :3], axis=-1)
@@ -103,7 +116,7 @@ def assigned(places: Array, poses: Array, radius: float) -> Array:
 
 
 def fill(stamps: Stamps, poses: Array) -> None:
-    """Interpolate the poses of one sphere, shape (k, 7), where it was not seen for a short time."""
+    """Interpolate the poses of a sphere, shape (k, 7), where it was not seen for a short time."""
     seen = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if len(seen) < 2:
         return

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked frames of a bag in which nobody says who is who: poses matched from frame to frame."""
 
 from __future__ import annotations
@@ -7,13 +21,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from .alignment import Decoded
+from .identified import assigned, fill
+from .recorded_model import tracking_window
 from ..learning.tracked_segments import Cut, cut
 from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecaster
 from ..tracking.window import RejectedFrame, TrackingWindow
-from .alignment import Decoded
-from .identified import assigned, fill
-from .recorded_model import tracking_window
 
 
 def cut_matched(tracked: Decoded, model: Forecaster, length: int, max_gap_ns: float) -> Cut:
@@ -77,7 +91,7 @@ def matched_tracks(
 
 
 def _filled(run: list[PoseArrayFrame]) -> list[PoseArrayFrame]:
-    """The frames in which all spheres are known, some by interpolation."""
+    """Return the frames in which all spheres are known, some by interpolation."""
     stamps = np.array([frame.stamp_ns for frame in run], dtype=np.int64)
     poses = np.stack([frame.poses for frame in run])
     for sphere in range(poses.shape[1]):

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs of predictions from one start."""
 
 from __future__ import annotations
@@ -7,11 +21,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.state import Array
 
 from ..messages import PoseArrayFrame
-from ..pose_interpolation import Stamps, interpolate
+from ..pose_interpolation import interpolate, Stamps
 
 # a stamp further off the grid than this part of a period belongs to another start
 RESTART_TOLERANCE = 0.01
@@ -47,7 +60,7 @@ class Run:
 def longest_run(
     frames: list[PoseArrayFrame], *, every: bool, starts: Stamps | None = None
 ) -> tuple[Run, dict[str, int]]:
-    """The longest stretch of predictions from one start.
+    """Return the longest stretch of predictions from one start.
 
     A start is taken to be new where a stamp is not one period after the one before (the period is
     the median), or where the number of spheres or the frame changes. Where one or two predictions
@@ -138,7 +151,7 @@ def median_period(stamps: Stamps) -> float:
 def _steps(
     frames: list[PoseArrayFrame],
 ) -> tuple[Stamps, NDArray[np.int_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Stamps [ns], and of each step: periods, whether a start is in it, whether spheres changed."""
+    """Stamps [ns]; of each step: periods, whether a start is in it, whether spheres changed."""
     stamps = np.array([frame.stamp_ns for frame in frames], dtype=np.int64)
     period, steps = median_period(stamps), np.diff(stamps)
     advance = np.maximum(np.rint(steps / period), 1).astype(int)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whole futures that a simulator recorded on predicted_trajectory, each a forecast of its own."""
 
 from __future__ import annotations
@@ -6,10 +20,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from .forecast_starts import Forecasted, Start
 from ..bag_reader import Topic
 from ..encoding.trajectory_message import decode_trajectory
 from ..messages import MessageError, PoseArrayFrame
-from .forecast_starts import Forecasted, Start
 
 
 def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[Forecasted]:

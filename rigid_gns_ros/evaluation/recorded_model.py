@@ -1,16 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Models and tracking windows outside a node, as the simulator makes them. No ROS needed."""
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+import tempfile
 from typing import Any
-
-import yaml
 
 from rigid_gns_core.checkpoint import CheckpointError, find_model, load_card
 from rigid_gns_core.scene import Scene
+import yaml
 
 from ..parameters import SIMULATOR
 from ..prediction.forecast import Forecaster
@@ -19,7 +32,7 @@ from ..tracking.window import TrackingWindow
 
 
 def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1) -> Forecaster:
-    """A forecaster of a scene that is no file.
+    """Return a forecaster of a scene that is no file.
 
     Raises:
         ValueError: There is no such model, or it cannot serve the scene.
@@ -31,9 +44,11 @@ def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1)
 
 
 def tracking_window(model: Forecaster, parameters: Mapping[str, Any]) -> TrackingWindow:
-    """The window of a simulator with these parameters, others at their defaults."""
+    """Return the window of a simulator with these parameters, others at their defaults."""
     defaults = {spec.name: spec.default for spec in SIMULATOR}
-    return window_of(model, {**defaults, **parameters}, check=lambda _: None, on_gap=lambda _: None)
+    return window_of(
+        model, {**defaults, **parameters}, check=lambda _: None, on_gap=lambda _: None
+    )
 
 
 def find_recorded_model(recorded: dict[str, Any], given: str | None, where: str) -> str:

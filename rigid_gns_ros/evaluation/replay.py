@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked frames of a bag heard again by a window, so that it stands where the node's stood."""
 
 from __future__ import annotations
@@ -7,9 +21,9 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..tracking.window import RejectedFrame, TrackingWindow, seconds
 from .alignment import Decoded
 from .forecast_starts import Start
+from ..tracking.window import RejectedFrame, seconds, TrackingWindow
 
 # reasons of starts before which the node had forgotten all frames
 _FROM_NOTHING = ('first', 'reset', 'restart')

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Predictions of a bag computed again, from its tracked poses, and compared byte by byte.
 
 On the machine that recorded a bag all bytes are the same, with the same version of this package;
@@ -10,19 +24,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-
 from rigid_gns_core.scene import Scene
 
-from ..bag_reader import Bag, BagError, Topic
-from ..messages import MessageError, PoseArrayCodec, PoseArrayFrame, decode_pose_array
-from ..prediction.forecast import Forecast, Forecaster
-from ..recording.bag_topics import Topics
-from ..tracking.window import RejectedFrame, seconds
-from .alignment import Decoded, decode_topic
-from .forecast_starts import Start, recorded_starts, starts_of
+from .alignment import decode_topic, Decoded
+from .forecast_starts import recorded_starts, Start, starts_of
 from .prediction_runs import from_one_start
 from .recorded_model import find_recorded_model, forecaster, tracking_window
 from .replay import replayed
+from ..bag_reader import Bag, BagError, Topic
+from ..messages import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
+from ..prediction.forecast import Forecast, Forecaster
+from ..recording.bag_topics import Topics
+from ..tracking.window import RejectedFrame, seconds
 
 
 @dataclass
@@ -136,7 +149,7 @@ def _first_start(
     parameters: dict[str, Any],
     result: Reproduction,
 ) -> tuple[list[Start], np.ndarray]:
-    """The start that the first frames give, and which predictions come from it."""
+    """Return the start that the first frames give, and which predictions come from it."""
     chosen = np.full(len(ours.frames), -1, dtype=np.int64)
     if parameters.get('start') != 'first':
         result.notes.append(

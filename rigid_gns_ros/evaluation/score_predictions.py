@@ -1,34 +1,47 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scores of the predictions that a bag holds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
-
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.scene import Scene
 
+from .alignment import (
+    align,
+    AlignmentError,
+    decode_topic,
+    Decoded,
+    Passes,
+    usable_frames,
+    usable_passes,
+)
+from .forecast_starts import Forecasted, forecasts, recorded_starts, Start, starts_of
+from .horizon_errors import add_forecast, HorizonErrors
+from .prediction_runs import longest_run
+from .recorded_futures import recorded_futures
+from .score_timing import lateness, quantiles
 from ..bag_reader import Bag
 from ..messages import decode_float64
 from ..pose_interpolation import Stamps
 from ..recording.bag_topics import Topics
-from .alignment import (
-    AlignmentError,
-    Decoded,
-    Passes,
-    align,
-    decode_topic,
-    usable_frames,
-    usable_passes,
-)
-from .forecast_starts import Forecasted, Start, forecasts, recorded_starts, starts_of
-from .horizon_errors import HorizonErrors, add_forecast
-from .prediction_runs import longest_run
-from .recorded_futures import recorded_futures
-from .score_timing import lateness, quantiles
 
 if TYPE_CHECKING:
     from .identified import IdentifiedFrames
@@ -115,7 +128,7 @@ def score_predictions(
 
 
 def _sets(starts: list[Start]) -> Stamps:
-    """Number of the set of spheres of each start, and -1 at the end, shape (starts + 1,)."""
+    """Return the number of each start's set of spheres, -1 at the end, shape (starts + 1,)."""
     numbers: dict[tuple[int, ...] | None, int] = {}
     return np.array([*(numbers.setdefault(start.ids, len(numbers)) for start in starts), -1])
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scores of a model on the tracked poses of a bag, whoever recorded it."""
 
 from __future__ import annotations
@@ -9,21 +23,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, Trajectory
 
-from ..bag_reader import Bag, Topic
-from ..learning.resample import resample
-from ..learning.tracked_segments import Segment, cut
-from ..messages import PoseArrayFrame
-from ..prediction.forecast import Forecast, Forecaster
 from .alignment import AlignmentError, decode_topic
-from .horizon_errors import HORIZONS, TOLERANCE, HorizonErrors
+from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
 from .matched_tracks import cut_matched
 from .recorded_model import forecaster, tracking_window
 from .score_timing import lateness
+from ..bag_reader import Bag, Topic
+from ..learning.resample import resample
+from ..learning.tracked_segments import cut, Segment
+from ..messages import PoseArrayFrame
+from ..prediction.forecast import Forecast, Forecaster
 
 # frames further apart than so many of the tracker's intervals are not joined
 GAP = 3.0
@@ -175,7 +188,7 @@ def score_rollouts(
 def _starts(
     references: list[_Reference], options: RolloutOptions, shortest: float
 ) -> list[tuple[_Reference, set[int]]]:
-    """Indices of start frames by segment, evenly over all that can be one."""
+    """Return indices of start frames by segment, evenly over all that can be one."""
     found = []
     for place, one in enumerate(references):
         times = one.segment.times

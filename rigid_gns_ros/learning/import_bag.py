@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns import BAG...`: tracked poses of bags as a data set to train on. No ROS needed.
 
 docs/learn_from_tracks.md says what is done to the poses.
@@ -6,20 +20,19 @@ docs/learn_from_tracks.md says what is done to the poses.
 from __future__ import annotations
 
 import argparse
-import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
+import os
 from pathlib import Path
+import shutil
 from typing import Any
 
 import numpy as np
-
 from rigid_gns_core.completion import completes, configs, shipped_models
 from rigid_gns_core.config import from_mapping
 from rigid_gns_core.dataset import (
-    RECIPE_NAME,
     DatasetError,
+    RECIPE_NAME,
     Record,
     record_path,
     write_recipe,
@@ -76,7 +89,7 @@ def import_bags(
 
 
 def format_report(report: dict[str, Any]) -> str:
-    """What one bag gave, in sentences."""
+    """Return what one bag gave, in sentences."""
     records = ', '.join(f'{steps} steps of {count}' for count, steps in report['records'])
     turning = report['noise_rad']
     period = f'{1e3 * report["interval_s"]:.4g} ms'
@@ -136,12 +149,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _recipe(records: list[Record], reports: list[dict[str, Any]]) -> DataRecipe:
-    """A recipe as data sets have one; what was drawn for others was tracked here."""
+    """Return a recipe as data sets have one; what was drawn for others was tracked here."""
     times = {record.trajectory.dt for record in records}
     if max(times) > 1.001 * min(times):
         raise DatasetError(
-            f'the bags have time steps from {min(times):.4g} to {max(times):.4g} s, as their radii '
-            'or gravities differ; import them into folders of their own, or give --dt'
+            f'the bags have time steps from {min(times):.4g} to {max(times):.4g} s, as their '
+            'radii or gravities differ; import them into folders of their own, or give --dt'
         )
     scene = records[0].scene
     counts = [record.trajectory.count for record in records]

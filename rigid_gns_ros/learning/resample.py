@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked poses at equal times, without a straight line through a bounce.
 
 Between two frames a sphere flies (a parabola), is carried by a surface (a straight line), or is
 struck. Which of these, its neighbours tell: a step that continues the one before or leads into the
-one after has no contact in it. In a step with a contact, the motion before it is continued to where
-it meets the motion after it, run backwards. Where the two do not meet, as after two contacts in one
-step, a straight line is left, and counted. Rotations go along the shorter arc throughout.
+one after has no contact in it. In a step with a contact, the motion before it is continued to
+where it meets the motion after it, run backwards. Where the two do not meet, as after two contacts
+in one step, a straight line is left, and counted. Rotations go along the shorter arc throughout.
 """
 
 from __future__ import annotations
@@ -13,7 +27,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.state import Array, rotate_quaternions, rotation_between
 from rigid_gns_core.tracked_motion import SIGMAS
 
@@ -35,8 +48,8 @@ class Resampled:
     Args:
         positions: Centres [m], shape (steps + 1, n, 3).
         quaternions: Rotations (x, y, z, w), shape (steps + 1, n, 4).
-        counts: Number of poses by how they were found: `tracked` (a frame has that time), `flight`,
-            `carried`, `bounce` (from both sides of a contact) and `straight` (a guess).
+        counts: Number of poses by how they were found: `tracked` (a frame has that time),
+            `flight`, `carried`, `bounce` (from both sides of a contact) and `straight` (a guess).
     """
 
     positions: Array

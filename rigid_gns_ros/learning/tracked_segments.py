@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked frames of a bag, cut where they do not go on: gaps, another count, a tracker anew."""
 
 from __future__ import annotations
@@ -8,9 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.state import Array
-from rigid_gns_core.tracked_motion import PoseNoise, estimate_noise
+from rigid_gns_core.tracked_motion import estimate_noise, PoseNoise
 
 from ..bag_reader import Bag, BagError, Topic
 from ..messages import PoseArrayFrame
@@ -62,7 +75,7 @@ class Cut:
 
 
 def find_tracked(bag: Bag, name: str | None, said: Iterable[str] = ()) -> Topic:
-    """The topic of tracked poses: `name`, else the one that was `said`, else .../tracked_poses.
+    """Return the topic of tracked poses: `name`, else `said` by a node, else .../tracked_poses.
 
     Raises:
         BagError: It is not there, is empty, or is one of several.

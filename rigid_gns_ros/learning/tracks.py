@@ -1,15 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Trajectories at a model's time step from the tracked poses of one bag. No ROS needed."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from dataclasses import dataclass, replace
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from rigid_gns_core.checkpoint import find_model, load_card
 from rigid_gns_core.config import from_mapping
 from rigid_gns_core.dataset import Record
@@ -19,12 +32,12 @@ from rigid_gns_core.similarity import ModelUnits, Similarity
 from rigid_gns_core.state import Trajectory
 from rigid_gns_core.tracked_motion import PoseNoise
 
+from .resample import resample
+from .tracked_segments import cut, find_tracked, Segment
 from ..bag_reader import Bag, BagError, read_bag
 from ..evaluation.alignment import decode_topic
-from ..messages import MessageError, decode_string
+from ..messages import decode_string, MessageError
 from ..recording.bag_topics import listing
-from .resample import resample
-from .tracked_segments import Segment, cut, find_tracked
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator's topics, and the bag that takes every message of them, byte for byte."""
 
 from __future__ import annotations
@@ -36,7 +50,7 @@ def sensor_data() -> QoSProfile:
 
 
 def overridable() -> QoSOverridingOptions:
-    """Makes parameters of a topic's QoS."""
+    """Make parameters of a topic's QoS."""
     return QoSOverridingOptions(_CHANGEABLE)
 
 
@@ -149,7 +163,13 @@ class Channels:
         return text
 
     def _publisher(
-        self, kind: Any, name: str, *, depth: int = 10, latched: bool = False, recorded: bool = True
+        self,
+        kind: Any,
+        name: str,
+        *,
+        depth: int = 10,
+        latched: bool = False,
+        recorded: bool = True,
     ) -> Publisher:
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         profile = QoSProfile(

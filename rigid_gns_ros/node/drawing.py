@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Markers of tracked and predicted spheres and of their future, while somebody looks at them."""
 
 from __future__ import annotations
@@ -7,13 +21,13 @@ from typing import TYPE_CHECKING
 
 from rigid_gns_core.state import Array
 
-from ..encoding.markers import Color, Marker, encode_markers, path_markers, sphere_markers
+from ..encoding.markers import Color, encode_markers, Marker, path_markers, sphere_markers
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
-    from ..prediction.forecast import Forecaster
     from .horizon import Future
+    from ..prediction.forecast import Forecaster
 
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The whole future on a topic: asked for at each tracked frame, published when it is there."""
 
 from __future__ import annotations
@@ -5,18 +19,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..prediction.forecast import Forecaster
-from ..tracking.window import TrackingWindow
 from .channels import Channels
 from .drawing import Drawing
 from .health import Health
 from .horizon import Future, Horizon, Job, steps_of
+from ..prediction.forecast import Forecaster
+from ..tracking.window import TrackingWindow
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# a turn of the executor, after which predictions and frames come first: what is free until the next
-# prediction less a margin, no shorter than a prediction and no longer than a frame may wait [s]
+# a turn of the executor, after which predictions and frames come first: what is free until the
+# next prediction less a margin, no shorter than a prediction and no longer than a frame may wait
+# [s]
 MARGIN, SHORTEST, LONGEST = 1.5e-3, 2e-3, 10e-3
 
 
@@ -76,7 +91,7 @@ class Futures:
         self._turn.trigger()
 
     def _begin(self) -> Job | None:
-        """The future of what is then the newest frame, at its start."""
+        """Return the future of what is then the newest frame, at its start."""
         window = self._window
         if not window.full:
             return None  # the tracker paused, and its frames are too few again

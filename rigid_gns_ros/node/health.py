@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the simulator is doing, as /diagnostics says it: numbers of the last 10 s, and levels.
 
 docs/node.md states the bounds. No ROS in here.
@@ -9,9 +23,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..encoding.diagnostics import ERROR, OK, SPAN, WARN, Recent, Status
+from ..encoding.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
 from ..prediction.schedule import OVERLOAD_COUNT
-from ..tracking.window import TrackingWindow, seconds
+from ..tracking.window import seconds, TrackingWindow
 
 if TYPE_CHECKING:
     from ..bag import BagWriter
@@ -59,43 +73,43 @@ class Health:
         self._shortened = ''
 
     def frame_accepted(self) -> None:
-        """A tracked frame was taken."""
+        """Count a tracked frame that was taken."""
         self._frames.add()
 
     def frame_rejected(self, why: str) -> None:
-        """A tracked message was refused."""
+        """Count a tracked message that was refused."""
         self.rejected += 1
         self._last_rejection = why
         self._rejections.add()
 
     def started(self) -> None:
-        """A forecast started."""
+        """Count a forecast that started."""
         self._starts += 1
 
     def stepped(self, times: Sequence[float]) -> None:
-        """Steps of the model took so long [s]."""
+        """Note that steps of the model took so long [s]."""
         for step_time in times:
             self._steps.add(step_time)
 
     def due(self, late: float) -> None:
-        """A prediction was published, or left out, so long after its time [s]."""
+        """Note that a prediction was published, or left out, so long after its time [s]."""
         self._lateness.add(late)
         if late > self._predictor.period_ns * 1e-9:
             self._late.add()
 
     def future_computed(self, took: float, error: str) -> None:
-        """A future took so long [s]; `error` says why it ends early, or is ''."""
+        """Note that a future took so long [s]; `error` says why it ends early, or is ''."""
         self._futures.add(took)
         self._shortened = error
 
     def future_superseded(self) -> None:
-        """A frame came before the future of the one before it was begun."""
+        """Count a frame that came before the future of the one before it was begun."""
         self._superseded.add()
 
     def report(
         self, *, paused: bool, horizon: float, bag: BagWriter | None, size: int
     ) -> list[Status]:
-        """The statuses of now.
+        """Return the statuses of now.
 
         Args:
             paused: Whether predictions are.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The whole future from a frame, computed a little at a time; only the newest frame counts.
 
 No ROS in here, and no thread: docs/decisions.md says why.
@@ -5,13 +19,12 @@ No ROS in here, and no thread: docs/decisions.md says why.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-
 from rigid_gns_core.state import Array, State
 from rigid_gns_core.stepper import stacked
 

@@ -1,24 +1,39 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator at work: tracked messages in, predictions out, each at its time."""
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+import time
+from typing import Any, TYPE_CHECKING
 
-from ..encoding.diagnostics import encode_diagnostics
-from ..messages import PoseArrayCodec, decode_pose_array, encode_float64, encode_string
-from ..prediction.forecast import Forecaster, Prediction
-from ..prediction.predictor import PredictionError, Predictor, Resync
-from ..prediction.starts import Reason, Start
-from ..prediction.window_setup import longest_gap, window_of
-from ..tracking.window import RESTART_FRAMES, RejectedFrame, Throttle, seconds
 from .alarm import Alarm
 from .channels import Channels
 from .drawing import Drawing
 from .futures import Futures
 from .health import Health, Setting
+from ..encoding.diagnostics import encode_diagnostics
+from ..messages import decode_pose_array, encode_float64, encode_string, PoseArrayCodec
+from ..prediction.forecast import Forecaster, Prediction
+from ..prediction.predictor import PredictionError, Predictor, Resync
+from ..prediction.starts import Reason, Start
+from ..prediction.window_setup import longest_gap, window_of
+from ..tracking.refusal import Throttle
+from ..tracking.window import RejectedFrame, RESTART_FRAMES, seconds
 
 if TYPE_CHECKING:
     from rclpy.node import Node

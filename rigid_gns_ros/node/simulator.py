@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulator as a node: its parameters, services and clock."""
 
 from __future__ import annotations
@@ -10,13 +24,13 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from ..messages import encode_string
-from ..parameters import SIMULATOR, declare
-from ..prediction.forecast import Forecaster
-from ..tracking.window import seconds
 from .closing_node import ClosingNode, log_end
 from .simulation import Simulation
 from .threads import bound_threads
+from ..messages import encode_string
+from ..parameters import declare, SIMULATOR
+from ..prediction.forecast import Forecaster
+from ..tracking.window import seconds
 
 # a longer jump of simulated time starts anew
 JUMP = Duration(seconds=1, nanoseconds=1)

@@ -1,23 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The tracker as a node: frames of a record or of Bullet, each when its time has come."""
 
 from __future__ import annotations
 
 from typing import Any, Protocol
 
-import numpy as np
 from geometry_msgs.msg import PoseArray
-
-from rigid_gns_core.dataset import Record, demo_record, read_record
+import numpy as np
+from rigid_gns_core.dataset import demo_record, read_record, Record
 from rigid_gns_core.sampling import load_scene, sample_start
 from rigid_gns_core.state import Array
 
-from ..messages import PoseArrayCodec
-from ..parameters import TRACKER, declare
-from ..process import Finished
-from ..tracking.window import seconds
 from .alarm import Alarm
 from .channels import overridable, sensor_data
 from .closing_node import ClosingNode, log_end
+from ..messages import PoseArrayCodec
+from ..parameters import declare, TRACKER
+from ..process import Finished
+from ..tracking.window import seconds
 
 WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]
 LIVE_SUBSTEPS = 48  # of the teacher per frame: what a slow core does in real time

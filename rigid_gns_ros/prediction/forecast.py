@@ -1,16 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Predicted poses at any time after a start frame, sampled from the model's own steps."""
 
 from __future__ import annotations
 
-import time
-import warnings
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+import time
+from typing import Any, TYPE_CHECKING
+import warnings
 
 import numpy as np
-
 from rigid_gns_core.plane import RANGES
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
@@ -195,7 +208,8 @@ class Forecaster:
         Args:
             state: Start.
             start_ns: Its stamp.
-            ids: Of its spheres, where not 0, 1, 2 ...; properties per sphere are looked up by them.
+            ids: Of its spheres, where not 0, 1, 2 ...; properties per sphere are looked up by
+                them.
         """
         scene = self.scene if ids is None else scene_of(self.scene, ids)
         with warnings.catch_warnings():
@@ -211,7 +225,7 @@ class Forecaster:
 
 
 def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
-    """The scene of spheres with these ids, where it gives properties per sphere.
+    """Return the scene of spheres with these ids, where it gives properties per sphere.
 
     Raises:
         ValueError: It does not give those of all of them.
@@ -236,7 +250,7 @@ def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
 
 
 def turned_gravity(scene: Scene, direction: Sequence[float]) -> Scene:
-    """The scene with gravity of the same size along `direction`; (0, 0, 0): as it is.
+    """Return the scene with gravity of the same size along `direction`; (0, 0, 0): as it is.
 
     Surfaces stay where they are: like the spheres they are given in the tracker's frame, whatever
     points up in it.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which prediction is next, from which frame it starts, and when it is due. No ROS in here."""
 
 from __future__ import annotations
@@ -7,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..tracking.window import TrackingWindow, seconds
 from .forecast import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
 from .starts import Reason, Start
+from ..tracking.window import seconds, TrackingWindow
 
 # a tracker whose clock is further off than this is followed on its own clock [ns]
 CLOCK_TOLERANCE_NS = 1_000_000_000
@@ -42,7 +56,7 @@ class Resync:
 
 @dataclass(frozen=True)
 class TrackingError:
-    """How far a forecast was from a tracked frame [m]: the mean over all spheres, and the worst."""
+    """How far a forecast was from a tracked frame [m]: mean over all spheres, and the worst."""
 
     stamp_ns: int
     mean: float
@@ -157,7 +171,12 @@ class Predictor:
 
     def _compare(self) -> None:
         """Compare the forecast with the newest frame, unless that was done."""
-        forecast, newest, window, known = self.forecast, self._newest, self._window, self.last_start
+        forecast, newest, window, known = (
+            self.forecast,
+            self._newest,
+            self._window,
+            self.last_start,
+        )
         if forecast is None or not window.full or newest <= forecast.start_ns:
             return
         if self._error_seen and newest == self._error_seen.stamp_ns:
@@ -211,14 +230,14 @@ class Predictor:
         self._delay_ns += now + self.period_ns - self.due_ns
 
     def take(self) -> Prediction:
-        """The pending prediction, to be published now."""
+        """Return the pending prediction, to be published now."""
         assert self.pending is not None
         prediction, self.pending = self.pending, None
         self.counts['published'] += 1
         return prediction
 
     def take_in_time(self, now: int) -> Prediction | None:
-        """The pending prediction; None where it is so late that it is left out."""
+        """Return the pending prediction; None where it is so late that it is left out."""
         assert self.pending is not None
         late, took = now - self.due_ns, sum(self.pending.step_times)
         admitted = self._pacer.admits(late, now)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """When predictions are due, and which of those that come late are published."""
 
 from __future__ import annotations
@@ -72,7 +86,10 @@ class Pacer:
         """Forget what was published, after a jump of the clock or a new start."""
         self._published_ns: int | None = None
         self._late_count = 0
-        self._late_since: tuple[int, int] = (0, 0)  # first of the late ones in a row: when, by what
+        self._late_since: tuple[int, int] = (
+            0,
+            0,
+        )  # first of the late ones in a row: when, by what
         self._skips: deque[tuple[int, int]] = deque()  # when, and how many periods
 
     def skip(self, count: int, now_ns: int) -> None:

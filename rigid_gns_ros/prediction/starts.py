@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """From which tracked frames a forecast started, and why: what ~/start says. No ROS needed.
 
 A forecast depends on these frames, their noise, the scene and the model alone, and a prediction on
-its forecast and its stamp, so that recorded frames and starts give every recorded prediction again.
-Where poses are matched to spheres, who is who depends on all frames accepted since the last start
-whose reason is first, reset or restart.
+its forecast and its stamp, so that recorded frames and starts give every recorded prediction
+again. Where poses are matched to spheres, who is who depends on all frames accepted since the last
+start whose reason is first, reset or restart.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
+import json
 from typing import Literal
 
 Reason = Literal['first', 'every', 'diverged', 'reset', 'restart', 'spheres']

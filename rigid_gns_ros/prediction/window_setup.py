@@ -1,15 +1,29 @@
-"""The tracking window that parameters ask for, in the node and wherever a recording is replayed."""
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tracking window that parameters ask for, in the node and where a recording is replayed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..tracking.window import TrackingWindow
 from .forecast import Forecaster
+from ..tracking.window import TrackingWindow
 
-# frames further apart than this many model steps, and than this time, are not fitted as one flight;
-# the frames of a tracker of 1 Hz come within this time of each other
+# frames further apart than this many model steps, and than this time, are not fitted as one
+# flight; the frames of a tracker of 1 Hz come within this time of each other
 WINDOW_GAP_STEPS = 10
 WINDOW_GAP = 1.25  # [s]
 
@@ -26,7 +40,7 @@ def window_of(
     check: Callable[[int], None],
     on_gap: Callable[[float], None],
 ) -> TrackingWindow:
-    """A window by the parameters of the simulator, as they are or as ~/scene recorded them.
+    """Return a window by the parameters of the simulator, as they are or as ~/scene recorded them.
 
     Args:
         model: Gives scene and time step.

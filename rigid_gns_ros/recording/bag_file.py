@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One MCAP file of a bag, while it is written."""
 
 from __future__ import annotations
@@ -9,8 +23,8 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
+from .bag_metadata import qos_profiles, RecordedFile, RecordedTopic, to_yaml
 from ..encoding.definitions import full_text, type_hash
-from .bag_metadata import RecordedFile, RecordedTopic, qos_profiles, to_yaml
 
 LIBRARY = 'rigid_gns_ros'  # in the header: its sequence numbers count messages without a gap
 _CHUNK_SIZE = 768 * 1024  # rosbag2's

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What rosbag2 of ROS 2 Jazzy says about a bag: metadata.yaml, version 9."""
 
 from __future__ import annotations
@@ -57,7 +71,7 @@ class RecordedFile:
 
 
 def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
-    """The `offered_qos_profiles` of one publisher."""
+    """Return the `offered_qos_profiles` of one publisher."""
     if qos not in _QOS:
         raise ValueError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
     depth, reliability, durability = _QOS[qos]
@@ -79,7 +93,7 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
 def bag_information(
     files: Sequence[RecordedFile], topics: Sequence[RecordedTopic]
 ) -> dict[str, Any]:
-    """The content of `rosbag2_bagfile_information` for a bag of MCAP files."""
+    """Return the content of `rosbag2_bagfile_information` for a bag of MCAP files."""
     used = [file for file in files if file.count]
     first_ns = min((file.first_ns for file in used), default=0)
     last_ns = max((file.last_ns for file in used), default=0)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The files of a bag, one after the other, and its metadata.yaml."""
 
 from __future__ import annotations
@@ -7,16 +21,16 @@ from pathlib import Path
 from typing import Any
 
 from .bag_file import BagFile
-from .bag_metadata import RecordedFile, RecordedTopic, bag_information, to_yaml
+from .bag_metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
 
 
 class SplitBag:
     """Messages of a bag in files of limited size and duration. Used from one thread.
 
     As rosbag2 does, it goes on to the next file before the first message beyond a limit, and
-    announces all topics again in each. The last message of a latched topic is repeated at the start
-    of each file, with the log time of the last message before it, so that each file stands on its
-    own; rosbag2 of Jazzy does not do that, later ones with `--repeat-transient-local`.
+    announces all topics again in each. The last message of a latched topic is repeated at the
+    start of each file, with the log time of the last message before it, so that each file stands
+    on its own; rosbag2 of Jazzy does not do that, later ones with `--repeat-transient-local`.
 
     Args:
         folder: Folder of the bag; exists.

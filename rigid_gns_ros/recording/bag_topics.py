@@ -1,13 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which topics of a bag are the simulator's, be they remapped or in a namespace. No ROS needed."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
+import json
 from typing import Any
 
 from ..bag_reader import Bag, BagError, Topic
-from ..messages import MessageError, decode_string
+from ..messages import decode_string, MessageError
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 _STRING = 'std_msgs/msg/String'
@@ -88,13 +102,13 @@ def _of_type(topic: Topic | None, type_name: str) -> Topic | None:
 
 
 def listing(bag: Bag) -> str:
-    """The topics of a bag, for a message."""
+    """Return the topics of a bag, for a message."""
     listed = [f'{t.name} ({t.type_name}, {len(t)} messages)' for t in bag.topics.values()]
     return ', '.join(sorted(listed)) or 'no topics'
 
 
 def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
-    """What simulators said on their ~/scene, by topic; texts of others are left out."""
+    """Return what simulators said on their ~/scene, by topic; texts of others are left out."""
     scenes = {}
     for topic in bag.topics.values():
         if topic.type_name == _STRING and topic.name.endswith('/scene') and topic.messages:
@@ -108,7 +122,7 @@ def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
 
 
 def said_names(scene: dict[str, Any]) -> dict[str, str]:
-    """Resolved names of topics, by what they are for, that a simulator said on ~/scene."""
+    """Return resolved names of topics, by what they are for, that a simulator said on ~/scene."""
     names = scene.get('topics')
     if not isinstance(names, dict):
         return {}
@@ -125,7 +139,7 @@ def _recorded(bag: Bag, predicted: Topic) -> dict[str, Any]:
 
 
 def _find(bag: Bag, suffix: str, name: str | None, said: str | None, option: str) -> Topic:
-    """The topic called `name`, else `said`, else the only one whose last part is `suffix`."""
+    """Return the topic `name`, else `said`, else the only one whose last part is `suffix`."""
     if name is None and said in bag.topics:
         name = said
     if name is not None:
@@ -136,7 +150,9 @@ def _find(bag: Bag, suffix: str, name: str | None, said: str | None, option: str
     wanted = name or f'.../{suffix}'
     if len(found) != 1:
         problem = f'no topic {wanted}' if not found else f'{len(found)} topics {wanted}'
-        rollouts = '; a bag without predictions is scored with --topic and --scene, or with --model'
+        rollouts = (
+            '; a bag without predictions is scored with --topic and --scene, or with --model'
+        )
         raise BagError(
             f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with {option}. '
             f'The bag holds {listing(bag)}' + (rollouts if option == '--predicted' else '')
@@ -149,7 +165,7 @@ def _find(bag: Bag, suffix: str, name: str | None, said: str | None, option: str
 
 
 def _beside(bag: Bag, predicted: Topic, suffix: str, type_name: str) -> Topic | None:
-    """A topic of the node that predicted: that in the same namespace, where there are several."""
+    """Return a topic of the node that predicted; of several, that in the same namespace."""
     found = [
         topic
         for topic in bag.topics.values()

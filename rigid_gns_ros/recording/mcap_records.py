@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Records of an MCAP file, whole or torn.
 
 A file is read from its start, record by record, never through its index: a torn file has none, and
@@ -6,10 +20,10 @@ every record that is whole is still there.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
+import struct
 from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
@@ -98,7 +112,7 @@ def _parse(opcode: int, content: bytes) -> list[Record]:
 
 
 def zstd_decompress(data: bytes) -> bytes:
-    """What zstd compressed."""
+    """Return what zstd compressed."""
     import zstandard
 
     return zstandard.ZstdDecompressor().decompressobj().decompress(data)

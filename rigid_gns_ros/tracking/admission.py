@@ -1,16 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """New spheres, in the poses that no known sphere claims.
 
-Three loose poses of three frames in a row that agree with one flight, or with uniform motion, are a
-sphere; false detections seldom do. Before there is any sphere, also those are taken that are
+Three loose poses of three frames in a row that agree with one flight, or with uniform motion, are
+a sphere; false detections seldom do. Before there is any sphere, also those are taken that are
 nearest to each other from frame to frame, as they may be bouncing.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
-
 from rigid_gns_core.state import Array
+from scipy.spatial import cKDTree
 
 from .association import GATE_SIGMAS, Indices, match
 
@@ -31,7 +44,7 @@ def first_seen(
     max_speed: float,
     anybody: bool,
 ) -> Indices:
-    """New spheres in the loose poses of one to three frames.
+    """Return new spheres in the loose poses of one to three frames.
 
     Args:
         places: Positions of each frame [m], shapes (k, 3).

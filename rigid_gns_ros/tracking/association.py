@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which pose of a frame belongs to which sphere, where trackers give no names.
 
 A sphere is sought where its motion so far leads, within a gate.
@@ -7,11 +21,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
-
 from rigid_gns_core.engine.vector import length, minus, row
 from rigid_gns_core.state import Array
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
 from .collisions import Pairs, pairs_near
 from .jit import entry, plain

@@ -1,14 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Spheres that a surface carries: rolling, at the height of the radius."""
 
 from __future__ import annotations
 
-from rigid_gns_core.engine.vector import Vector, across, dot, length, minus, put, row, times
+from rigid_gns_core.engine.vector import across, dot, length, minus, put, row, times, Vector
 from rigid_gns_core.state import Array
 
 from .frames import Window
 from .impacts import Surfaces
 from .jit import in_place
-from .motions import CARRIED, Best, take_tail
+from .motions import Best, CARRIED, take_tail
 from .stretches import line_through, sum_up
 
 # what a surface that carries may do to the height of a sphere [radii]

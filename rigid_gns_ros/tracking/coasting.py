@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where spheres are a little later, unseen: flight or rolling, with at most one contact each."""
 
 from __future__ import annotations
@@ -6,13 +20,12 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.engine.quaternions import turn
 from rigid_gns_core.engine.vector import dot, minus, plus, put, row, times
 from rigid_gns_core.state import Array
 
-from .collisions import NONE_NEAR, Pairs, exchange, meeting, pairs_near
-from .impacts import Surfaces, after_impact, first_impact, placed
+from .collisions import exchange, meeting, NONE_NEAR, Pairs, pairs_near
+from .impacts import after_impact, first_impact, placed, Surfaces
 from .jit import entry, in_place, plain
 from .stretches import Flags
 from .surroundings import Surroundings
@@ -32,8 +45,8 @@ def coast(
 ) -> tuple[Array, Array]:
     """Positions [m] and velocities [m/s] after a while, each of shape (n, 3).
 
-    Two spheres that meet exchange their momentum: carried on as if nothing had happened, each would
-    be sought where the other is.
+    Two spheres that meet exchange their momentum: carried on as if nothing had happened, each
+    would be sought where the other is.
 
     Args:
         around: Gravity, and what spheres bounce off.
@@ -123,7 +136,10 @@ def _push(
     one, other = pairs
     for k in range(len(one)):
         i, j = one[k], other[k]
-        offset, speed = minus(row(places, j), row(places, i)), minus(row(speeds, j), row(speeds, i))
+        offset, speed = (
+            minus(row(places, j), row(places, i)),
+            minus(row(speeds, j), row(speeds, i)),
+        )
         at, span = meeting(offset, speed, radii[i] + radii[j]), min(time[i], time[j])
         if span > 0 and at >= -_BEHIND * span and at <= span:
             met[k] = max(at, 0.0)

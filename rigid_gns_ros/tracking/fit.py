@@ -1,18 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """All explanations of a window, sphere by sphere, and what the cheapest one says of its end."""
 
 from __future__ import annotations
 
 from rigid_gns_core.engine.quaternions import turn
-from rigid_gns_core.engine.vector import Vector, plus, put, row, times
+from rigid_gns_core.engine.vector import plus, put, row, times, Vector
 from rigid_gns_core.state import Array
 
 from .carried import take_carried
 from .collisions import Pairs, within
 from .frames import Window
-from .impacts import Surfaces, nearest, placed
+from .impacts import nearest, placed, Surfaces
 from .jit import entry, in_place
 from .knocks import Meetings, take_knocks
-from .motions import AMONG, FLIGHT, Best, take_tail
+from .motions import AMONG, Best, FLIGHT, take_tail
 from .rebound import spin_since, take_rebounds
 from .stretches import line_through, sum_up
 
@@ -96,7 +110,7 @@ def finish(
     quaternions: Array,
     sums: Array,
 ) -> None:
-    """What the best explanations say of spheres where they were seen last.
+    """Find what the best explanations say of spheres where they were seen last.
 
     Args:
         best: The explanations.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A window of frames, sphere by sphere, as sums from which lines follow."""
 
 from __future__ import annotations
@@ -7,8 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from rigid_gns_core.engine.vector import Vector, length, minus, plus, put, row, times
+from rigid_gns_core.engine.vector import length, minus, plus, put, row, times, Vector
 from rigid_gns_core.state import Array
 
 from .jit import entry, in_place
@@ -135,7 +148,7 @@ def _way(stamps: Array, offsets: Array, seen: Flags) -> float:
 
 @in_place
 def _add_turns(turned: Array, turns: Array, seen: Flags, i: int) -> None:
-    """Rotation vectors of sphere i since the first frame that shows it [rad], shape (frames, 3)."""
+    """Rotation vectors of sphere i since the first frame with it [rad], shape (frames, 3)."""
     before = -1
     total = (0.0, 0.0, 0.0)
     for frame in range(len(turned)):

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where a flight meets a surface, and what the impact makes of it."""
 
 from __future__ import annotations
@@ -5,7 +19,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rigid_gns_core.engine.vector import Vector, across, cross, dot, length, minus, plus, row, times
+from rigid_gns_core.engine.vector import (
+    across,
+    cross,
+    dot,
+    length,
+    minus,
+    plus,
+    row,
+    times,
+    Vector,
+)
 from rigid_gns_core.state import Array
 
 from .jit import in_place
@@ -43,7 +67,7 @@ class Impact(NamedTuple):
 
 @in_place
 def nearest(surfaces: Surfaces, place: Vector, radius: float) -> tuple[int, float]:
-    """The surface nearest to a sphere above or below it, and its distance [m], else infinite."""
+    """Return the surface nearest above or below a sphere, and its distance [m], else infinite."""
     index, least = 0, math.inf
     for k in range(len(surfaces.points)):
         offset = minus(place, row(surfaces.points, k))

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the filter is compiled: as the engine, whose code it calls, but without fused sums."""
 
 from __future__ import annotations
@@ -6,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-
 import rigid_gns_core.engine
 from rigid_gns_core.machine_code import Function, MachineCode
 from rigid_gns_core.state import Array
@@ -25,7 +38,7 @@ def in_place(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """The same for functions that Python calls; no lock is held meanwhile."""
+    """Return the same for functions that Python calls; no lock is held meanwhile."""
     return _CODE.of(function, nogil=True)
 
 

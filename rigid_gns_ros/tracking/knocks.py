@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Collisions of two spheres in the last two intervals of a window, fitted as rebounds are.
 
 Earlier ones leave frames enough to tell the motion after them without.
@@ -10,16 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from rigid_gns_core.engine.vector import Vector, length, minus, plus, put, row, times
+from rigid_gns_core.engine.vector import length, minus, plus, put, row, times, Vector
 from rigid_gns_core.state import Array
 
-from .collisions import Pairs, exchange, meeting, within
+from .collisions import exchange, meeting, Pairs, within
 from .frames import INTERVALS, Window
-from .impacts import Surfaces, placed
+from .impacts import placed, Surfaces
 from .jit import in_place
-from .motions import AMONG, FLIGHT, Best, Contact, Found, Indices, take_contact
-from .rebound import MOST_SLACK, SLACK, Before, after_contact, before_contact, joined, variance_at
+from .motions import AMONG, Best, Contact, FLIGHT, Found, Indices, take_contact
+from .rebound import after_contact, Before, before_contact, joined, MOST_SLACK, SLACK, variance_at
 
 # what is known of a collision before it is seen, as parts of the change of velocity
 _ALONG, _ACROSS = 0.1, 0.15
@@ -47,10 +60,12 @@ class Meetings(NamedTuple):
 
     @classmethod
     def nowhere(cls, count: int) -> Meetings:
-        """Some to be filled, for `count` spheres."""
+        """Return empty ones to be filled, for `count` spheres."""
         none = np.zeros(count)
         places, speeds = np.zeros((2, count, 3))
-        return cls(np.zeros(count, dtype=bool), places, speeds, none, none.copy(), np.arange(count))
+        return cls(
+            np.zeros(count, dtype=bool), places, speeds, none, none.copy(), np.arange(count)
+        )
 
 
 @in_place
@@ -105,7 +120,7 @@ def _look(found: Meetings, window: Window, gravity: Vector, frame: int, middle: 
 
 @in_place
 def _before(window: Window, i: int, frame: int) -> tuple[Before, bool]:
-    """The motion of sphere i before a frame, and whether it is a flight."""
+    """Return the motion of sphere i before a frame, and whether it is a flight."""
     sigma, turns = window.sigma[i], window.turns[i]
     flying = before_contact(window.flights[i], turns, sigma, frame)
     held = before_contact(window.straight[i], turns, sigma, frame)
@@ -183,7 +198,7 @@ def _after(
     drift: float,
     sigma: float,
 ) -> Found:
-    """The motion after a collision, less the fall that the sums are without."""
+    """Return the motion after a collision, less the fall that the sums are without."""
     return after_contact(
         sums,
         frame,

@@ -1,15 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How spheres may move, and which motion explains a window at the least cost."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from rigid_gns_core.engine.vector import Vector, plus, put
+from rigid_gns_core.engine.vector import plus, put, Vector
 from rigid_gns_core.state import Array
 
 from .jit import in_place
@@ -34,7 +47,8 @@ class Motion:
         angular_velocities: [rad/s], world frame, shape (n, 3).
         kinds: FLIGHT, CARRIED by a surface, or held AMONG others, shape (n,).
         frames: Number of frames that the motion explains, shape (n,).
-        errors: Standard deviation of each component of velocity that noise gives [m/s], shape (n,).
+        errors: Standard deviation of each component of velocity that noise gives [m/s], shape
+            (n,).
     """
 
     positions: Array
@@ -54,11 +68,11 @@ class Motion:
         return cls(poses[:, :3], poses[:, 3:], none, none, np.zeros_like(ones), ones, far)
 
     def part(self, keep: NDArray[np.bool_]) -> Motion:
-        """Some of the spheres."""
+        """Return some of the spheres."""
         return Motion(**{name: value[keep] for name, value in vars(self).items()})
 
     def joined(self, other: Motion) -> Motion:
-        """These spheres, then those of another."""
+        """Return these spheres, then those of another."""
         fields = vars(self).items()
         return Motion(**{n: np.concatenate([value, getattr(other, n)]) for n, value in fields})
 
@@ -68,7 +82,8 @@ class Found(NamedTuple):
 
     Args:
         cost: Squared residuals in units of the noise, and charges; infinite where there is none.
-        origin: Place at the last frame, less where the sphere was seen last, and less the fall [m].
+        origin: Place at the last frame, less where the sphere was seen last, and less the fall
+            [m].
         slope: Velocity at the last frame [m/s].
         frames: Number of frames explained.
         error: Standard deviation of each component of velocity [m/s].

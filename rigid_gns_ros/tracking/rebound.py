@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A flight into a known surface and out of it again, fitted together, for each moment of a window.
 
 The flight before says when and where the surface is met. The flight after begins there: with one
@@ -10,13 +24,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rigid_gns_core.engine.vector import Vector, across, dot, length, minus, plus, row, times
+from rigid_gns_core.engine.vector import across, dot, length, minus, plus, row, times, Vector
 from rigid_gns_core.state import Array
 
 from .frames import Window
-from .impacts import Surfaces, after_impact, first_impact
+from .impacts import after_impact, first_impact, Surfaces
 from .jit import in_place
-from .motions import FLIGHT, LEFT_OUT, Best, Contact, Found, take_contact
+from .motions import Best, Contact, FLIGHT, Found, LEFT_OUT, take_contact
 from .stretches import line_through
 
 # what is known of a rebound before it is seen: parts of the changes that the law says
@@ -60,7 +74,7 @@ class Before(NamedTuple):
 
 @in_place
 def before_contact(sums: Array, turns: Array, sigma: float, frame: int) -> Before:
-    """The cheapest motion through frames before `frame`, which is the third or a later one."""
+    """Return the cheapest motion through frames before `frame`, which is at least the third."""
     first = max(0, frame - _REACH)
     cost, cheapest = math.inf, first
     for begin in range(first, frame - 1):
@@ -134,7 +148,7 @@ def take_rebounds(best: Best, i: int, window: Window, surfaces: Surfaces, extra:
 
 @in_place
 def joined(before: Before, after: Found, extra: float) -> Found:
-    """The motions before and after a contact, as one explanation."""
+    """Return the motions before and after a contact, as one explanation."""
     cost = before.cost + after.cost + IMPACT + extra
     return Found(cost, after.origin, after.slope, after.frames + int(before.seen), after.error)
 
@@ -152,7 +166,7 @@ def after_contact(
     across: float,
     sigma: float,
 ) -> Found:
-    """The line through the frames from `frame` on, the place of contact, and an expected slope.
+    """Return the line through the frames from `frame` on, the contact, and an expected slope.
 
     Args:
         sums: Of places, less the known acceleration.
@@ -179,7 +193,9 @@ def after_contact(
     part, goal = dot(covariance, normal), dot(expected, normal)
     normal_slope = (part + along * goal) / (span + along)
     # residuals of places and of the slope, at the best slope
-    total += normal_slope**2 * span - 2.0 * normal_slope * part + along * (normal_slope - goal) ** 2
+    total += (
+        normal_slope**2 * span - 2.0 * normal_slope * part + along * (normal_slope - goal) ** 2
+    )
     rest, aim = minus(covariance, times(part, normal)), minus(expected, times(goal, normal))
     level = times(1.0 / (span + across), plus(rest, times(across, aim)))
     off = minus(level, aim)
@@ -192,7 +208,7 @@ def after_contact(
 
 @in_place
 def _since(sums: Array, frame: int, column: int) -> Vector:
-    """Sums of three columns over the frames from `frame` on."""
+    """Return sums of three columns over the frames from `frame` on."""
     return (
         sums[-1, column] - sums[frame, column],
         sums[-1, column + 1] - sums[frame, column + 1],

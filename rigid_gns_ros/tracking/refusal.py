@@ -1,9 +1,22 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracked frames that cannot be used, and lines about them that could repeat."""
 
 from __future__ import annotations
 
 import numpy as np
-
 from rigid_gns_core.state import Array
 
 
@@ -59,7 +72,7 @@ class Throttle:
         self._held: dict[str, int] = {}
 
     def admit(self, kind: str, now: float) -> int | None:
-        """Number of messages of that kind held back since the last one, or None to hold back this.
+        """Return how many of that kind were held back since the last one; None: hold back this.
 
         Args:
             kind: What is counted.
@@ -73,7 +86,7 @@ class Throttle:
 
 
 def seconds(stamp_ns: int) -> str:
-    """A stamp in seconds with all its digits, which a float would not keep."""
+    """Return a stamp in seconds with all its digits, which a float would not keep."""
     sign = '-' if stamp_ns < 0 else ''
     whole, rest = divmod(abs(stamp_ns), 10**9)
     return f'{sign}{whole}.{rest:09d}'

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Least-squares lines through stretches of a sphere's window, by sums from its beginning."""
 
 from __future__ import annotations
@@ -6,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.engine.vector import Vector
 from rigid_gns_core.state import Array
 
@@ -41,7 +54,7 @@ class Line(NamedTuple):
 
 @in_place
 def sum_up(sums: Array, times: Array, values: Array, seen: Flags, begin: int) -> None:
-    """Sums over the frames before each one.
+    """Sum over the frames before each one.
 
     Args:
         sums: Overwritten, shape (frames + 1, COLUMNS).
@@ -69,7 +82,7 @@ def sum_up(sums: Array, times: Array, values: Array, seen: Flags, begin: int) ->
 
 @in_place
 def line_through(sums: Array, begin: int, end: int) -> Line:
-    """The line through frames `begin` to `end`, `end` not included."""
+    """Return the line through frames `begin` to `end`, `end` not included."""
     ones = sums[end, 0] - sums[begin, 0]
     first = sums[end, 1] - sums[begin, 1]
     count = max(ones, 1.0)

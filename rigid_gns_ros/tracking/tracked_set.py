@@ -1,7 +1,22 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The spheres that are tracked: who is who, who is new, who is gone, and how each moves.
 
 A `TrackedSet` is the outcome of frames in the order of their stamps, and is never changed, so that
-a late frame can be put in its place by going on from the set before it. Arrival times play no part.
+a late frame can be put in its place by going on from the set before it. Arrival times play no
+part.
 """
 
 from __future__ import annotations
@@ -11,17 +26,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rigid_gns_core.state import Array
 
-from ..messages import PoseArrayFrame
 from .admission import ADMIT_FRAMES, first_seen
-from .association import Indices, gates, match
+from .association import gates, Indices, match
 from .coasting import coast, turn_on
 from .motions import FLIGHT, Motion
 from .surroundings import Surroundings
-from .tracker_noise import KEPT, Heard, third_differences
+from .tracker_noise import Heard, KEPT, third_differences
 from .velocity import estimate_motion
+from ..messages import PoseArrayFrame
 
 # frames before noise can be told
 _NOISE_FRAMES = 4
@@ -29,8 +43,8 @@ _NOISE_FRAMES = 4
 _NOISE_GUESS = 5e-3
 # a sphere is coasted for so many intervals at least
 _COAST_FRAMES = 2.5
-# one whose frames agree with no motion so many times in a row has been matched wrongly, and is left
-# for what is there to be found anew
+# one whose frames agree with no motion so many times in a row has been matched wrongly, and is
+# left for what is there to be found anew
 _WILD = 5
 
 
@@ -114,14 +128,14 @@ class TrackedSet:
         )
 
     def noise(self, following: Following) -> float:
-        """Standard deviation of each coordinate [m]: given, estimated, or a guess."""
+        """Return the standard deviation of each coordinate [m]: given, estimated, or a guess."""
         if following.noise is not None:
             return following.noise
         told = self.heard.spread
         return _NOISE_GUESS * following.radius if told is None else told
 
     def after(self, frame: PoseArrayFrame, following: Following) -> TrackedSet:
-        """The set after the next frame, whose stamp is later than that of all before."""
+        """Return the set after the next frame, whose stamp is later than that of all before."""
         step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
         poses = frame.poses.copy()
         poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
@@ -229,7 +243,7 @@ class TrackedSet:
         return replace(self, heard=self.heard.after(values, kept))
 
     def _estimated(self, frames: int, following: Following) -> Motion:
-        """Estimates where spheres were seen twice in the window and now, else what was expected."""
+        """Estimates where spheres were seen twice in the window and now, else the expected."""
         window = slice(-frames, None)
         seen = self.seen[window]
         told = seen[-1] & (seen.sum(axis=0) > 1)
@@ -269,7 +283,7 @@ class TrackedSet:
         return self._estimated(2, following)
 
     def _corrected(self, expected: Motion) -> Motion:
-        """What was expected, at the places where spheres were seen."""
+        """Return what was expected, at the places where spheres were seen."""
         now = self.seen[-1][:, None]
         return replace(
             expected,
@@ -279,7 +293,7 @@ class TrackedSet:
 
 
 def _expected(before: TrackedSet, following: Following, time: float) -> Motion:
-    """The spheres at the next frame, as far as those before tell."""
+    """Return the spheres at the next frame, as far as those before tell."""
     motion = before.motion
     if not len(before.ids):
         return motion

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Position, velocity and spin at the last of a few noisy frames: the motion that explains them.
 
 Between contacts a sphere falls freely, or a surface carries it, or it lies among others; each is a
@@ -12,16 +26,15 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
 from rigid_gns_core.state import Array
 
 from .coasting import coast
 from .collisions import NONE_NEAR, pairs_near
 from .fit import finish, fit
-from .frames import Window, fill
+from .frames import fill, Window
 from .jit import plain
 from .knocks import Meetings
-from .motions import FLIGHT, Best, Motion
+from .motions import Best, FLIGHT, Motion
 from .stretches import COLUMNS
 from .surroundings import Surroundings
 
@@ -42,7 +55,7 @@ def estimate_motion(
     noise: float,
     seen: NDArray[np.bool_] | None = None,
 ) -> Motion:
-    """The motion of each sphere at the last of a few frames.
+    """Return the motion of each sphere at the last of a few frames.
 
     A sphere seen in one frame only is at rest; one not seen in the last is coasted from where it
     was seen last.
@@ -62,7 +75,9 @@ def estimate_motion(
     """
     stamps, places, turns = _checked(times, positions, quaternions)
     count, n = places.shape[:2]
-    mask = np.ones((count, n), np.bool_) if seen is None else np.require(seen, np.bool_, ['C', 'W'])
+    mask = (
+        np.ones((count, n), np.bool_) if seen is None else np.require(seen, np.bool_, ['C', 'W'])
+    )
     stamps, radii = stamps - stamps[-1], plain(radii)
     for name, shape, expected in (  # compiled code looks at no bounds
         ('positions', places.shape, (count, n, 3)),

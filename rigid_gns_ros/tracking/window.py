@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which tracked frames are accepted, and the start state that a window of them gives."""
 
 from __future__ import annotations
@@ -6,18 +20,16 @@ from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
-
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import State
 
-from ..messages import PoseArrayFrame
-from .refusal import RejectedFrame as RejectedFrame
-from .refusal import Throttle as Throttle
 from .refusal import check_poses
+from .refusal import RejectedFrame as RejectedFrame
 from .refusal import seconds as seconds
 from .surroundings import Surroundings
 from .tracked_set import Following, TrackedSet
 from .warm import warm_up
+from ..messages import PoseArrayFrame
 
 # a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
 MAX_AHEAD_NS = 1_000_000_000
@@ -46,15 +58,16 @@ class TrackingWindow:
         length: Number of frames from which velocities are estimated; 1 means at rest.
         max_spheres: Largest number of spheres accepted.
         gravity: Acceleration of free flight [m/s^2].
-        max_gap: Longest time between two frames of a window [s]; after a longer one it starts anew.
+        max_gap: Longest time between two frames of a window [s]; after a longer one it starts
+            anew.
         radius: Of the largest sphere [m]; positions beyond a million radii are refused.
         check: Called with the number of spheres of a first frame; ValueError where there cannot be
             so many.
         on_gap: Called with a time between two frames [s] that is longer than `max_gap`, where the
             window was not yet full, as so slow a tracker never fills it.
         scene: Surfaces that spheres bounce off; None: only frames that do not fit tell bounces.
-        matched: Whether poses are matched to spheres, which may then come in any order, be missing,
-            appear and vanish; else there is always the same number in the same order.
+        matched: Whether poses are matched to spheres, which may then come in any order, be
+            missing, appear and vanish; else there is always the same number in the same order.
         noise: Standard deviation of each coordinate of a position [m]; None: estimated.
         coast_time: A sphere that is not seen is carried on for so long [s], and for two frames at
             least; None: 2 sqrt(radius / gravity).
@@ -81,7 +94,11 @@ class TrackingWindow:
         warm_up()
         size = float(np.linalg.norm(gravity)) or 1.0
         natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
-        for name, value in (('noise', noise), ('coast_time', coast_time), ('max_speed', max_speed)):
+        for name, value in (
+            ('noise', noise),
+            ('coast_time', coast_time),
+            ('max_speed', max_speed),
+        ):
             if value is not None and not (value >= 0 and np.isfinite(value)):
                 raise ValueError(f'{name} is {value}, expected 0 or more')
         self.frame_id, self.length, self.max_spheres = frame_id, length, max_spheres
@@ -98,7 +115,9 @@ class TrackingWindow:
             radius=radius,
         )
         # newest frames, each with the spheres before it, to go on from when one comes late
-        self._frames: deque[tuple[PoseArrayFrame, TrackedSet]] = deque(maxlen=self.following.memory)
+        self._frames: deque[tuple[PoseArrayFrame, TrackedSet]] = deque(
+            maxlen=self.following.memory
+        )
         self._now = _NOTHING
         self._state: State | None = None  # of the newest frame, where it was asked for
         self._refused: list[PoseArrayFrame] = []  # for their stamps, which rise
@@ -120,7 +139,7 @@ class TrackingWindow:
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Of the spheres, in the order that `start` gives; a sphere keeps its own while tracked."""
+        """Of the spheres, in the order of `start`; a sphere keeps its own while tracked."""
         return tuple(self._now.ids.tolist())
 
     @property
@@ -172,7 +191,8 @@ class TrackingWindow:
         if frame.frame_id != self.frame_id:
             raise RejectedFrame(
                 'frame',
-                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} (parameter frame_id)',
+                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} '
+                '(parameter frame_id)',
             )
         self._check_count(len(frame.poses))
         check_poses(frame.poses, self._far)

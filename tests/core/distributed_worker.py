@@ -1,14 +1,25 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Run by torchrun in test_distributed.py: what each process finds, saved into a folder."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
+import sys
 
 import numpy as np
 import pytest
-import torch
-from safetensors.torch import save_file
-
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.distributed import Processes, started_by_torchrun
@@ -18,6 +29,8 @@ from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import Trajectory
 from rigid_gns_core.windows import Noise, Source
+from safetensors.torch import save_file
+import torch
 
 SCENE = Scene(surfaces=Plane.box(20.0, 20.0))
 GNS = GNSTrainConfig(
@@ -60,7 +73,9 @@ def learners() -> dict[str, GNSLearner | ContactLearner]:
     units = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
     contact = ContactLearner(CONTACT, [piled(side) for side in (2, 3)])
     torch.manual_seed(0)
-    with torch.no_grad():  # outputs begin as zeros, which the other weights get no gradient through
+    with (
+        torch.no_grad()
+    ):  # outputs begin as zeros, which the other weights get no gradient through
         for parameter in contact.network.heads.parameters():
             parameter.normal_(std=0.3)
     return {

@@ -1,13 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Many rollouts at once: each is bit for bit the one that runs alone."""
 
+from dataclasses import fields
 import threading
 import warnings
-from dataclasses import fields
 
 import numpy as np
 import pytest
-
-from rigid_gns_core import Plane, Scene, State, Trajectory, cli, load_simulator
+from rigid_gns_core import cli, load_simulator, Plane, Scene, State, Trajectory
 from rigid_gns_core.batch import in_threads
 from rigid_gns_core.dataset import read_record
 from rigid_gns_core.predict import position_spread
@@ -96,7 +109,9 @@ def test_one_that_diverges_leaves_the_others_alone():
     starts = [start(seed) for seed in range(3)]
     far = State(positions=[[0.0, 0, 5], [9.0, 0, 5]], velocities=[[1e13, 0, 0], [0, 0, 0]])
     sound = [alone(simulator, SCENE, state, 20) for state in starts]
-    with pytest.warns(UserWarning, match=r'start 1: the rollout diverged.*\(step \d+ of 20\)') as w:
+    with pytest.warns(
+        UserWarning, match=r'start 1: the rollout diverged.*\(step \d+ of 20\)'
+    ) as w:
         batch = simulator.rollout_batch(SCENE, [starts[0], far, *starts[1:]], steps=20, workers=2)
     assert w[0].filename == __file__  # it points at who asked for the batch
     lost = batch.pop(1)

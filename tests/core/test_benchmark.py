@@ -1,23 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The benchmark: its parts against closed forms, and one quick run. No timing is asserted."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 import importlib
 import os
-import sys
-from dataclasses import replace
 from pathlib import Path
+import sys
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.benchmark import fresh
 from rigid_gns_core.benchmark.busy_core import busy_core
 from rigid_gns_core.benchmark.judge import energy_rise, faults, position_errors
-from rigid_gns_core.benchmark.peers import NOTES, Peer, Run, all_peers
+from rigid_gns_core.benchmark.peers import all_peers, NOTES, Peer, Run
 from rigid_gns_core.benchmark.race import Lane, race, timing
 from rigid_gns_core.benchmark.scaling import bouncing_box, fitted_exponent
-from rigid_gns_core.benchmark.scenes import FRAME, SCENES, BenchScene, bench_scenes
+from rigid_gns_core.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
 from rigid_gns_core.cli import main
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, State
@@ -121,7 +134,9 @@ def test_race_marks_what_blows_up_and_keeps_what_was_before() -> None:
     assert len(lanes['calm'].positions) == 13
     assert lanes['picky'].refused == 'not this scene'
     assert timing(lanes['picky']) is None
-    grave = {name: ' '.join(faults(STILL, lane)[0]) for name, lane in lanes.items() if lane.seconds}
+    grave = {
+        name: ' '.join(faults(STILL, lane)[0]) for name, lane in lanes.items() if lane.seconds
+    }
     assert grave['calm'] == grave['dipping'] == ''
     assert grave['short'] == 'the script is over'
     assert grave['nan'] == 'a position is not finite'

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Fitted materials: those of closed-form bounces and slides, what data cannot tell, bad input."""
 
 from __future__ import annotations
@@ -6,19 +20,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-
 from rigid_gns_core.calibrate import calibrate
 from rigid_gns_core.calibration_windows import windows_of, with_materials
 from rigid_gns_core.cli import main
 from rigid_gns_core.config import from_mapping
 from rigid_gns_core.dataset import Record, record_path, write_recipe, write_record
 from rigid_gns_core.recipe import DataRecipe, recipe_hash
-from rigid_gns_core.rollout import Simulator, load_simulator
+from rigid_gns_core.rollout import load_simulator, Simulator
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import Trajectory, rotate_quaternions
+from rigid_gns_core.state import rotate_quaternions, Trajectory
 from rigid_gns_core.tracked_motion import estimate_noise, tracked_starts
+import yaml
 
 GRAVITY = 9.81
 DT, STEPS = 0.1, 26

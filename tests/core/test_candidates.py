@@ -1,10 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """No contact is missed, and none is looked for that cannot be."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from rigid_gns_core import load_simulator
 from rigid_gns_core.models.contact.candidates import find_candidates, join
 from rigid_gns_core.plane import closest_points
@@ -17,7 +30,7 @@ BOX = Plane.box(14.0, 14.0, 9.0)
 
 
 def reaches(velocities):
-    """The least that must be looked for: any direction at this speed, and the fall."""
+    """Return the least that must be looked for: any direction at this speed, and the fall."""
     return np.linalg.norm(velocities, axis=1) * DT + 0.5 * 9.81 * DT**2
 
 

@@ -1,15 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A loader refuses what it does not know, and says what and why."""
 
 import json
 
 import pytest
-import torch
-
 from rigid_gns_core.checkpoint import CheckpointError, find_model, load_card, save_model
 from rigid_gns_core.config import to_mapping
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.rollout import load_simulator
+import torch
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)
 CARD_CONFIG = to_mapping(CONFIG)

@@ -1,11 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns`: help, examples, exit codes and messages."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 import contextlib
 import importlib
+from importlib import metadata
 import os
+from pathlib import Path
 import pty
 import re
 import select
@@ -14,12 +31,8 @@ import signal
 import subprocess
 import sys
 import termios
-from collections.abc import Iterator
-from importlib import metadata
-from pathlib import Path
 
 import pytest
-
 from rigid_gns_core import cli
 
 PROGRAM = [sys.executable, '-m', 'rigid_gns_core.cli']
@@ -145,7 +158,7 @@ def test_a_failed_check_exits_with_1(
 
 @contextlib.contextmanager
 def on_a_terminal(words: list[str], folder: Path) -> Iterator[tuple[subprocess.Popen, int]]:
-    """A process whose standard error is a terminal, and our end of that."""
+    """Yield a process whose standard error is a terminal, and our end of that."""
     ours, its = pty.openpty()
     termios.tcsetwinsize(its, (24, 80))  # a bar needs some width
     process = subprocess.Popen(
@@ -161,7 +174,7 @@ def on_a_terminal(words: list[str], folder: Path) -> Iterator[tuple[subprocess.P
 
 
 def read_until(terminal: int, text: str) -> str:
-    """What the terminal shows, up to `text`, to its end, or until nothing came for a minute."""
+    """Return what the terminal shows, up to `text`, its end, or a minute without anything."""
     shown = ''
     while text not in shown and select.select([terminal], [], [], 60.0)[0]:
         try:

@@ -1,11 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training in closed loop: rollouts with gradients, what is lost, and the curriculum."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-
 from rigid_gns_core.closed_loop import connector, roll_out, stack_windows
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.configs import GNSConfig
@@ -15,6 +27,7 @@ from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import State, Trajectory
 from rigid_gns_core.windows import Draw, Noise, Source
+import torch
 
 DT = 0.1
 SCENE = Scene(surfaces=Plane.box(12.0, 12.0))

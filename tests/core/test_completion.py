@@ -1,15 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Completion in a shell: what argcomplete answers, and bash itself."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
 from rigid_gns_core import cli
 from rigid_gns_core.completion import chosen_command
 
@@ -17,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def complete(line: str, folder: Path = ROOT) -> list[str]:
-    """What the program answers to a shell, on descriptor 8 as the shell's own code asks."""
+    """Return what the program answers to a shell, on descriptor 8 as the shell's own code asks."""
     reader, writer = os.pipe()
     code = (
         f'import os, sys; os.dup2({writer}, 8); '

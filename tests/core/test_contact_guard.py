@@ -1,10 +1,22 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The energy guard, sleep, and starts that overlap, for any weights."""
 
 import numpy as np
 import pytest
-import torch
-
-from rigid_gns_core import Plane, Scene, State, closed_form
+from rigid_gns_core import closed_form, Plane, Scene, State
 from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.candidates import find_candidates
 from rigid_gns_core.models.contact.geometry import find_contacts
@@ -14,12 +26,13 @@ from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.overlap import push_out
 from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.models.contact.world import World
+import torch
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def stepper(scene, positions, velocities=None, spins=None, *, std=0.5, size=(2, 3), **options):
-    """A rollout in the units of the model, with random weights."""
+    """Return a rollout in the units of the model, with random weights."""
     torch.manual_seed(0)
     config = ContactConfig(substeps=size[0], rounds=size[1], width=8)
     network = ContactNetwork(config).eval()

@@ -1,19 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One contact alone follows its closed form for any weights; the law's own series of bounces."""
 
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-import torch
-
-from rigid_gns_core import Plane, Scene, closed_form, load_simulator
+from rigid_gns_core import closed_form, load_simulator, Plane, Scene
 from rigid_gns_core.checkpoint import save_model
 from rigid_gns_core.closed_form_checks import GROUPS, run_checks
 from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.geometry import Contacts
-from rigid_gns_core.models.contact.law import Law, aim_of
+from rigid_gns_core.models.contact.law import aim_of, Law
 from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.world import World
+import torch
 
 G, QUIET = 9.81, 3.0 * 9.81 * 0.1 / 240.0
 SMALL = 0.02
@@ -21,7 +34,7 @@ SMALL = 0.02
 
 @pytest.fixture(scope='module')
 def load(tmp_path_factory):
-    """load(substeps, rounds, **options): a simulator whose weights are random."""
+    """Make simulators with random weights, by substeps, rounds and options."""
 
     def made(substeps=2, rounds=3, **options):
         torch.manual_seed(0)

@@ -1,13 +1,25 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training of the contact model, its recipes, and the options of its simulator."""
 
-import json
 from dataclasses import asdict, replace
+import json
 
 import numpy as np
 import pytest
-import torch
-
-from rigid_gns_core import Plane, Scene, load_simulator
+from rigid_gns_core import load_simulator, Plane, Scene
 from rigid_gns_core.checkpoint import save_model, tensors_of
 from rigid_gns_core.config import ConfigError, to_mapping
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
@@ -18,7 +30,8 @@ from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.simulators import ContactSimulator
-from rigid_gns_core.train import Trainer, load_recipe
+from rigid_gns_core.train import load_recipe, Trainer
+import torch
 
 MODEL = ContactConfig(substeps=2, rounds=2, width=8)
 CONFIG = ContactTrainConfig(

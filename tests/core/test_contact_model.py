@@ -1,19 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the contact model guarantees for any weights: momenta, symmetries, flight, starts."""
 
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-import torch
-
-from rigid_gns_core import Plane, Scene, closed_form, load_simulator
+from rigid_gns_core import closed_form, load_simulator, Plane, Scene
 from rigid_gns_core.checkpoint import save_model
 from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.candidates import Candidates, find_candidates, join
 from rigid_gns_core.models.contact.memory import Memory
 from rigid_gns_core.models.contact.network import ContactNetwork
-from rigid_gns_core.models.contact.step import Motion, frame
+from rigid_gns_core.models.contact.step import frame, Motion
 from rigid_gns_core.models.contact.world import World
+import torch
 
 DTYPES = ('float64', 'float32')
 FREE = Scene(surfaces=(), gravity=(0.0, 0.0, 0.0), restitution=0.8, friction=0.6)
@@ -31,7 +44,7 @@ def random_network(substeps, rounds, std):
 
 @pytest.fixture(scope='module')
 def load(tmp_path_factory):
-    """load(substeps, rounds, std, **options): a simulator whose weights are random."""
+    """Make simulators with random weights, by substeps, rounds, std and options."""
 
     def made(substeps=2, rounds=3, std=0.5, **options):
         network = random_network(substeps, rounds, std)
@@ -143,7 +156,9 @@ def scene_of(properties, order=None, surfaces=None):
 
 def same(one, other, tolerance):
     for name in ('positions', 'velocities', 'angular_velocities'):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=0, atol=tolerance)
+        np.testing.assert_allclose(
+            getattr(one, name), getattr(other, name), rtol=0, atol=tolerance
+        )
 
 
 # roundings, some of them of the network, which is float32 in both; collisions amplify them

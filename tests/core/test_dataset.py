@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """HDF5 records: the same after a roundtrip, and a damaged file is named, never half-read."""
 
 from __future__ import annotations
@@ -8,21 +22,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-
 from rigid_gns_core import dataset
 from rigid_gns_core.dataset import (
     Dataset,
     DatasetError,
-    Record,
     read_record,
     read_records,
+    Record,
     record_path,
     write_recipe,
     write_record,
 )
 from rigid_gns_core.recipe import DataRecipe, recipe_difference, recipe_hash
 from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import Trajectory, rotate_quaternions
+from rigid_gns_core.state import rotate_quaternions, Trajectory
 
 RECIPE = DataRecipe(trajectories=3, seed=7, steps=5, teacher={'substeps': 24})
 
@@ -59,7 +72,7 @@ def make_record(index: int = 0, steps: int = 20, count: int = 4) -> Record:
 
 
 def fill(folder: Path, indices: tuple[int, ...]) -> None:
-    """A data set as generation leaves it."""
+    """Write a data set as generation leaves it."""
     folder.mkdir(exist_ok=True)
     write_recipe(folder, RECIPE)
     for index in indices:

@@ -1,22 +1,35 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The thesis' GNS on a device: the same as on the host, and no step waits for the device."""
 
-import warnings
 from dataclasses import replace
+import warnings
 
 import numpy as np
 import pytest
-import torch
-from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_flatten
-
-from rigid_gns_core import Plane, Scene, State, load_simulator
-from rigid_gns_core.graph import Reach, build_graph
+from rigid_gns_core import load_simulator, Plane, Scene, State
+from rigid_gns_core.graph import build_graph, Reach
 from rigid_gns_core.models import device_stepper
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.device_graph import DeviceScenes, links_of, padded
 from rigid_gns_core.models.device_stepper import DeviceStepper, diverged
 from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.stepping import GNSStepper
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_flatten
 
 MATERIAL = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
 PLATE = Plane((0.0, 0.0, 3.0), (0.3, 0.0, 0.954), length_x=4.0, length_y=3.0)

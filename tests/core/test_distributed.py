@@ -1,25 +1,38 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training by two processes: the gradients of one, one log, one set of checkpoints, and resume."""
 
+from dataclasses import replace
 import importlib.util
 import json
 import os
+from pathlib import Path
 import subprocess
 import sys
-from dataclasses import replace
-from pathlib import Path
 
 import pytest
-import torch
-import yaml
-from safetensors.torch import load_file
-
 from rigid_gns_core.cli import main
 from rigid_gns_core.config import to_mapping
 from rigid_gns_core.dataset import Dataset, Record, record_path, write_recipe, write_record
-from rigid_gns_core.distributed import Mean, Processes, find_device
+from rigid_gns_core.distributed import find_device, Mean, Processes
 from rigid_gns_core.learners import device_of
 from rigid_gns_core.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.train import Trainer
+from safetensors.torch import load_file
+import torch
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 WORKER = Path(__file__).with_name('distributed_worker.py')

@@ -1,26 +1,39 @@
-"""Each page of README.md and docs/ does what it says: its snippets run, in order, in one folder."""
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Each page of README.md and docs/ does what it says: its snippets run in order, in one folder."""
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Callable
+import json
 from pathlib import Path
+import shutil
 
 import numpy as np
 import pytest
-from snippets import PAGES, ROOT, Reader, check_options, check_printed, mentioned, quick, snippets
-
-from rigid_gns_core import Scene, load_simulator
+from rigid_gns_core import load_simulator, Scene
 from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.messages import PoseArrayCodec, encode_string
+from rigid_gns_ros.messages import encode_string, PoseArrayCodec
+from snippets import check_options, check_printed, mentioned, PAGES, quick, Reader, ROOT, snippets
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 MORE_PAGES = [ROOT / 'CONTRIBUTING.md', ROOT / 'docs' / 'model' / 'README.md']
 
 
 def recorded_bag(name: str) -> None:
-    """A bag as the simulator records it: 4 s of three balls, predicted as they were tracked."""
+    """Record a bag as the simulator does: 4 s of three balls, predicted as they were tracked."""
     scene = Scene()
     positions = [[0.0, 0.0, 3.0], [0.5, 0.0, 6.0], [5.0, 0.0, 4.0]]
     path = load_simulator().rollout(scene, positions, [[1.0, 0.5, 0.0]] * 3, steps=40)
@@ -46,7 +59,7 @@ def three_bags() -> None:
 
 
 def thesis() -> None:
-    """The page that `rigid-gns experiment --page` fills, and the results it takes."""
+    """Write the page that `rigid-gns experiment --page` fills, and the results it takes."""
     shutil.copytree(ROOT / 'docs' / 'thesis', 'docs/thesis')
     shutil.copy(ROOT / 'docs' / 'thesis.md', 'docs/thesis.md')
 

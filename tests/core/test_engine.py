@@ -1,11 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The engine does what the torch reference does, and finds what brute force finds."""
 
 import warnings
 
 import numpy as np
 import pytest
-
-from rigid_gns_core import Plane, Scene, load_simulator
+from rigid_gns_core import load_simulator, Plane, Scene
 from rigid_gns_core.engine.neighbours import find_pairs
 from rigid_gns_core.state import State
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Experiments as they are configured: what a cell is, and what tables make of results."""
 
 from __future__ import annotations
@@ -8,7 +22,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.cli import main
 from rigid_gns_core.config import ConfigError
 from rigid_gns_core.experiments.budget import Budget, load_budget, merged
@@ -18,9 +31,9 @@ from rigid_gns_core.experiments.points import panels_of
 from rigid_gns_core.experiments.store import Store
 from rigid_gns_core.experiments.study import (
     Experiment,
-    Variant,
     load_experiment,
     shipped_experiments,
+    Variant,
 )
 from rigid_gns_core.experiments.table import make_table
 from rigid_gns_core.experiments.text import format_table, number, printed, spread
@@ -120,7 +133,7 @@ def fill(store: Store, cell: Cell, mse: list[Any], diverged: list[int | None]) -
 
 
 def results(folder: Path) -> tuple[Experiment, Store]:
-    """An experiment whose base has run with two seeds; with the second a rollout diverged."""
+    """Return an experiment whose base ran with two seeds; with one a rollout diverged."""
     experiment, store = load_experiment('history'), Store(folder)
     floor = {'mse': [1.0, 4.0], 'least_mse': [0.25, 0.25]}
     for cell in teacher_cells(BUDGET):

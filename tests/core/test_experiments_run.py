@@ -1,13 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns experiment` from beginning to end at the smallest budget."""
 
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
+import shutil
 
 import pytest
-
 from rigid_gns_core.cli import main
 from rigid_gns_core.experiments.budget import load_budget
 from rigid_gns_core.experiments.cell import Cell
@@ -27,7 +40,7 @@ def command(folder: Path, *words: str) -> list[str]:
 
 @pytest.fixture(scope='module')
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which all experiments have run."""
+    """Return a folder in which all experiments have run."""
     folder = tmp_path_factory.mktemp('experiments')
     assert main(command(folder, 'all')) == 0
     return folder

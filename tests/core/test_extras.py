@@ -1,12 +1,25 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What to install where a module is missing."""
 
 from __future__ import annotations
 
-import sys
 from importlib import metadata
+import sys
 
 import pytest
-
 from rigid_gns_core import extras, versions
 
 
@@ -50,7 +63,10 @@ def test_a_source_tree_that_is_not_installed_knows_no_extras(
     monkeypatch.setattr(extras, 'PACKAGE', 'no-such-distribution')
     assert extras.remedy('torch') is None
     error = extras.missing(ModuleNotFoundError('gone', name='torch'), 'this command')
-    assert (str(error), error.name) == ('this command needs torch, which is not installed', 'torch')
+    assert (str(error), error.name) == (
+        'this command needs torch, which is not installed',
+        'torch',
+    )
 
 
 def test_versions_are_those_of_the_metadata() -> None:

@@ -1,22 +1,35 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Generation: the same data whoever makes it, resumable, and stopped or crashed without damage."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 import io
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import Dataset, DatasetError, read_record, record_path
-from rigid_gns_core.generate import GenerateError, generate
+from rigid_gns_core.generate import generate, GenerateError
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.recipe import DataRecipe
 from rigid_gns_core.sampling import load_scene, sample_start
@@ -174,7 +187,9 @@ def test_the_command_makes_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixt
     command = ['generate', '--config', 'smoke', '--out', str(tmp_path), '--workers', '1']
     assert main([*command, '--trajectories', '1']) == 0
     assert '1 trajectories of 30 steps' in capsys.readouterr().out
-    assert main([*command[:4], str(tmp_path / 'short'), '--trajectories', '1', '--steps', '2']) == 0
+    assert (
+        main([*command[:4], str(tmp_path / 'short'), '--trajectories', '1', '--steps', '2']) == 0
+    )
     assert read_record(tmp_path / 'short' / '0000.h5').trajectory.steps == 2
     capsys.readouterr()
     for option, message in (('--steps', 'steps is 0'), ('--trajectories', 'trajectories is 0')):
@@ -190,7 +205,16 @@ def test_the_command_makes_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_the_command_makes_a_record_of_a_scene(tmp_path: Path) -> None:
     file = tmp_path / 'box_154.h5'
-    command = ['generate', '--scene', 'box_154', '--steps', '2', '--poses-only', '--out', str(file)]
+    command = [
+        'generate',
+        '--scene',
+        'box_154',
+        '--steps',
+        '2',
+        '--poses-only',
+        '--out',
+        str(file),
+    ]
     assert main(command) == 0
     record = read_record(file)
     scene, start = load_scene('box_154')

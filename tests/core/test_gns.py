@@ -1,16 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the thesis' network guarantees for any weights, and what each switch does."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-
 from rigid_gns_core.graph import build_graph
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.features import Motion
-from rigid_gns_core.models.gns import GNS, GNBlock, graph_input, side_by_side
+from rigid_gns_core.models.gns import GNBlock, GNS, graph_input, side_by_side
 from rigid_gns_core.scene import Plane, Scene
+import torch
 
 from .random_motion import random_motion
 

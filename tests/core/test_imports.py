@@ -1,11 +1,25 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What may be imported where: the core without ROS, Bullet and plots, and lightly."""
 
 from __future__ import annotations
 
 import ast
+from pathlib import Path
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -38,7 +52,7 @@ ABSENT = (
 
 
 def run(code: str, absent: tuple[str, ...] = ()) -> str:
-    """Standard output of a fresh interpreter; fails with its traceback."""
+    """Return standard output of a fresh interpreter; fail with its traceback."""
     code = BLOCK.format(names=set(absent) or '()') + code
     done = subprocess.run(
         [sys.executable, '-c', code], capture_output=True, text=True, cwd=ROOT, check=False

@@ -1,18 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns info`: what is there and what is missing, with remedies; it never fails."""
 
 from __future__ import annotations
 
+from importlib import metadata
 import json
+from pathlib import Path
 import shutil
 import sys
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import pytest
-
 from rigid_gns_core import cli, info, probes
-from rigid_gns_core.checkpoint import WEIGHTS_FOLDER, find_model
+from rigid_gns_core.checkpoint import find_model, WEIGHTS_FOLDER
 
 
 @pytest.fixture(scope='module')
@@ -126,8 +139,16 @@ def test_a_module_that_never_answers_is_given_up(
     [
         ({'state': 'ready', 'cuda': '12.8', 'gpus': ['H200']}, ['H200'], 'H200 (CUDA 12.8)'),
         ({'state': 'ready', 'cuda': None, 'gpus': []}, [], 'none'),
-        ({'state': 'ready', 'cuda': None, 'gpus': []}, ['H200'], 'H200, but this torch is a build'),
-        ({'state': 'ready', 'cuda': '12.8', 'gpus': []}, ['H200'], 'H200, but torch cannot use it'),
+        (
+            {'state': 'ready', 'cuda': None, 'gpus': []},
+            ['H200'],
+            'H200, but this torch is a build',
+        ),
+        (
+            {'state': 'ready', 'cuda': '12.8', 'gpus': []},
+            ['H200'],
+            'H200, but torch cannot use it',
+        ),
         ({'state': 'missing'}, ['H200'], 'H200, but no torch to use it'),
     ],
 )

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Metrics of thesis section 4.2 against closed forms, brute force and invariances."""
 
 from __future__ import annotations
@@ -6,7 +20,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.metrics import (
     angular_momentum,
     chamfer,
@@ -54,7 +67,9 @@ def ballistic(seed=0, steps=20, count=5):
     gravity = np.array([0, 0, -G])
     start = rng.uniform(-20, 20, (count, 3)) + [0, 0, 80]
     spins = np.broadcast_to(rng.normal(size=(count, 3)), (steps + 1, count, 3))
-    return moving(start + velocity * time + gravity * time**2 / 2, velocity + gravity * time, spins)
+    return moving(
+        start + velocity * time + gravity * time**2 / 2, velocity + gravity * time, spins
+    )
 
 
 def random_walk(seed, steps=30, count=12):

@@ -1,16 +1,30 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One version everywhere, every file in the wheel, every dependency in the lock."""
 
 from __future__ import annotations
 
+from importlib import metadata
+from pathlib import Path
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
-import zipfile
-from importlib import metadata
-from pathlib import Path
 from xml.etree import ElementTree
+import zipfile
 
 import pytest
 
@@ -43,7 +57,7 @@ def lock() -> dict[str, str]:
 
 @pytest.fixture(scope='module')
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """The wheel of a copy of the source tree: building leaves files behind."""
+    """Return the wheel of a copy of the source tree: building leaves files behind."""
     folder = tmp_path_factory.mktemp('wheel')
     (folder / 'tree').mkdir()
     for name in SOURCES:

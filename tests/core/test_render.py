@@ -1,19 +1,32 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns render` and `view`: outlines, shadows, times and messages."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+import sys
 
 import numpy as np
 import pytest
-
-from rigid_gns_core import Plane, Scene, cli
+from rigid_gns_core import cli, Plane, Scene
 from rigid_gns_core.render.camera import Camera
-from rigid_gns_core.render.movie import PREDICTED, Film, frames, poses_at
-from rigid_gns_core.render.picture import Image, Surroundings, draw, linear, rotation_matrices
+from rigid_gns_core.render.movie import Film, frames, poses_at, PREDICTED
+from rigid_gns_core.render.picture import draw, Image, linear, rotation_matrices, Surroundings
 from rigid_gns_core.report import Comparison
-from rigid_gns_core.state import Trajectory, rotate_quaternions
+from rigid_gns_core.state import rotate_quaternions, Trajectory
 
 pytest.importorskip('PIL', reason='pictures are labelled by Pillow')
 
@@ -33,7 +46,7 @@ def picture(scene: Scene, positions: np.ndarray, camera: Camera) -> Image:
 
 
 def above(height: float = 40.0) -> Camera:
-    """Looks down from `height` [m]; up in the picture is y, and it is 12 m high on the ground."""
+    """Look down from `height` [m]; up in the picture is y, and it is 12 m high on the ground."""
     axes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
     return Camera(np.array([0.0, 0.0, height]), axes, 6.0 / height)
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns report` without a browser: what the page holds, and messages."""
 
 from __future__ import annotations
@@ -5,14 +19,13 @@ from __future__ import annotations
 import hashlib
 import html
 import json
-import re
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
 import pytest
-
-from rigid_gns_core import Plane, Scene, cli
+from rigid_gns_core import cli, Plane, Scene
 from rigid_gns_core.dataset import Record, write_record
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.report import Comparison, write_report
@@ -21,7 +34,7 @@ from rigid_gns_core.report.packing import pack_positions, pack_quaternions, unpa
 from rigid_gns_core.report.quads import visible_quads
 from rigid_gns_core.report.series import charts, penetration_depths
 from rigid_gns_core.report.tables import leaves, tables
-from rigid_gns_core.state import Trajectory, rotate_quaternions, rotation_between
+from rigid_gns_core.state import rotate_quaternions, rotation_between, Trajectory
 
 STATIC = Path(cli.__file__).parent / 'report' / 'static'
 SCENE = Scene(surfaces=Plane.box(20.0, 20.0))

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report in a headless Chromium: it loads alone, plays, seeks, and draws what it should.
 
 Needs Playwright (the package) and a Chromium: Playwright's own, or one that is installed.
@@ -5,18 +19,17 @@ Needs Playwright (the package) and a Chromium: Playwright's own, or one that is 
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
+import shutil
 from typing import Any
 
 import numpy as np
 import pytest
-
 from rigid_gns_core import Plane, Scene
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.report import Comparison, write_report
-from rigid_gns_core.state import Trajectory, rotate_quaternions
+from rigid_gns_core.state import rotate_quaternions, Trajectory
 
 pytestmark = pytest.mark.browser
 
@@ -54,7 +67,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
-    """An open report; at the end it has written no error and asked for nothing."""
+    """Yield an open report; at the end it has written no error and asked for nothing."""
     ours, reference = moving(1.5), moving(1.0)
     comparison = Comparison(
         title='lanes',

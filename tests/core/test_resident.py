@@ -1,23 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training data on a device: edges, windows and losses as from arrays, tested on the CPU."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-
 from rigid_gns_core.closed_loop import connector, stack_windows
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.graph import build_graph
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.device_graph import DeviceScenes
-from rigid_gns_core.models.tensor_features import TensorGraph, tensor_features
-from rigid_gns_core.models.tensor_graph import Spheres, connect
+from rigid_gns_core.models.tensor_features import tensor_features, TensorGraph
+from rigid_gns_core.models.tensor_graph import connect, Spheres
 from rigid_gns_core.resident import Resident
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
-from rigid_gns_core.state import Trajectory, rotate_quaternions
-from rigid_gns_core.windows import Noise, Source, draw_windows, one_step_batch
+from rigid_gns_core.state import rotate_quaternions, Trajectory
+from rigid_gns_core.windows import draw_windows, Noise, one_step_batch, Source
+import torch
 
 DT = 0.1
 CPU = torch.device('cpu')

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Start states: seeded, clear of everything, and refused in words where they cannot be."""
 
 from __future__ import annotations
@@ -7,10 +21,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from rigid_gns_core.config import ConfigError, config_folder
+from rigid_gns_core.config import config_folder, ConfigError
+from rigid_gns_core.placement import SamplingError
 from rigid_gns_core.plane import closest_points
-from rigid_gns_core.sampling import Block, SamplingError, StartRecipe, load_scene, sample_start
+from rigid_gns_core.sampling import Block, load_scene, sample_start, StartRecipe
 from rigid_gns_core.scene import Plane, Scene
 
 from .apart import assert_apart, gaps
@@ -97,7 +111,10 @@ def test_the_scenes_of_figure_14_are_what_they_say() -> None:
             {'at': ((0.0, 0.0, 1.0), (9.0, 0.0, 0.9))},
             r'sphere 1 at \(9, 0, 0.9\) m .* in surface 0',
         ),
-        ({'at': ((0.0, 0.0, 1.0), (0.0, 0.0, 2.9))}, 'sphere 1 .* starts 0.1 m deep in one before'),
+        (
+            {'at': ((0.0, 0.0, 1.0), (0.0, 0.0, 2.9))},
+            'sphere 1 .* starts 0.1 m deep in one before',
+        ),
         (
             {'spheres': 4, 'layout': 'floor', 'length_x': 3.0, 'length_y': 0.0},
             'on a floor of 3 x 0',
@@ -112,7 +129,9 @@ def test_places_that_are_taken_are_said(start: dict[str, object], message: str) 
 
 def test_layouts_that_do_not_go_with_the_scene_are_said() -> None:
     start = StartRecipe(spheres=3, layout='blocks', length_x=20.0, length_y=20.0)
-    with pytest.raises(SamplingError, match=r'blocks need equal radii, but these go from 0.5 to 1'):
+    with pytest.raises(
+        SamplingError, match=r'blocks need equal radii, but these go from 0.5 to 1'
+    ):
         sample_start(Scene(radius=(1.0, 0.5, 1.0)), start)
     with pytest.raises(SamplingError, match='no level ground'):
         sample_start(Scene(surfaces=()), start)

@@ -1,20 +1,33 @@
-"""The site of docs/: it builds without a warning, has every page and name, and asks for nothing."""
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The site of docs/: it builds without a warning, has all pages and names, asks for nothing."""
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 import importlib
 import importlib.util
+from pathlib import Path
 import re
 import shutil
 import subprocess
 import sys
-from dataclasses import fields, is_dataclass
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
-
 import rigid_gns_core
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,7 +50,7 @@ needs_sphinx = pytest.mark.skipif(
 
 @pytest.fixture(scope='module')
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The built site."""
+    """Return the built site."""
     folder = tmp_path_factory.mktemp('site')
     build = [sys.executable, '-m', 'sphinx', '-W', '--keep-going', '-q', '-b', 'html']
     done = subprocess.run(
@@ -48,7 +61,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def links(page: Path, attribute: str) -> set[str]:
-    """What a page refers to in `href` or `src`."""
+    """Return what a page refers to in `href` or `src`."""
     return set(re.findall(rf'\b{attribute}="([^"]*)"', page.read_text(encoding='utf-8')))
 
 
@@ -182,7 +195,7 @@ def test_a_link_to_nothing_builds_nothing(link: str, tmp_path: Path) -> None:
 
 
 def part(owner: Any, name: str) -> Any:
-    """An attribute, or a field that has no default."""
+    """Return an attribute, or a field that has no default."""
     if is_dataclass(owner) and name in {field.name for field in fields(owner)}:
         return name
     if isinstance(owner, ModuleType) and not hasattr(owner, name):

@@ -1,18 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The Bullet teacher: state in, state out, and what it refuses."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
+import sys
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.dataset import demo_record
 from rigid_gns_core.rolling import resist_rolling
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State
-from rigid_gns_core.teacher import Teacher, load_pybullet, simulate
+from rigid_gns_core.teacher import load_pybullet, simulate, Teacher
 from rigid_gns_core.teacher_settings import TeacherError, TeacherSettings
 
 GRAVITY = 9.81
@@ -102,7 +115,9 @@ def test_surface_materials_multiply(bullet) -> None:
         Plane((10.0, 0.0, 0.0), length_x=10.0, length_y=10.0, restitution=1.0),
     )
     run = simulate(
-        Scene(surfaces=surfaces, restitution=0.8), spheres([[-10.0, 0.0, 4.0], [10.0, 0.0, 4.0]]), 9
+        Scene(surfaces=surfaces, restitution=0.8),
+        spheres([[-10.0, 0.0, 4.0], [10.0, 0.0, 4.0]]),
+        9,
     )
     impact, speed = np.sqrt(2 * 3.0 / GRAVITY), np.sqrt(2 * 3.0 * GRAVITY)
     expected = np.array([0.4, 0.8]) * speed - GRAVITY * (0.9 - impact)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The teacher card on Bullet, and on engines that are right or wrong by construction."""
 
 from __future__ import annotations
@@ -6,18 +20,17 @@ import json
 
 import numpy as np
 import pytest
-
 from rigid_gns_core import closed_form
 from rigid_gns_core.bounce import bounces
 from rigid_gns_core.cli import main
-from rigid_gns_core.closed_form_checks import GROUPS, Check, run_checks
+from rigid_gns_core.closed_form_checks import Check, GROUPS, run_checks
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import State, Trajectory
 from rigid_gns_core.teacher_card import table
 
 
 def ballistic(restitution_error: float = 0.0):
-    """An engine that knows one bounce on z = 0 and nothing else."""
+    """Return an engine that knows one bounce on z = 0 and nothing else."""
 
     def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         g, radius = -scene.gravity[2], scene.per_sphere('radius', len(start))

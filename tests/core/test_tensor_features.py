@@ -1,18 +1,31 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Features with gradients: those of prediction, with the slopes of finite differences."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-
 from rigid_gns_core.graph import build_graph
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.features import features_of
 from rigid_gns_core.models.rotations import rotation_between
-from rigid_gns_core.models.tensor_features import TensorGraph, TensorMotion, tensor_features
+from rigid_gns_core.models.tensor_features import tensor_features, TensorGraph, TensorMotion
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import rotation_between as rotation_between_arrays
+import torch
 
 from .random_motion import random_motion
 

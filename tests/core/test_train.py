@@ -1,14 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training learns, resumes to the same weights, and keeps the best of its rollouts."""
 
+from dataclasses import replace
 import json
 import os
 import signal
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-
 from rigid_gns_core.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
@@ -17,9 +29,10 @@ from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.similarity import ModelUnits
 from rigid_gns_core.state import Trajectory
-from rigid_gns_core.train import Trainer, load_recipe
+from rigid_gns_core.train import load_recipe, Trainer
 from rigid_gns_core.training_set import common_scene
 from rigid_gns_core.windows import Noise, Source
+import torch
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
 CONFIG = GNSTrainConfig(

@@ -1,15 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Training windows: differences, noise, history at a start, and turning about gravity."""
 
 import numpy as np
 import pytest
-import torch
-
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.stepping import backward_velocities, difference, integrate
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import State, Trajectory
-from rigid_gns_core.windows import Draw, Noise, Source, draw_windows, one_step_batch, rotate_batch
+from rigid_gns_core.windows import Draw, draw_windows, Noise, one_step_batch, rotate_batch, Source
+import torch
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)
 SILENT = Noise(std=0.0)
@@ -69,7 +82,9 @@ def test_velocities_are_differences_of_poses_alone():
     source = Source.of(trajectory, Scene())
     expected = np.diff(trajectory.positions, axis=0) / DT
     np.testing.assert_allclose(source.velocities[1:], expected, atol=1e-12)
-    np.testing.assert_allclose(source.angular_velocities, trajectory.angular_velocities, atol=1e-10)
+    np.testing.assert_allclose(
+        source.angular_velocities, trajectory.angular_velocities, atol=1e-10
+    )
     # the difference that would have come before the first frame, known from v: free flight
     np.testing.assert_allclose(
         source.velocities[0], trajectory.velocities[0] - 0.5 * DT * GRAVITY, atol=1e-12

@@ -1,14 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The hard cases, and what is measured of engines that are wrong by construction."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
+import warnings
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.cli import main
 from rigid_gns_core.hard_cases import Case, Engine, hard_cases, measure_laws, run_cases
 from rigid_gns_core.hard_cases.cases import QUICK_STEPS
@@ -23,7 +36,7 @@ DT = 0.1
 
 
 def made(case: Case, move: Callable[[np.ndarray], np.ndarray]) -> Trajectory:
-    """A trajectory: the start plus `move(times)` [m], shape (steps + 1, n or 1, 3); all at rest."""
+    """Return the start plus `move(times)` [m], shape (steps + 1, n or 1, 3); all at rest."""
     times = DT * np.arange(case.steps + 1)
     positions = case.start.positions + move(times)
     return Trajectory(
@@ -36,7 +49,7 @@ def made(case: Case, move: Callable[[np.ndarray], np.ndarray]) -> Trajectory:
 
 
 def upwards(height: np.ndarray) -> np.ndarray:
-    """The same height [m] for all spheres, as `made` takes it."""
+    """Return the same height [m] for all spheres, as `made` takes it."""
     return height[:, None, None] * np.array([0.0, 0.0, 1.0])
 
 

@@ -1,21 +1,34 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Real nodes, real DDS: fixtures that wait for what happens and never for a time."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 import itertools
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-from rigid_gns_ros.messages import PoseArrayCodec, PoseArrayFrame, decode_pose_array
+from rigid_gns_ros.messages import decode_pose_array, PoseArrayCodec, PoseArrayFrame
 
 PATIENCE = 120.0  # [s], for a machine that is busy with other things; nothing waits that long
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,7 +70,7 @@ class Bench:
         self.context.try_shutdown()
 
     def add(self, kind: type, remap: tuple[str, ...] = (), **parameters: Any) -> Any:
-        """A node of this package with parameters, spun together with the tester."""
+        """Return a node of this package with parameters, spun together with the tester."""
         from rclpy.parameter import Parameter
 
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
@@ -68,11 +81,11 @@ class Bench:
         return node
 
     def tracked(self, namespace: str = '') -> Tracked:
-        """What stands for the tracker; make it after the nodes that it talks to."""
+        """Return what stands for the tracker; make it after the nodes that it talks to."""
         return Tracked(self, namespace)
 
     def clock(self, node: Any) -> Clock:
-        """Simulated time for `node`, which has `use_sim_time`."""
+        """Return simulated time for `node`, which has `use_sim_time`."""
         return Clock(self, node)
 
     def until(self, condition: Callable[[], Any], what: str = 'the condition') -> None:
@@ -159,7 +172,7 @@ class Tracked:
         self.bench.until(lambda: len(self.step_bytes) >= steps, f'{steps} model steps')
 
     def wait(self, count: int) -> list[PoseArrayFrame]:
-        """The first `count` predictions."""
+        """Return the first `count` predictions."""
         self.bench.until(lambda: len(self.predicted_bytes) >= count, f'{count} predictions')
         return self.predicted[:count]
 
@@ -245,7 +258,7 @@ class NodeRun:
 
 @pytest.fixture
 def run_process(tmp_path: Path) -> Iterator[Callable[..., NodeRun]]:
-    """Starts `python -m MODULE --ros-args ...`, or a command, and ends it after the test."""
+    """Start `python -m MODULE --ros-args ...`, or a command, and end it after the test."""
     pytest.importorskip('rclpy', reason='ROS 2 is not installed')
     runs: list[NodeRun] = []
 

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The linters of ament, where they are installed."""
 
 from __future__ import annotations
@@ -8,10 +22,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = [str(ROOT / name) for name in ('rigid_gns_ros', 'rigid_gns_core', 'launch', 'setup.py')]
+NAMES = 'rigid_gns_core', 'rigid_gns_ros', 'tests', 'benchmarks', 'launch', 'docs', 'setup.py'
+SOURCES = [str(ROOT / name) for name in NAMES]
 # what a name says needs no docstring; ruff's own list is in pyproject.toml
 UNSAID = [f'D{number}' for number in range(100, 108)]
 ARGUMENTS = {
+    'ament_copyright': SOURCES,
     'ament_flake8': ['--config', str(ROOT / '.flake8'), *SOURCES],
     'ament_pep257': ['--convention', 'google', '--add-ignore', *UNSAID, '--', *SOURCES],
 }

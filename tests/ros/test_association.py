@@ -1,13 +1,26 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
-
 from rigid_gns_ros.tracking.admission import first_seen, triples
 from rigid_gns_ros.tracking.association import gates, match
 from rigid_gns_ros.tracking.coasting import coast
 from rigid_gns_ros.tracking.surroundings import Surroundings
+from scipy.optimize import linear_sum_assignment
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -64,7 +77,12 @@ def test_in_a_crowd_the_sum_is_the_least_of_all(seed: int, lost: int) -> None:
 def test_gates_grow_with_noise_and_with_what_can_strike() -> None:
     places = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [50.0, 0.0, 0.0]])
     width = gates(
-        np.array([0.0, 40.0, 0.0]), places, np.ones(3), np.full(3, 0.1), 0.1, np.ones(3, dtype=bool)
+        np.array([0.0, 40.0, 0.0]),
+        places,
+        np.ones(3),
+        np.full(3, 0.1),
+        0.1,
+        np.ones(3, dtype=bool),
     )
     np.testing.assert_allclose(width, [1 + 0.6 + 4, 1 + 0.6 + 4, 1 + 0.6])
 

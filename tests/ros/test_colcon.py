@@ -1,15 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The package in a colcon workspace, found and started the way `ros2 run` does."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import importlib.util
 import os
+from pathlib import Path
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +41,7 @@ STAMP = 1_000_000_000_123
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """This interpreter's environment without its way to the source tree."""
+    """Return this interpreter's environment without its way to the source tree."""
     kept = {name: value for name, value in os.environ.items() if name != 'PYTHONPATH'}
     # `#!/usr/bin/env python3` must find the interpreter that has the dependencies
     kept['PATH'] = f'{Path(sys.executable).parent}{os.pathsep}{kept.get("PATH", "")}'
@@ -65,7 +79,8 @@ def in_workspace(install: Path, command: str) -> list[str]:
 def prefix(install: Path) -> Path:
     """Prefix of the package by the ament index."""
     program = (
-        'from ament_index_python.packages import get_package_prefix as f; print(f("rigid_gns_ros"))'
+        'from ament_index_python.packages import get_package_prefix as f; '
+        'print(f("rigid_gns_ros"))'
     )
     found = subprocess.run(
         in_workspace(install, f"python3 -c '{program}'"),
@@ -102,7 +117,7 @@ def test_everything_is_installed(install: Path, prefix: Path) -> None:
 
 @pytest.fixture(scope='module')
 def compiled(install: Path) -> None:
-    """Engine and filter of the copy: a minute of work, minutes where other tests want the cores."""
+    """Engine and filter of the copy: a minute of work, minutes beside other tests."""
     modules = ('rigid_gns_core.engine', 'rigid_gns_ros.tracking')
     command = ' && '.join(f'python3 -m {module}' for module in modules)
     made = subprocess.run(

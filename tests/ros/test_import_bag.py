@@ -1,15 +1,27 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bags of tracked poses as data: resampling, gaps, noise, other counts, and bad input."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import Dataset
 from rigid_gns_core.scene import Scene
@@ -19,7 +31,8 @@ from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluation.alignment import interpolate
 from rigid_gns_ros.learning.import_bag import import_bags
 from rigid_gns_ros.learning.tracks import ImportOptions
-from rigid_gns_ros.messages import PoseArrayCodec, encode_string
+from rigid_gns_ros.messages import encode_string, PoseArrayCodec
+import yaml
 
 START = 1_700_000_000_123_456_789
 GRAVITY = 9.81
@@ -91,7 +104,13 @@ def noisy(std: float) -> Callable[[float], np.ndarray]:
 def test_a_bag_becomes_a_data_set_to_train_on(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / 'bag', every(0.1))
     (report,) = import_bags([bag], tmp_path / 'data')
-    assert report['poses'] == {'tracked': 93, 'flight': 0, 'carried': 0, 'bounce': 0, 'straight': 0}
+    assert report['poses'] == {
+        'tracked': 93,
+        'flight': 0,
+        'carried': 0,
+        'bounce': 0,
+        'straight': 0,
+    }
     (record,) = Dataset(tmp_path / 'data')
     trajectory = record.trajectory
     assert (trajectory.steps, trajectory.count, trajectory.dt) == (30, 3, 0.1)

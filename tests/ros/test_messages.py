@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
 import contextlib
@@ -5,15 +19,14 @@ import struct
 
 import numpy as np
 import pytest
-
 from rigid_gns_ros.messages import (
-    MessageError,
-    PoseArrayCodec,
     decode_float64,
     decode_pose_array,
     decode_string,
     encode_float64,
     encode_string,
+    MessageError,
+    PoseArrayCodec,
 )
 
 # every residue of the length modulo 8, since padding depends on it; empty; UTF-8
@@ -27,7 +40,7 @@ def make_poses(count: int) -> np.ndarray:
 
 
 def big_endian(frame_id: str, poses: np.ndarray, stamp_ns: int) -> bytes:
-    """The same message as a big-endian machine would write it, put together field by field."""
+    """Return the same message as a big-endian machine would write it, field by field."""
     text = frame_id.encode() + b'\0'
     body = struct.pack('>iII', *divmod(stamp_ns, 10**9), len(text)) + text
     body += bytes(-len(body) % 4) + struct.pack('>I', len(poses))

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One table of parameters, in code, in docs/node.md and in config/simulator.yaml."""
 
 from __future__ import annotations
@@ -5,15 +19,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from rigid_gns_ros.parameters import ParameterSpec, SIMULATOR, TRACKER
 import yaml
-
-from rigid_gns_ros.parameters import SIMULATOR, TRACKER, ParameterSpec
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def row(spec: ParameterSpec) -> str:
-    """The line of a parameter in docs/node.md."""
+    """Return the line of a parameter in docs/node.md."""
     number = isinstance(spec.default, (int, float)) and not isinstance(spec.default, bool)
     span = f'{spec.low:.10g} to {spec.high:.10g}' if number else ', '.join(spec.choices)
     bounds = ', '.join(part for part in (spec.unit, span) if part)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`start: every` where clock or computing fall behind; times are made up, so nothing waits."""
 
 from __future__ import annotations
@@ -6,7 +20,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-
 from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.prediction.predictor import Predictor, Resync
@@ -19,7 +32,7 @@ START = 1_000_000_000_000
 def follower(
     warn: Callable[[str, str], None], error: Callable[[str], None]
 ) -> tuple[TrackingWindow, Predictor]:
-    """A predictor that starts from each frame, and the window that it hears."""
+    """Return a predictor that starts from each frame, and the window that it hears."""
     model = Forecaster('', 'box_154')
     window = TrackingWindow(
         frame_id='world',

@@ -1,21 +1,34 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Files that come with the package: parameter files, scenes, RViz2, Foxglove, package.xml."""
 
 from __future__ import annotations
 
 import ast
 import json
-import re
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+import re
 from typing import Any
+import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-import yaml
-
 from rigid_gns_core.sampling import load_scene, sample_start
 from rigid_gns_ros.parameters import SIMULATOR
 from rigid_gns_ros.prediction.forecast import Forecaster
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / 'config').glob('*.yaml'))

@@ -1,8 +1,22 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable
 from pathlib import Path
+import signal
 from typing import Any
 
 import numpy as np
@@ -11,12 +25,11 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from geometry_msgs.msg import PoseArray
-from rclpy.qos import QoSReliabilityPolicy, qos_profile_sensor_data
-
-from rigid_gns_core.dataset import Record, demo_record, write_record
+from rclpy.qos import qos_profile_sensor_data, QoSReliabilityPolicy
+from rigid_gns_core.dataset import demo_record, Record, write_record
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Trajectory
-from rigid_gns_ros.messages import PoseArrayFrame, decode_pose_array
+from rigid_gns_ros.messages import decode_pose_array, PoseArrayFrame
 from rigid_gns_ros.node.tracker import TrackerNode
 from rigid_gns_ros.process import Finished
 
@@ -25,7 +38,7 @@ COUNT, FRAMES, DT = 50, 6, 0.02
 
 @pytest.fixture
 def record(tmp_path: Path) -> Path:
-    """A short record of spheres that move and turn."""
+    """Return a short record of spheres that move and turn."""
     rng = np.random.default_rng(0)
     positions = rng.uniform(-20, 20, (FRAMES, COUNT, 3))
     quaternions = rng.normal(size=(FRAMES, COUNT, 4))
@@ -49,7 +62,7 @@ def listen(bench: Any) -> list[PoseArrayFrame]:
 
 
 def play(bench: Any, **parameters: Any) -> list[PoseArrayFrame]:
-    """What a subscriber hears until the record ends."""
+    """Return what a subscriber hears until the record ends."""
     heard = listen(bench)
     bench.add(TrackerNode, **parameters)
     with pytest.raises(Finished):

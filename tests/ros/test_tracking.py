@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Who is who in the poses of a tracker that names nothing, loses, invents, delays and repeats."""
 
 from __future__ import annotations
@@ -6,11 +20,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
 from rigid_gns_ros.messages import PoseArrayFrame
-from rigid_gns_ros.tracking.window import RESTART_FRAMES, RejectedFrame, TrackingWindow
+from rigid_gns_ros.tracking.window import RejectedFrame, RESTART_FRAMES, TrackingWindow
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Trajectories, markers and diagnostics as bytes, beside what rclpy makes of the same messages."""
 
 from __future__ import annotations
@@ -7,15 +21,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rigid_gns_ros.encoding.cdr import MessageError
 from rigid_gns_ros.encoding.diagnostics import (
-    ERROR,
-    OK,
-    WARN,
-    Status,
     decode_diagnostics,
     encode_diagnostics,
+    ERROR,
+    OK,
+    Status,
+    WARN,
 )
 from rigid_gns_ros.encoding.markers import encode_markers, path_markers, sphere_markers
 from rigid_gns_ros.encoding.trajectory_message import decode_trajectory, encode_trajectory
@@ -98,7 +111,7 @@ def test_diagnostics_round_trip() -> None:
 
 
 def reread(cdr: bytes, kind: type) -> Any:
-    """The message that rclpy reads, which must be as long when it writes it."""
+    """Return the message that rclpy reads, which must be as long when it writes it."""
     from rclpy.serialization import deserialize_message, serialize_message
 
     message = deserialize_message(cdr, kind)

@@ -1,10 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Velocities from windows that hold a contact, against closed form."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import rotate_quaternions
@@ -27,7 +40,7 @@ def level_scene(up: tuple[float, float, float], **values: float) -> Scene:
 
 
 def bouncing(times: np.ndarray, impact: float, scene: Scene, along: float) -> tuple:
-    """A sphere without friction that hits the floor at `impact`, at 8 m/s, and flies off.
+    """Return a sphere without friction that hits the floor at `impact`, at 8 m/s, and flies off.
 
     Returns:
         Positions, shape (frames, 1, 3), and velocities of the same shape.

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which spheres and planes might touch in a frame, whatever happens to them in it."""
 
 from __future__ import annotations
@@ -21,8 +35,8 @@ class Candidates:
     Args:
         first, second: Spheres of the pairs, shape (pairs,).
         sphere, plane: Sphere and plane of the rest, shape (others,).
-        side: Side of the plane that the sphere is on, -1 behind a plate (a plane with an end on all
-            sides), else 1, shape (others,).
+        side: Side of the plane that the sphere is on, -1 behind a plate (a plane with an end on
+            all sides), else 1, shape (others,).
     """
 
     first: Indices
@@ -46,7 +60,7 @@ class Candidates:
         )
 
     def shifted(self, spheres: int, planes: int) -> Candidates:
-        """The same with numbers raised, for scenes side by side."""
+        """Return the same with numbers raised, for scenes side by side."""
         return Candidates(
             self.first + spheres,
             self.second + spheres,

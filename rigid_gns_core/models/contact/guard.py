@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Energy guard: in no frame does the energy of an island rise, whatever the weights.
 
 Energy is that of translation, rotation and height. The guard acts after the network, and reports
@@ -11,9 +25,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .islands import Islands
 from ...scene import Scene
 from ...state import Array, State
-from .islands import Islands
 
 # rises below this share of the island's energy are rounding
 _ROUNDING = 1e-13
@@ -46,9 +60,10 @@ class Guard:
     def hold(self, before: State, after: State, islands: Islands) -> State:
         """State after a frame, with the energy of no island above what it was.
 
-        An island in the air gets the linear and angular momentum of its ballistic flight, and loses
-        what energy it has too much from its inner motion, so that they stay. One that touches a
-        surface loses speed; where that is not enough, because it was lifted, it stays where it was.
+        An island in the air gets the linear and angular momentum of its ballistic flight, and
+        loses what energy it has too much from its inner motion, so that they stay. One that
+        touches a surface loses speed; where that is not enough, because it was lifted, it stays
+        where it was.
 
         Args:
             before: State at the frame's start.
@@ -58,7 +73,11 @@ class Guard:
         self.frames += 1
         touched = np.zeros(islands.count, dtype=bool)
         touched[islands.label[islands.touched]] = True
-        p, v, w = (after.positions.copy(), after.velocities.copy(), after.angular_velocities.copy())
+        p, v, w = (
+            after.positions.copy(),
+            after.velocities.copy(),
+            after.angular_velocities.copy(),
+        )
         for island in np.flatnonzero(touched & ~islands.grounded):
             members = np.flatnonzero(islands.label == island)
             v[members], w[members] = self._with_momenta(before, after, members)
@@ -91,8 +110,8 @@ class Guard:
     ) -> tuple[Array, Array]:
         """Velocities of a free island with the momenta it must have.
 
-        Impulses at different times within a frame, and push-out, keep the linear momentum but leave
-        the angular one to a few per cent of what they exchange.
+        Impulses at different times within a frame, and push-out, keep the linear momentum but
+        leave the angular one to a few per cent of what they exchange.
         """
         mass, inertia = self.mass[members], self.inertia[members]
         rigid = [
@@ -138,7 +157,7 @@ class _Rigid:
         return cls(mass, inertia, mean, arm, spin, tensor)
 
     def calmed(self, v: Array, w: Array, gain: float) -> tuple[Array, Array]:
-        """Velocities with `gain` [J] less in motion beyond that of one rigid body, shape (m, 3)."""
+        """Velocities with `gain` [J] less in motion beyond a rigid body's, shape (m, 3)."""
         turn = np.linalg.solve(self.tensor, self.spin)
         rigid = self.mean + np.cross(turn, self.arm)
         inner_v, inner_w = v - rigid, w - turn

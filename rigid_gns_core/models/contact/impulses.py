@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Impulses at contacts, and what they make of the bodies."""
 
 from __future__ import annotations
@@ -36,14 +50,14 @@ class Impulses:
 
 
 def linear_change(law: Law, impulse: Tensor, bodies: int) -> Tensor:
-    """Changes of velocity, shape (n + 1, 3)."""
+    """Return changes of velocity, shape (n + 1, 3)."""
     a, b = law.contacts.a, law.contacts.b
     change = impulse.new_zeros(bodies, 3).index_add(0, a, impulse * law.inverse_a[:, None])
     return change.index_add(0, b, impulse * -law.inverse_b[:, None])
 
 
 def angular_change(law: Law, impulse: Tensor, bodies: int) -> Tensor:
-    """Changes of angular velocity of an impulse at the contact point, shape (n + 1, 3)."""
+    """Return changes of angular velocity of an impulse at the contact point, shape (n + 1, 3)."""
     a, b, world = law.contacts.a, law.contacts.b, law.world
     torque = torch.linalg.cross(law.contacts.normal, impulse)
     turn = impulse.new_zeros(bodies, 3)

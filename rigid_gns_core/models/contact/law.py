@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The law of one isolated contact: what it would come to, whatever else there is."""
 
 from __future__ import annotations
@@ -68,11 +82,11 @@ class Aim(NamedTuple):
 
 
 def aim_of(law: Law, approach: Tensor, extra: Tensor) -> Aim:
-    """The law of one isolated contact along its normal.
+    """Return the law of one isolated contact along its normal.
 
     On a surface that pulls, a sphere bounces with e times the speed of each approach, in flights
-    whose times are a geometric series, until it approaches slower than `_QUIET` and rests. So small
-    bounces need no small substeps.
+    whose times are a geometric series, until it approaches slower than `_QUIET` and rests. So
+    small bounces need no small substeps.
 
     Args:
         law: Coefficients.

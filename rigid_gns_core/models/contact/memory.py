@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Impulses of the last substep, from which contacts that persist start in the next one."""
 
 from __future__ import annotations
@@ -56,7 +70,7 @@ class Memory:
 
 
 def contact_key(world: World, contacts: Contacts) -> Tensor:
-    """A number for each pair of bodies, shape (c,)."""
+    """Return a number for each pair of bodies, shape (c,)."""
     bodies = world.count + len(world.point)
     other = torch.where(contacts.plane >= 0, world.count + contacts.plane, contacts.b)
     return contacts.a * bodies + other

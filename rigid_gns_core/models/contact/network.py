@@ -1,8 +1,22 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The learned part: a graph network on contacts, which sets the pace of each in every round.
 
 Nodes of its graph are the contacts and the bodies between them. Contacts read invariant scalars
-only, so the model turns with the scene about gravity, and the two bodies of a contact play the same
-part, so that Newton's third law stays exact.
+only, so the model turns with the scene about gravity, and the two bodies of a contact play the
+same part, so that Newton's third law stays exact.
 """
 
 from __future__ import annotations
@@ -10,9 +24,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import nn, Tensor
 
-from ..configs import CONTACT_FEATURES, ROUND_FEATURES, ContactConfig
+from ..configs import CONTACT_FEATURES, ContactConfig, ROUND_FEATURES
 from ..layers import MLP
 
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles

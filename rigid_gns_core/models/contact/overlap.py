@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Overlaps: undone by position alone, so that they give no speed."""
 
 from __future__ import annotations
@@ -21,7 +35,7 @@ _PASSES, _CLOSE = 500, 1e-6
 
 
 def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
-    """Centres, shape (n, 3), with overlapping bodies moved apart; a pair's centre of mass stays."""
+    """Centres, shape (n, 3), overlapping bodies moved apart; a pair's centre of mass stays."""
     a, b = contacts.a, contacts.b
     inverse = world.inverse_mass
     for _ in range(_SWEEPS):
@@ -49,7 +63,7 @@ def push_out(world: World, positions: Tensor, contacts: Contacts) -> Tensor:
 def separate(
     world: World, positions: Tensor, neighbours: Callable[[Tensor, Tensor], Candidates]
 ) -> Tensor:
-    """A start without overlaps: spheres and surfaces as given may hold any.
+    """Return a start without overlaps: spheres and surfaces as given may hold any.
 
     Args:
         world: What does not move.

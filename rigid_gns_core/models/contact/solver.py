@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Impulses of all contacts of a substep, by rounds of a law whose pace the network sets.
 
 Where contacts share bodies, each round recomputes what every contact feels of the others and takes
@@ -15,8 +29,8 @@ import torch
 from torch import Tensor
 
 from .features import describe
-from .impulses import Impulses, angular_change, linear_change, slip
-from .law import Law, aim_of
+from .impulses import angular_change, Impulses, linear_change, slip
+from .law import aim_of, Law
 from .network import ContactNetwork, Feel, Tuning
 from .vectors import across, clip, dot, length
 from .world import UNIT_GRAVITY
@@ -178,7 +192,7 @@ class _Solver:
         self.turn = self.turn + angular_change(law, step, self.bodies)
 
     def solution(self) -> Solution:
-        """What the impulses so far do to the bodies."""
+        """Return what the impulses so far do to the bodies."""
         law, aim, count = self.law, self.aim, self.bodies - 1
         # what a contact alone would get acts as if at aim.lever before the end; what others add to
         # it is spread over the rest of the substep
@@ -277,7 +291,7 @@ class _Solver:
 
 
 def _common(one: Tensor, other: Tensor) -> Tensor:
-    """The smaller of two numbers of one sign, else 0, shape (c,)."""
+    """Return the smaller of two numbers of one sign, else 0, shape (c,)."""
     return torch.where(
         one * other > 0, torch.sign(one) * torch.minimum(one.abs(), other.abs()), 0.0
     )

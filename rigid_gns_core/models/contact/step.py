@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One frame: K substeps of free flight, contacts, impulses and push-out."""
 
 from __future__ import annotations
@@ -14,7 +28,7 @@ from .geometry import Contacts, find_contacts
 from .impulses import Impulses
 from .islands import Islands
 from .law import Law
-from .memory import Memory, contact_key
+from .memory import contact_key, Memory
 from .network import ContactNetwork
 from .overlap import push_out
 from .solver import Solution, solve
@@ -148,7 +162,7 @@ def _settle(
 def _with_island(
     solution: Solution, index: Tensor, contacts: Contacts, more: Solution, count: int
 ) -> Solution:
-    """The solution with that of one island instead."""
+    """Return the solution with that of one island instead."""
     bodies = torch.zeros(count + 1, dtype=torch.bool)
     bodies[contacts.a] = True
     bodies[contacts.b] = True

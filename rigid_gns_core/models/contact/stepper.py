@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rolls a contact model out in the model's units: frames, rotations, energy guard, sleep."""
 
 from __future__ import annotations
@@ -5,13 +19,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
+import torch
 
-from ...scene import Scene
-from ...state import Array, State, rotate_quaternions
-from ...stepper import Stepper
-from ..configs import ContactConfig
 from .candidates import Candidates, find_candidates
 from .guard import Guard
 from .islands import Islands
@@ -19,8 +29,12 @@ from .memory import Memory
 from .network import ContactNetwork
 from .overlap import separate
 from .sleep import Sleepers
-from .step import Motion, frame
+from .step import frame, Motion
 from .world import World
+from ..configs import ContactConfig
+from ...scene import Scene
+from ...state import Array, rotate_quaternions, State
+from ...stepper import Stepper
 
 
 class ContactStepper(Stepper):
@@ -95,7 +109,7 @@ class ContactStepper(Stepper):
         )
 
     def _separated(self, state: State) -> State:
-        """The start without overlaps."""
+        """Return the start without overlaps."""
         everyone = np.ones(len(state), dtype=bool)
 
         def neighbours(p: torch.Tensor, v: torch.Tensor) -> Candidates:

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What does not move, as tensors: spheres, materials, planes and gravity of one or more scenes.
 
 Body n, one past the last sphere, stands for everything that is fixed: its inverse mass is zero, so
@@ -56,7 +70,7 @@ class World:
 
     @classmethod
     def of(cls, scene: Scene, count: int, dtype: torch.dtype = torch.float64) -> World:
-        """The world of `count` spheres in `scene`."""
+        """Return the world of `count` spheres in `scene`."""
         values = {}
         for name, array in world_of(scene, count)._asdict().items():
             tensor = torch.from_numpy(array)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Bags as the simulator records them, with given content."""
 
 from __future__ import annotations
@@ -7,9 +21,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec
 
 START = 1_700_000_000_000_000_001  # log time of the first message [ns]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
@@ -21,7 +34,7 @@ def poses_cdr(number: int, count: int = 5) -> bytes:
 
 
 def write_bag(folder: Path, number: int = 100, **limits: float) -> dict[str, list[bytes]]:
-    """A bag as the simulator records it; returns the bytes of each topic."""
+    """Record a bag as the simulator does; return the bytes of each topic."""
     written = {'/lab/predicted_poses': [], '/simulator/scene': [], '/simulator/step_time': []}
     with BagWriter(folder, **limits) as bag:
         bag.add_topic('/lab/predicted_poses', POSE_ARRAY, 'reliable')

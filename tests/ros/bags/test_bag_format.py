@@ -1,16 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
+import sys
 
+from mcap.reader import make_reader
 import numpy as np
 import pytest
-import yaml
-from mcap.reader import make_reader
-
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.encoding import definitions
+import yaml
 
 ROOT = Path(__file__).parents[3]
 
@@ -78,7 +91,8 @@ def test_metadata_is_that_of_rosbag2_jazzy(tmp_path, write_bag):
     assert information['message_count'] == 300
     assert information['relative_file_paths'] == ['bag_0.mcap']
     topics = {
-        entry['topic_metadata']['name']: entry for entry in information['topics_with_message_count']
+        entry['topic_metadata']['name']: entry
+        for entry in information['topics_with_message_count']
     }
     assert topics['/lab/tracked_poses']['message_count'] == 0
     quality = {
@@ -126,7 +140,9 @@ def test_definitions_are_those_of_the_installed_ros():
     for name, (expected, parts) in definitions.TYPES.items():
         package, _, kind = name.split('/')
         hashes = json.loads((share(package) / 'msg' / f'{kind}.json').read_text())['type_hashes']
-        found = {entry['type_name'].replace('/msg/', '/'): entry['hash_string'] for entry in hashes}
+        found = {
+            entry['type_name'].replace('/msg/', '/'): entry['hash_string'] for entry in hashes
+        }
         assert found.pop(f'{package}/{kind}') == expected
         assert set(found) == set(parts)
 

@@ -1,15 +1,28 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
 from pathlib import Path
 
+from mcap.reader import make_reader
 import numpy as np
 import pytest
-import yaml
-from mcap.reader import make_reader
-
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.messages import encode_float64, encode_string
+import yaml
 
 START = 1_700_000_000_000_000_001  # as in conftest.py
 SCENE, TICK = '/simulator/scene', '/tick'
@@ -17,7 +30,7 @@ STEP = 10_000_000  # [ns]
 
 
 def write_split(folder: Path, number: int = 400, text: int = 500, **limits: float) -> list[bytes]:
-    """A scene, said once, and ticks; returns the ticks."""
+    """Record a scene, said once, and ticks; return the ticks."""
     ticks = [encode_string(f'{k} ' + 'x' * text) for k in range(number)]
     with BagWriter(folder, **limits) as bag:
         bag.add_topic(SCENE, 'std_msgs/msg/String', 'latched')

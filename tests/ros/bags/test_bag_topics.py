@@ -1,16 +1,29 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
 import json
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 from rigid_gns_ros.evaluation.forecast_starts import recorded_starts
-from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_ros.recording.bag_topics import find_topics, holds_predictions
 
 START = 1_700_000_000_123_456_789

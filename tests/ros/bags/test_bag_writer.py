@@ -1,11 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
-import threading
 from pathlib import Path
+import threading
 
 import numpy as np
 import pytest
-
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.messages import encode_float64, encode_string
@@ -52,7 +65,9 @@ def test_closing_twice_and_an_empty_bag(tmp_path):
 
 def test_mistakes_of_the_program_are_named(tmp_path):
     with BagWriter(tmp_path / 'bag') as bag:
-        with pytest.raises(ValueError, match="'std_msgs/msg/Int8' cannot be recorded; known: geom"):
+        with pytest.raises(
+            ValueError, match="'std_msgs/msg/Int8' cannot be recorded; known: geom"
+        ):
             bag.add_topic('/a', 'std_msgs/msg/Int8', 'reliable')
         with pytest.raises(ValueError, match="qos is 'fast', allowed: reliable"):
             bag.add_topic('/a', POSE_ARRAY, 'fast')  # type: ignore[arg-type]

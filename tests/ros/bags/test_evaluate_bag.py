@@ -1,20 +1,33 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 import json
+from pathlib import Path
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
-from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import rotate_quaternions
 from rigid_gns_core.strict_json import read_json
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
-from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec
 
 ROOT = Path(__file__).parents[3]
 START = 1_700_000_000_123_456_789
@@ -49,7 +62,7 @@ def write_bag(
     poses: Callable[[int], np.ndarray] = flight,
     namespace: str = '/lab',
 ) -> Path:
-    """A bag of predictions for the given stamps, `error` [m] off along x, `lateness` [ns] late."""
+    """Return a bag of predictions at these stamps, `error` [m] off in x, `lateness` [ns] late."""
     codec = PoseArrayCodec('world', 3)
     with BagWriter(folder) as bag:
         bag.add_topic(f'{namespace}/tracked_poses', POSE_ARRAY, 'sensor_data')
@@ -78,7 +91,9 @@ def write_bag(
         for k, stamp in enumerate(predicted):
             cdr = codec.encode(flight(stamp) + error * np.eye(7)[0], stamp)
             bag.write(f'{namespace}/predicted_poses', cdr, stamp + lateness(k))
-            bag.write(f'{namespace}/simulator/step_time', encode_float64(1e-3 * (k % 2 + 1)), stamp)
+            bag.write(
+                f'{namespace}/simulator/step_time', encode_float64(1e-3 * (k % 2 + 1)), stamp
+            )
     return folder
 
 
@@ -199,7 +214,9 @@ def test_what_is_missing_is_named_with_what_is_there(tmp_path):
             bag.write('/predicted_poses', cdr, stamp)
     with pytest.raises(ValueError, match='no .*/scene topic .* --scene'):
         evaluate_bag(tmp_path / 'four')
-    with pytest.raises(ValueError, match=r'3 spheres in frame .world.*refused: 10 for their count'):
+    with pytest.raises(
+        ValueError, match=r'3 spheres in frame .world.*refused: 10 for their count'
+    ):
         evaluate_bag(tmp_path / 'four', scene='box_154')
     with pytest.raises(ValueError, match='no topic /nowhere of type'):
         evaluate_bag(counts, tracked='/nowhere')

@@ -1,23 +1,36 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`evaluate` of bags without predictions, and errors by the time since a start."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import json
+from pathlib import Path
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_core.state import Trajectory
 from rigid_gns_core.strict_json import read_json
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
-from rigid_gns_ros.messages import PoseArrayCodec, encode_string
+from rigid_gns_ros.messages import encode_string, PoseArrayCodec
 
 START = 1_700_000_000_123_456_789
 STEP = 100_000_000  # [ns]
@@ -28,7 +41,7 @@ PLACES = np.array([[-6.0, 0.0, 12.0], [0.0, 0.0, 20.0], [6.0, 0.0, 30.0]])
 
 @pytest.fixture(scope='module')
 def truth() -> Trajectory:
-    """What the model itself predicts: 8 s of three spheres that fall and bounce."""
+    """Return what the model itself predicts: 8 s of three spheres that fall and bounce."""
     return load_simulator().rollout(SCENE, PLACES, steps=80)
 
 
@@ -50,7 +63,7 @@ def write_tracks(
     frames: list[int] | None = None,
     poses: Callable[[int, np.ndarray], np.ndarray] = lambda _, poses: poses,
 ) -> Path:
-    """What `ros2 bag record /vicon/balls` leaves of a tracker that is 20 ms late."""
+    """Return what `ros2 bag record /vicon/balls` leaves of a tracker that is 20 ms late."""
     with BagWriter(folder) as bag:
         bag.add_topic('/vicon/balls', POSE_ARRAY, 'sensor_data')
         for number in frames if frames is not None else range(81):

@@ -1,20 +1,33 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`rigid-gns report`, `render` and `view` of a bag: the same numbers as `evaluate`, its times."""
 
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
+import re
 
 import numpy as np
 import pytest
-
 from rigid_gns_core import cli
 from rigid_gns_core.report.bag_comparison import read_bag_comparison
 from rigid_gns_core.scene import Plane, Scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag
-from rigid_gns_ros.messages import PoseArrayCodec, encode_float64, encode_string
+from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec
 
 START, PERIOD = 1_700_000_000_000_000_000, 100_000_000  # [ns]
 SCENE = Scene(surfaces=Plane.box(60.0, 60.0))

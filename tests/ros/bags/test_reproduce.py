@@ -1,21 +1,34 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.strict_json import read_json
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import main
 from rigid_gns_ros.evaluation.recorded_model import tracking_window
-from rigid_gns_ros.evaluation.reproduce import Reproduction, reproduce
-from rigid_gns_ros.messages import PoseArrayCodec, decode_pose_array, encode_string
+from rigid_gns_ros.evaluation.reproduce import reproduce, Reproduction
+from rigid_gns_ros.messages import decode_pose_array, encode_string, PoseArrayCodec
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.recording.bag_topics import find_topics
 
@@ -50,7 +63,7 @@ def write_bag(
     reset: int | None = None,
     card: dict[str, Any] | None = None,
 ) -> Path:
-    """A bag as the simulator makes it: 20 frames; `reset` forgets all before that frame."""
+    """Return a bag as the simulator makes it: 20 frames; `reset` forgets all before that frame."""
     parameters = {'start': start, 'velocity_window': 3, 'rate': 0.0, 'threads': 1}
     parameters |= {'frame_id': 'world', 'max_spheres': 1000, 'model': '', 'scene': 'box_154'}
     scene = {**model.description, 'parameters': parameters}

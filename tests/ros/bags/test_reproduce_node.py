@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the real node predicted, computed again from its bag."""
 
 from __future__ import annotations
@@ -9,13 +23,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from std_srvs.srv import Trigger
-
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 from rigid_gns_ros.evaluation.reproduce import reproduce
 from rigid_gns_ros.node.simulator import SimulatorNode
 from rigid_gns_ros.recording.bag_topics import find_topics
+from std_srvs.srv import Trigger
 
 T0 = 1_000_123_456_789  # [ns]
 DT = 100_000_000  # [ns]
@@ -84,7 +97,7 @@ def test_a_recording_of_the_node_is_reproduced(
 def test_predictions_after_a_tracker_began_anew_are_reproduced(
     bench: Any, tmp_path: Any, log: Any, back: int, matched: bool
 ) -> None:
-    """The frames refused until that was clear are in the bag, as the next start comes from them."""
+    """The frames refused until that was clear are in the bag: the next start is from them."""
     folder = tmp_path / 'bag'
     node = bench.add(
         SimulatorNode,

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What /diagnostics says of the simulator node."""
 
 from __future__ import annotations
@@ -11,17 +25,16 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from std_srvs.srv import SetBool
-
 from rigid_gns_ros.bag_reader import read_bag
-from rigid_gns_ros.encoding.diagnostics import ERROR, OK, WARN, Recent, Status, decode_diagnostics
+from rigid_gns_ros.encoding.diagnostics import decode_diagnostics, ERROR, OK, Recent, Status, WARN
+from std_srvs.srv import SetBool
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
 
 
 def report(setup: Any) -> dict[str, Status]:
-    """What the node would publish now, by the last word of the name."""
+    """Return what the node would publish now, by the last word of the name."""
     simulation = setup.node.simulation
     statuses = simulation.health.report(
         paused=simulation.paused,
@@ -108,7 +121,9 @@ def test_when_all_is_late_it_is_an_error(simulated: Simulated, falling: Falling)
     assert report(setup)['prediction'].level == WARN
 
 
-def test_half_a_period_is_late_enough_for_a_warning(simulated: Simulated, falling: Falling) -> None:
+def test_half_a_period_is_late_enough_for_a_warning(
+    simulated: Simulated, falling: Falling
+) -> None:
     setup = simulated()
     setup.start(falling(0.0))
     setup.node.simulation.health.due(0.04)

@@ -1,3 +1,17 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The whole future on predicted_trajectory, and what is drawn of it."""
 
 from __future__ import annotations
@@ -13,24 +27,23 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
-from std_srvs.srv import SetBool
-from trajectory_msgs.msg import MultiDOFJointTrajectory
-from visualization_msgs.msg import Marker, MarkerArray
-
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.state import State
 from rigid_gns_core.stepper import Stepper
-from rigid_gns_ros.encoding.trajectory_message import FutureFrame, decode_trajectory
+from rigid_gns_ros.encoding.trajectory_message import decode_trajectory, FutureFrame
 from rigid_gns_ros.node.horizon import Horizon, Job, steps_of
 from rigid_gns_ros.prediction.forecast import Forecaster
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from visualization_msgs.msg import Marker, MarkerArray
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
 
 
 def futures(setup: Any) -> list[bytes]:
-    """What is heard on predicted_trajectory from now on."""
+    """Return what is heard on predicted_trajectory from now on."""
     heard: list[bytes] = []
     setup.bench.tester.create_subscription(
         MultiDOFJointTrajectory,

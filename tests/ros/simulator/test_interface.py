@@ -1,10 +1,24 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Names, QoS, gravity and threads of the simulator node; README and docs/node.md say the same."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -14,15 +28,14 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from threadpoolctl import threadpool_info
-
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.similarity import _upright
-from rigid_gns_core.state import State, quaternion_multiply
+from rigid_gns_core.state import quaternion_multiply, State
 from rigid_gns_ros.node.simulator import SimulatorNode
 from rigid_gns_ros.parameters import SIMULATOR
 from rigid_gns_ros.prediction.forecast import Forecaster, scene_of, turned_gravity
+from threadpoolctl import threadpool_info
 
 ROOT = Path(__file__).resolve().parents[3]
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
@@ -56,7 +69,7 @@ def kind(ros_type: Any) -> str:
 
 
 def span(descriptor: Any) -> str:
-    """Unit and range of a parameter, or the choices, as its descriptor has them."""
+    """Return unit and range of a parameter, or the choices, as its descriptor has them."""
     unit = re.search(r' \[([^]]+)\]$', descriptor.description)
     ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
     values = [f'{one.from_value:.10g} to {one.to_value:.10g}' for one in ranges]

@@ -1,9 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the simulator node says about itself, and what it records."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+import json
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +29,11 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import String
-
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.messages import decode_pose_array
 from rigid_gns_ros.node.simulator import SimulatorNode
+from std_msgs.msg import String
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Callable[..., np.ndarray]

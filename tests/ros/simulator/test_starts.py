@@ -1,9 +1,23 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """When a forecast starts anew, what ~/start says of it, and that this gives it again."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+import json
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +26,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from std_srvs.srv import SetBool, Trigger
-
 from rigid_gns_ros.bag_reader import Bag, read_bag
-from rigid_gns_ros.messages import PoseArrayCodec, decode_pose_array, decode_string
+from rigid_gns_ros.messages import decode_pose_array, decode_string, PoseArrayCodec
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.prediction.window_setup import window_of
+from std_srvs.srv import SetBool, Trigger
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
@@ -25,7 +38,7 @@ Falling = Rollout = Simulated = Callable[..., Any]
 
 @pytest.fixture
 def recorded(simulated: Simulated, tmp_path: Path) -> Callable[..., tuple[Any, Any]]:
-    """A recording simulator, and a function that closes it and reads its bag."""
+    """Return a recording simulator, and a function that closes it and reads its bag."""
 
     def make(**parameters: Any) -> tuple[Any, Callable[[], Bag]]:
         setup = simulated(record=str(tmp_path / 'bag'), **parameters)
@@ -119,7 +132,7 @@ def test_first_fits_no_frame_before_somebody_asks_for_the_error(
 def test_diverged_catches_up_with_a_tracker_that_is_ahead(
     simulated: Simulated, falling: Falling, expected: Rollout
 ) -> None:
-    """Where computing fell behind, no prediction reaches the newest frame: that is diverged too."""
+    """Where computing fell behind, no prediction reaches the newest frame: diverged too."""
     setup = simulated(start='diverged')
     setup.start(falling(0.0))
     late = falling(0.9)
@@ -192,7 +205,9 @@ def test_recorded_frames_and_starts_give_the_predictions_bit_by_bit(
         for frame in map(decode_pose_array, bag.topics['/tracked_poses'].messages)
     }
     model = Forecaster('', 'box_154', rate=12.0)
-    parameters = json.loads(decode_string(bag.topics['/simulator/scene'].messages[0]))['parameters']
+    parameters = json.loads(decode_string(bag.topics['/simulator/scene'].messages[0]))[
+        'parameters'
+    ]
     found = starts(bag)
     again: set[bytes] = set()
     stamps = sorted(
@@ -240,7 +255,9 @@ def test_another_set_of_spheres_starts_anew(
     assert stamps == [T0 + index * DT for index in range(1, 6)]  # which go on
 
 
-def test_predictions_end_where_all_spheres_are_gone(simulated: Simulated, falling: Falling) -> None:
+def test_predictions_end_where_all_spheres_are_gone(
+    simulated: Simulated, falling: Falling
+) -> None:
     setup = simulated(match_spheres=True, velocity_window=3, coast_time=0.05)
     for index in range(-2, 1):
         setup.frame(falling(0.1 * index), T0 + index * DT)
