@@ -21,6 +21,7 @@ imports this module before has handlers in place that know what to do.
 from __future__ import annotations
 
 from collections.abc import Callable
+import gc
 import os
 import signal
 import threading
@@ -73,6 +74,9 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
         up = True
         executor = SingleThreadedExecutor()
         node = make()
+        # what is there now stays: a collection of all of it would take a tenth of a second
+        gc.collect()
+        gc.freeze()
         rclpy.spin(node, executor)
     except (ExternalShutdownException, Finished):
         pass

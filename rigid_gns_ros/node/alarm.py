@@ -45,11 +45,6 @@ class Alarm:
         self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
 
-    @property
-    def remaining(self) -> float:
-        """Until it rings [s]; less than 0 where it is late, infinite where it is not set."""
-        return float('inf') if self._due is None else self._left(self._due) * 1e-9
-
     def cancel(self) -> None:
         """Do not ring."""
         self._timer.cancel()
@@ -63,6 +58,8 @@ class Alarm:
         left = min(self._left(due), EARLY)
         if left > 0 and not self._simulated:
             time.sleep(left * 1e-9)
+            if not self._node.context.ok():
+                return  # stopped meanwhile
         self._callback()
 
     @property

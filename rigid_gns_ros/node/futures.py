@@ -29,23 +29,17 @@ from ..tracking.window import TrackingWindow
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# a turn of the executor, after which predictions and frames come first: what is free until the
-# next prediction less a margin, no shorter than a prediction and no longer than a frame may wait
-# [s]
-MARGIN, SHORTEST, LONGEST = 1.5e-3, 2e-3, 10e-3
-
 
 class Futures:
-    """Publishes the future from the newest frame, computed in turns of the executor.
+    """Publishes the future from the newest frame, computed beside the executor.
 
     Args:
-        node: Its executor computes and publishes.
+        node: Its executor publishes.
         model: Makes the forecasts.
         window: Tracked frames.
         channels: Topics.
         drawing: Draws the futures.
         health: Is told of them.
-        free: Time until the next prediction is due [s].
         warn: Called with a kind and a sentence; may be called often.
     """
 
@@ -58,15 +52,14 @@ class Futures:
         channels: Channels,
         drawing: Drawing,
         health: Health,
-        free: Callable[[], float],
         warn: Callable[[str, str], None],
     ) -> None:
-        self._model, self._window, self._free = model, window, free
+        self._model, self._window = model, window
         self._channels, self._drawing, self._health = channels, drawing, health
         self._warn = warn
         self._seconds = 0.0
-        self._horizon = Horizon()
-        self._turn = node.create_guard_condition(self._work)
+        ready = node.create_guard_condition(self._on_ready)
+        self._horizon = Horizon(ready.trigger)
 
     @property
     def seconds(self) -> float:
@@ -82,16 +75,19 @@ class Futures:
         """Drop what was asked for."""
         self._horizon.cancel()
 
+    def close(self) -> None:
+        """End the thread that computes."""
+        self._horizon.close()
+
     def request(self) -> None:
         """Ask for the future of the newest frame."""
         if not self._seconds:
             return
         if not self._horizon.request(self._begin):
             self._health.future_superseded()
-        self._turn.trigger()
 
     def _begin(self) -> Job | None:
-        """Return the future of what is then the newest frame, at its start."""
+        """The future of what is then the newest frame, at its start."""
         window = self._window
         if not window.full:
             return None  # the tracker paused, and its frames are too few again
@@ -104,12 +100,10 @@ class Futures:
         steps = steps_of(self._seconds, rollout.dt)
         return Job(rollout, stamp_ns, steps, window.frame_id, window.ids)
 
-    def _work(self) -> None:
-        future = self._horizon.work(min(max(self._free() - MARGIN, SHORTEST), LONGEST))
+    def _on_ready(self) -> None:
+        future = self._horizon.take()
         if future is not None:
             self._publish(future)
-        if self._horizon.busy:
-            self._turn.trigger()  # alarms and messages that wait come first
 
     def _publish(self, future: Future) -> None:
         self._health.future_computed(future.took, future.error)

@@ -12,15 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The whole future from a frame, computed a little at a time; only the newest frame counts.
+"""The whole future from a frame, computed beside the executor; only the newest frame counts.
 
-No ROS in here, and no thread: docs/decisions.md says why.
+No ROS in here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from concurrent.futures import Future as Result
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+import threading
 import time
 from typing import TYPE_CHECKING
 
@@ -32,6 +35,10 @@ from ..encoding.trajectory_message import encode_trajectory
 
 if TYPE_CHECKING:
     from rigid_gns_core.rollout import Rollout
+
+
+# steps are taken together for about so long, after which a job that was cancelled ends [s]
+BLOCK = 10e-3
 
 
 @dataclass(frozen=True)
@@ -73,74 +80,95 @@ class Future:
 
 
 def steps_of(horizon: float, dt: float) -> int:
-    """Least number of model steps of `dt` [s] that reach `horizon` [s]."""
+    """Return the least number of model steps of `dt` [s] that reach `horizon` [s]."""
     return int(np.ceil(horizon / dt - 1e-9))
 
 
 class Horizon:
-    """Computes one future at a time, and then the newest that was asked for."""
+    """Computes one future at a time in its own thread, and then the newest that was asked for.
 
-    def __init__(self) -> None:
+    The engine holds no lock of Python meanwhile. All methods are called from one thread.
+
+    Args:
+        done: Called in the other thread when there may be something to `take`.
+    """
+
+    def __init__(self, done: Callable[[], object]) -> None:
+        self._done = done
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix='future')
         self._waiting: Callable[[], Job | None] | None = None
-        self._job: Job | None = None
-        self._blocks: list[State] = []  # states that are stacked
-        self._took = 0.0
+        self._running: Result[Future | None] | None = None
+        self._cancelled = threading.Event()
 
     @property
     def busy(self) -> bool:
         """Whether there is something to compute."""
-        return self._job is not None or self._waiting is not None
+        return self._running is not None or self._waiting is not None
 
     def request(self, make: Callable[[], Job | None]) -> bool:
         """Ask for a future. False where an older one that waited is dropped for it.
 
         Args:
-            make: Makes the job when its turn comes, as to begin takes milliseconds that would be
-                lost for one that is dropped; None: there is no future.
+            make: Makes the job when its turn comes, as to begin takes time that would be lost for
+                one that is dropped; None: there is no future.
         """
         superseded, self._waiting = self._waiting is not None, make
+        self._begin()
         return not superseded
+
+    def take(self) -> Future | None:
+        """Return the future, where it is ready; the one that waits is begun then.
+
+        Raises:
+            Exception: What came up while it was computed, but for a rollout that diverged.
+        """
+        running = self._running
+        if running is None or not running.done():
+            return None
+        self._running = None
+        self._begin()
+        return running.result()
 
     def cancel(self) -> None:
         """Drop what waits and what is computed."""
-        self._waiting = self._job = None
+        self._cancelled.set()
+        self._waiting = self._running = None
+        self._cancelled = threading.Event()  # of what comes next
 
-    def work(self, budget: float) -> Future | None:
-        """Compute for about `budget` [s], and one step at least; the future, where it is ready."""
-        begun = time.perf_counter()
-        if self._job is None:
+    def close(self) -> None:
+        """Compute nothing any more."""
+        self.cancel()
+        self._pool.shutdown()
+
+    def _begin(self) -> None:
+        while self._running is None and self._waiting is not None:
             make, self._waiting = self._waiting, None
-            self._job = make() if make else None
-            if self._job is None:
-                return None
-            self._blocks, self._took = [stacked([self._job.rollout.state])], 0.0
-        job, error = self._job, ''
-        steps = 1  # of which the first tell how long one takes
-        while job.rollout.steps < job.steps:
-            turn = time.perf_counter()
-            block = job.rollout.advance(min(steps, job.steps - job.rollout.steps))
-            if len(block.states):
-                self._blocks.append(block.states)
-            if error := block.error:
-                break
-            now = time.perf_counter()
-            left = budget - (now - begun)
-            if left <= 0 and job.rollout.steps < job.steps:
-                self._took += now - begun
-                return None
-            steps = max(1, int(left / (now - turn) * steps))
-        self._job = None
-        future = _future(job, self._blocks, error)
-        return replace(future, took=self._took + time.perf_counter() - begun)
+            job = make()
+            if job is not None:
+                self._running = self._pool.submit(compute, job, self._cancelled.is_set)
+                self._running.add_done_callback(lambda _: self._done())
 
 
-def _future(job: Job, blocks: list[State], error: str) -> Future:
+def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
+    """Return the future of a job; None where it was cancelled meanwhile."""
+    begun = time.perf_counter()
+    rollout, steps, error = job.rollout, 1, ''
+    blocks = [stacked([rollout.state])]
+    while rollout.steps < job.steps and not error:
+        if cancelled():
+            return None
+        turn = time.perf_counter()
+        states, error = rollout.advance(min(steps, job.steps - rollout.steps))
+        if len(states):
+            blocks.append(states)
+        if time.perf_counter() - turn < BLOCK / 2:
+            steps *= 2
     poses = _joined(blocks, 'positions', 'quaternions')
     twists = _joined(blocks, 'velocities', 'angular_velocities')
-    times = [round(step * job.rollout.dt * 1e9) for step in range(len(poses))]
+    times = [round(step * rollout.dt * 1e9) for step in range(len(poses))]
     names = [f'sphere_{sphere}' for sphere in job.ids]
     cdr = encode_trajectory(job.stamp_ns, job.frame_id, names, times, poses, twists)
-    return Future(job, cdr, poses[:, :, :3], 0.0, error)
+    return Future(job, cdr, poses[:, :, :3], time.perf_counter() - begun, error)
 
 
 def _joined(blocks: list[State], *names: str) -> Array:

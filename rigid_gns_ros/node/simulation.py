@@ -100,7 +100,6 @@ class Simulation:
             channels=self.channels,
             drawing=self._drawing,
             health=self.health,
-            free=lambda: self._alarm.remaining,
             warn=self.warn,
         )
         self.futures.seconds = float(parameters['horizon'])
@@ -108,7 +107,7 @@ class Simulation:
     def close(self) -> str:
         """Stop, and finish the bag; returns what became of all."""
         self._alarm.cancel()
-        self.futures.cancel()
+        self.futures.close()
         bag = self.channels.close()
         counts = {**self.predictor.counts, 'rejected': self.health.rejected}
         text = ', '.join(f'{count} {name}' for name, count in counts.items())

@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .closing_node import ClosingNode, log_end
 from .simulation import Simulation
-from .threads import bound_threads
+from .threads import bound_threads, switch_often
 from ..messages import encode_string
 from ..parameters import declare, SIMULATOR
 from ..prediction.forecast import Forecaster
@@ -59,6 +59,7 @@ class SimulatorNode(ClosingNode):
             gravity_direction=values['gravity_direction'],
         )
         bound_threads(int(values['threads']))
+        switch_often()
         self.simulation = Simulation(self, model, values)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_service(Trigger, '~/reset', self._on_reset)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How many CPU threads the libraries of this process may use."""
+"""How many CPU threads this process may use, and how they take turns."""
 
 from __future__ import annotations
 
@@ -30,3 +30,11 @@ def bound_threads(count: int) -> None:
     torch = sys.modules.get('torch')
     if torch is not None:
         torch.set_num_threads(count)
+
+
+def switch_often() -> None:
+    """Let no thread of Python keep the others waiting for long.
+
+    A model in Python may compute a future while a prediction is due.
+    """
+    sys.setswitchinterval(5e-4)

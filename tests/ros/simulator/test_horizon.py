@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import threading
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,8 @@ from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.state import State
 from rigid_gns_core.stepper import Stepper
 from rigid_gns_ros.encoding.trajectory_message import decode_trajectory, FutureFrame
-from rigid_gns_ros.node.horizon import Horizon, Job, steps_of
+from rigid_gns_ros.node import horizon
+from rigid_gns_ros.node.horizon import compute, Future, Horizon, Job, steps_of
 from rigid_gns_ros.prediction.forecast import Forecaster
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import MultiDOFJointTrajectory
@@ -43,7 +45,7 @@ Falling = Rollout = Simulated = Callable[..., Any]
 
 
 def futures(setup: Any) -> list[bytes]:
-    """Return what is heard on predicted_trajectory from now on."""
+    """What is heard on predicted_trajectory from now on."""
     heard: list[bytes] = []
     setup.bench.tester.create_subscription(
         MultiDOFJointTrajectory,
@@ -148,12 +150,14 @@ def test_markers_show_tracked_predicted_and_future(simulated: Simulated, falling
 def test_predictions_go_on_while_a_future_is_computed(
     simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However long it takes: between two turns whatever else is due comes first."""
-    held = [True]
-    work = Horizon.work
-    monkeypatch.setattr(
-        Horizon, 'work', lambda self, budget: None if held[0] else work(self, budget)
-    )
+    """However long it takes."""
+    released, compute = threading.Event(), horizon.compute
+
+    def held(*arguments: Any) -> Any:
+        assert released.wait(60)
+        return compute(*arguments)
+
+    monkeypatch.setattr(horizon, 'compute', held)
     setup = simulated(horizon=0.2)
     heard = futures(setup)
     setup.start(falling(0.0))
@@ -162,9 +166,10 @@ def test_predictions_go_on_while_a_future_is_computed(
         setup.tracked.wait(index)
         setup.frame(falling(0.1 * index), T0 + index * DT)
     assert not heard
-    held[0] = False
-    assert heard_future(setup, heard, 1).stamp_ns == T0 + 3 * DT
-    assert len(setup.node.simulation.health._superseded) == 3
+    released.set()
+    assert heard_future(setup, heard, 1).stamp_ns == T0
+    assert heard_future(setup, heard, 2).stamp_ns == T0 + 3 * DT
+    assert len(setup.node.simulation.health._superseded) == 2
 
 
 # --- without a node ---
@@ -180,77 +185,106 @@ def job(model: Forecaster, poses: np.ndarray, stamp_ns: int, steps: int) -> Job:
     return Job(model.forecast(state, 0).rollout, stamp_ns, steps, 'world', (0, 1, 2))
 
 
-def test_a_future_comes_in_turns(model: Forecaster, falling: Falling) -> None:
-    at_once, in_turns = Horizon(), Horizon()
-    assert at_once.work(1e9) is None and not at_once.busy
-    for horizon in (at_once, in_turns):
-        assert horizon.request(lambda: job(model, falling(0.0), 7, 5)) and horizon.busy
-    whole = at_once.work(1e9)
-    turns = [in_turns.work(0.0) for _ in range(5)]
-    assert turns[:4] == [None] * 4 and not in_turns.busy
-    last = turns[4]
-    assert whole and last and whole.cdr == last.cdr and last.took > 0
-    assert whole.positions.shape == (6, 3, 3) and not whole.error
+class Bench:
+    """A horizon, and what it says of itself."""
+
+    def __init__(self) -> None:
+        self.ready = threading.Event()
+        self.horizon = Horizon(self.ready.set)
+
+    def next(self) -> Future | None:
+        assert self.ready.wait(60)
+        self.ready.clear()
+        return self.horizon.take()
 
 
-def test_only_the_newest_frame_waits(model: Forecaster, falling: Falling) -> None:
+@pytest.fixture
+def bench_of() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    made.horizon.close()
+
+
+def test_a_future_in_blocks_is_the_rollout(model: Forecaster, falling: Falling) -> None:
+    whole = job(model, falling(0.0), 7, 40).rollout.run(40).trajectory
+    future = compute(job(model, falling(0.0), 7, 40), lambda: False)
+    assert future is not None and not future.error and future.took > 0
+    np.testing.assert_array_equal(future.positions, whole.positions)
+    assert decode_trajectory(future.cdr).stamp_ns == 7
+
+
+def test_only_the_newest_frame_waits(bench_of: Bench, model: Forecaster, falling: Falling) -> None:
     """A frame that comes while a future is computed waits; one that comes then replaces it."""
-    horizon = Horizon()
-    assert horizon.request(lambda: job(model, falling(0.0), 0, 2))
-    assert horizon.work(0.0) is None
+    horizon = bench_of.horizon
+    assert not horizon.busy and horizon.take() is None
+    assert horizon.request(lambda: job(model, falling(0.0), 0, 2)) and horizon.busy
     assert horizon.request(lambda: job(model, falling(0.1), 1, 2))
     assert not horizon.request(lambda: job(model, falling(0.2), 2, 2))  # in place of 1
-    stamps = []
-    while horizon.busy:
-        future = horizon.work(0.0)
-        stamps += [future.job.stamp_ns] if future else []
-    assert stamps == [0, 2]
+    stamps = [future.job.stamp_ns for _ in range(2) if (future := bench_of.next())]
+    assert stamps == [0, 2] and not horizon.busy
 
 
-def test_what_is_dropped_is_never_begun(model: Forecaster, falling: Falling) -> None:
+def test_what_is_dropped_is_never_begun(
+    bench_of: Bench, model: Forecaster, falling: Falling
+) -> None:
     begun: list[int] = []
 
     def make(stamp_ns: int) -> Job:
         begun.append(stamp_ns)
         return job(model, falling(0.0), stamp_ns, 2)
 
-    horizon = Horizon()
+    horizon = bench_of.horizon
     for stamp_ns in range(3):
         horizon.request(lambda stamp_ns=stamp_ns: make(stamp_ns))
-    assert not begun
-    assert horizon.work(1e9) is not None and begun == [2]
+    assert begun == [0]
+    assert bench_of.next() and begun == [0, 2] and bench_of.next()
     horizon.request(lambda: None)  # there is no future
-    assert horizon.work(1e9) is None and not horizon.busy
+    assert horizon.take() is None and not horizon.busy
 
 
-def test_what_is_cancelled_never_comes(model: Forecaster, falling: Falling) -> None:
-    horizon = Horizon()
-    horizon.request(lambda: job(model, falling(0.0), 0, 2))
-    horizon.work(0.0)
+def test_what_is_cancelled_never_comes(
+    bench_of: Bench, model: Forecaster, falling: Falling
+) -> None:
+    horizon = bench_of.horizon
+    horizon.request(lambda: job(model, falling(0.0), 0, 2000))
     horizon.request(lambda: job(model, falling(0.0), 1, 2))
     horizon.cancel()
-    assert not horizon.busy and horizon.work(1.0) is None
+    assert not horizon.busy and bench_of.next() is None
+    assert compute(job(model, falling(0.0), 0, 2), lambda: True) is None
+    horizon.request(lambda: job(model, falling(0.0), 2, 2))  # what comes next is not cancelled
+    future = bench_of.next()
+    assert future and future.job.stamp_ns == 2
 
 
 def test_a_future_that_diverges_ends_early(model: Forecaster, falling: Falling) -> None:
-    class Broken(Stepper):
-        """Breaks in its third step."""
-
-        def __init__(self, whole: Stepper) -> None:
-            self._step, self._left = whole.step, 2
-
-        def step(self) -> State:
-            self._left -= 1
-            if self._left < 0:
-                raise FloatingPointError('a predicted value is not finite')
-            return self._step()
-
-    horizon, broken = Horizon(), job(model, falling(0.0), 5, 10)
-    broken.rollout.stepper = Broken(broken.rollout.stepper)
-    horizon.request(lambda: broken)
-    future = horizon.work(1e9)
-    assert future and future.error == 'a predicted value is not finite'
+    broken = job(model, falling(0.0), 5, 10)
+    broken.rollout.stepper = Broken(broken.rollout.stepper, FloatingPointError('not finite'))
+    future = compute(broken, lambda: False)
+    assert future and future.error == 'not finite'
     assert len(decode_trajectory(future.cdr).times_ns) == 3
+
+
+def test_what_else_fails_is_not_silent(
+    bench_of: Bench, model: Forecaster, falling: Falling
+) -> None:
+    broken = job(model, falling(0.0), 5, 10)
+    broken.rollout.stepper = Broken(broken.rollout.stepper, RuntimeError('not thought of'))
+    bench_of.horizon.request(lambda: broken)
+    with pytest.raises(RuntimeError, match='not thought of'):
+        bench_of.next()
+
+
+class Broken(Stepper):
+    """Breaks in its third step."""
+
+    def __init__(self, whole: Stepper, error: Exception) -> None:
+        self._step, self._left, self._error = whole.step, 2, error
+
+    def step(self) -> State:
+        self._left -= 1
+        if self._left < 0:
+            raise self._error
+        return self._step()
 
 
 @pytest.mark.parametrize(
