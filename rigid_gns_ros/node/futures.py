@@ -87,7 +87,7 @@ class Futures:
             self._health.future_superseded()
 
     def _begin(self) -> Job | None:
-        """The future of what is then the newest frame, at its start."""
+        """Return the future of what is then the newest frame, at its start."""
         window = self._window
         if not window.full:
             return None  # the tracker paused, and its frames are too few again
