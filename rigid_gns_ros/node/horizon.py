@@ -157,12 +157,15 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     while rollout.steps < job.steps and not error:
         if cancelled():
             return None
-        turn = time.perf_counter()
+        since = time.perf_counter()
         states, error = rollout.advance(min(steps, job.steps - rollout.steps))
         if len(states):
             blocks.append(states)
-        if time.perf_counter() - turn < BLOCK / 2:
+        spent = time.perf_counter() - since
+        if spent < BLOCK / 2:
             steps *= 2
+        elif spent > 2 * BLOCK:  # a flight has ended in a pile
+            steps = max(1, steps // 2)
     poses = _joined(blocks, 'positions', 'quaternions')
     twists = _joined(blocks, 'velocities', 'angular_velocities')
     times = [round(step * rollout.dt * 1e9) for step in range(len(poses))]
