@@ -39,8 +39,8 @@ import sys
 import tempfile
 import time
 
-from machine import cpu_name
 import numpy as np
+from rigid_gns_core.benchmark.machine import cpu_name
 from rigid_gns_core.checkpoint import find_model, load_card
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_ros.bag import BagWriter, FLUSH_PERIOD

@@ -37,8 +37,8 @@ from ablation_measures import Bench, HORIZON
 from ablation_page import format_table, page
 from ablation_starts import make_starts
 from ablations import ROWS
-from machine import cpu_name
 import numba
+from rigid_gns_core.benchmark.machine import cpu_name
 from rigid_gns_core.dataset import Dataset
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.strict_json import write_json

@@ -37,11 +37,11 @@ import sys
 import time
 
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
-from machine import cpu_name
 import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rigid_gns_core.benchmark.machine import cpu_name
 from rigid_gns_ros.messages import PoseArrayCodec
 
 TOPIC = 'benchmark_poses'

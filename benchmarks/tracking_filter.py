@@ -30,8 +30,8 @@ from pathlib import Path
 import time
 from typing import Any
 
-from machine import cpu_name
 import numpy as np
+from rigid_gns_core.benchmark.machine import cpu_name
 from rigid_gns_core.state import Array
 from rigid_gns_core.strict_json import read_json, write_json
 from rigid_gns_ros.tracking.surroundings import Surroundings

@@ -229,7 +229,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write all numbers')
     parser.add_argument(
-        '--fit', nargs='+', choices=tuple(MATERIALS), default=DEFAULT, help='materials to fit'
+        '--fit',
+        nargs='+',
+        choices=tuple(MATERIALS),
+        default=DEFAULT,
+        help=f'materials to fit (default {" ".join(DEFAULT)})',
     )
     parser.add_argument('--steps', type=positive, default=6, help='of a window (default 6)')
     parser.add_argument(

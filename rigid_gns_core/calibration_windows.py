@@ -139,9 +139,8 @@ def deviations(
     steps = len(window.positions)
     start = window.start
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            'ignore'
-        )  # materials tried on the way may be beyond the trained ones
+        # materials tried on the way may be beyond the trained ones
+        warnings.simplefilter('ignore')
         predicted = simulator.rollout(
             with_materials(window.scene, values),
             start.positions,

@@ -24,40 +24,44 @@ import select
 import sys
 from typing import Any
 
-# name: (module with add_arguments(parser) and run(arguments) -> int, one-line help)
+# name: (module with add_arguments(parser) and run(arguments) -> int, one-line help); what a
+# newcomer wants first
 COMMANDS: dict[str, tuple[str, str]] = {
-    'teacher-card': ('rigid_gns_core.teacher_card', 'check the teacher against closed forms'),
-    'generate': (
-        'rigid_gns_core.generate',
-        'generate Bullet trajectories into a folder of HDF5 files',
+    'info': ('rigid_gns_core.info', 'what is installed, what is missing, the shipped models'),
+    'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
+    'report': (
+        'rigid_gns_core.report.command',
+        'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
+    'render': ('rigid_gns_core.render.command', 'a moving picture of a rollout or a bag'),
+    'view': ('rigid_gns_core.view', 'a rollout or a bag in the viewer Rerun'),
+    'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
     'import': (
         'rigid_gns_ros.learning.import_bag',
         'make a data set of the tracked poses in bags',
     ),
     'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
+    'generate': (
+        'rigid_gns_core.generate',
+        'generate Bullet trajectories into a folder of HDF5 files',
+    ),
     'train': ('rigid_gns_core.train_command', 'train a simulator from a YAML recipe'),
-    'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
-    'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
-    'report': (
-        'rigid_gns_core.report.command',
-        'one HTML file of a rollout or a bag: replay, curves, numbers',
-    ),
-    'view': ('rigid_gns_core.view', 'a rollout or a bag in the viewer Rerun'),
-    'render': ('rigid_gns_core.render.command', 'a moving picture of a rollout or a bag'),
-    'hard-cases': (
-        'rigid_gns_core.hard_cases.command',
-        'check the stability of simulators on hard cases',
-    ),
     'benchmark': (
         'rigid_gns_core.benchmark.command',
         'speed against error, beside Bullet and MuJoCo',
+    ),
+    'hard-cases': (
+        'rigid_gns_core.hard_cases.command',
+        'check the stability of simulators on hard cases',
     ),
     'experiment': (
         'rigid_gns_core.experiments.command',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
-    'info': ('rigid_gns_core.info', 'what is installed, what is missing, the shipped models'),
+    'teacher-card': (
+        'rigid_gns_core.teacher_card',
+        'check Bullet, the teacher, against closed forms',
+    ),
     'completion': ('rigid_gns_core.completion', 'completion of commands and options in a shell'),
 }
 EPILOG = """examples:
@@ -99,21 +103,35 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
         description='Learned simulators of rigid spheres.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
     parser.add_argument('--version', action=_Version, help='show the version and exit')
-    subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    subparsers = parser.add_subparsers(
+        dest='command', required=True, metavar='COMMAND', parser_class=_CommandParser
+    )
     for name, (module, text) in COMMANDS.items():
         subparser = subparsers.add_parser(
             name,
             help=text,
             description=text[0].upper() + text[1:] + '.',
             formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
         )
         if name == command:
             stage = importlib.import_module(module)
             stage.add_arguments(subparser)
             subparser.set_defaults(run=stage.run)
     return parser
+
+
+class _CommandParser(argparse.ArgumentParser):
+    """Parser of a command, which shows its own usage at a word that it does not know."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        known, unknown = super().parse_known_args(args, namespace)
+        if unknown:  # `rigid-gns` would show its own usage, without the options of the command
+            self.error(f'unrecognized arguments: {" ".join(unknown)}')
+        return known, unknown
 
 
 class _Version(argparse.Action):

@@ -181,6 +181,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'examples:\n'
         '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
         '  rigid-gns evaluate --bag recording --figure recording.png\n\n'
+        'The program evaluate has more for bags: --match, --starts, --reproduce.\n'
         'What each number means: docs/metrics.md.'
     )
 

@@ -201,8 +201,8 @@ def _model_lines(model: dict[str, Any]) -> list[str]:
     rows = {
         'file': f'{model["path"]} ({model["bytes"] / 1e3:.0f} kB)',
         'kind': model['kind'],
-        'trained': f'step {model["step"]} of {model["steps"]}, on {model["trajectories"]} '
-        f'trajectories of {model["data"]}',
+        'trained': f'best of {model["steps"]} steps: that after step {model["step"]}, on '
+        f'{model["trajectories"]} trajectories of {model["data"]}',
         'materials': materials,
         'validation': scores,
     }

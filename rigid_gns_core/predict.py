@@ -25,6 +25,7 @@ from dataclasses import replace
 from pathlib import Path
 import threading
 import time
+import warnings
 
 import numpy as np
 
@@ -85,9 +86,14 @@ def run(arguments: argparse.Namespace) -> int:
     seed = recipe.seed if arguments.seed is None else arguments.seed
     start = sample_start(scene, replace(recipe, seed=seed))
     starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]
-    begin = time.perf_counter()
     lock = threading.Lock()
     with Progress(samples * arguments.steps, 'rollout') as progress:
+        # a first step loads machine code, which takes longer than many steps; what it warns of
+        # the rollouts tell too
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            simulator.rollout_batch(scene, starts[:1], min(arguments.steps, 1), workers=1)
+        begin = time.perf_counter()
 
         def count(steps: int) -> None:
             with lock:  # starts that run in threads are counted one by one
@@ -96,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
         trajectories = simulator.rollout_batch(
             scene, starts, arguments.steps, workers=arguments.threads, done=count
         )
-    elapsed = time.perf_counter() - begin
+        elapsed = time.perf_counter() - begin
     for index, trajectory in enumerate(trajectories):
         write_record(
             out / f'{index:04d}.h5' if samples > 1 else out,

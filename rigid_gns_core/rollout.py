@@ -275,7 +275,9 @@ def load_simulator(
     Args:
         name_or_path: None: the default.
         dtype: 'float64' or 'float32', of the arithmetic; None: the model's usual one.
-        options: Of the kind of model, such as those of `ContactOptions`.
+        options: Of the kind of model. Both kinds: `backend`, `threads`. A contact model also those
+            of `ContactOptions`: `network`, `rounds`, `substeps`, `guard`, `sleep`, `everywhere`.
+            A GNS also `device`, such as 'cuda', with the backend 'torch'; see `GNSSimulator`.
 
     Raises:
         CheckpointError: There is no such model, or its files are damaged or of another version.

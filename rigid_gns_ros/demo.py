@@ -182,7 +182,9 @@ def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code: 0 done, 1 a process failed, 2 bad input, 130 stopped."""
     parser = argparse.ArgumentParser(
-        prog='demo', description='Tracker, simulator, bag and report, in one go.'
+        prog='demo',
+        description='Tracker, simulator, bag and report, in one go.',
+        allow_abbrev=False,
     )
     parser.add_argument('--seconds', type=float, default=20.0, help='how long to predict')
     parser.add_argument(

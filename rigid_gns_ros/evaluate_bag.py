@@ -206,6 +206,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         '  evaluate bags/first --reproduce\n'
         '  evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model contact',
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
     add_arguments(parser)
     arguments = parser.parse_args(argv)

@@ -21,14 +21,22 @@ imports this module before has handlers in place that know what to do.
 from __future__ import annotations
 
 from collections.abc import Callable
+from difflib import get_close_matches
 import gc
 import os
 import signal
+import sys
 import threading
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from .node.closing_node import ClosingNode
+
+
+OF_RCLPY = ('use_sim_time', 'start_type_description_service')
+"""Parameters that every node may be given."""
 
 
 class Finished(Exception):
@@ -43,7 +51,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
         load: Imports what makes the node.
 
     Returns:
-        The exit code: 0, or 1 where the node could not be made.
+        The exit code: 0, or 1 where the node could not be made, or a word is none of ROS.
     """
     up = False
 
@@ -61,6 +69,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.logging import get_logger
+    from rclpy.utilities import remove_ros_args
 
     unusable = (
         *(ValueError, OSError, ImportError, ParameterException, NameValidationException),
@@ -69,11 +78,14 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
     )
     node = None
     try:
+        if words := remove_ros_args(sys.argv)[1:]:
+            return _answer(name, words)
         make = load()
         rclpy.init()
         up = True
         executor = SingleThreadedExecutor()
         node = make()
+        _warn_of_unknown(node)
         # what is there now stays: a collection of all of it would take a tenth of a second
         gc.collect()
         gc.freeze()
@@ -96,6 +108,35 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
             node.close()
         rclpy.try_shutdown()
     return 0
+
+
+def _answer(name: str, words: list[str]) -> int:
+    """Answer words that are none of ROS: help, or an error; returns the exit code."""
+    if '-h' in words or '--help' in words:
+        print(
+            f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: README.md, docs/node.md',
+            flush=True,
+        )
+        return 0
+    print(
+        f'{name}: error: unknown arguments: {" ".join(words)}; '
+        'parameters are given as --ros-args -p NAME:=VALUE',
+        file=sys.stderr,
+    )
+    return 1
+
+
+def _warn_of_unknown(node: Node) -> None:
+    """Warn of parameters given at start that the node does not have, which rclpy ignores."""
+    known = [name for name in node.list_parameters([], 0).names if name not in OF_RCLPY]
+    for name in node._parameter_overrides:  # nothing public tells them
+        if name in OF_RCLPY or name in known or name.startswith('qos_overrides.'):
+            continue
+        near = get_close_matches(name, known)
+        node.get_logger().warning(
+            f'parameter {name} is ignored: this node has none of that name'
+            + (f'; nearest: {", ".join(near)}' if near else '')
+        )
 
 
 def _terminate_on_hangup() -> None:

@@ -36,6 +36,7 @@ NAMES = {**{key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()}, **LO
 NAMES |= {
     'position_error_10': 'error after 10 steps [m]',
     'frames_per_second': 'frames per second',
+    'final_speed': 'speed at the end [m/s]',
 }
 _EDGE = 0.985  # of the axis: where what is off the scale is drawn
 
@@ -66,6 +67,8 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
     )
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(sets), columns, squeeze=False)
+    bars = any(point.std for panel in panels for point in panel.points)
+    name = 'ours, mean ± std' if bars else 'ours, one seed'
     known: dict[str, Any] = {}
     for row, which in zip(grid, sets, strict=True):
         own = [panel for panel in panels if panel.which == which]
@@ -73,7 +76,7 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
             if column >= len(own):
                 axes.set_visible(False)
                 continue
-            _draw(axes, own[column], along, table['axis'], first=column == 0)
+            _draw(axes, own[column], along, table['axis'], name, first=column == 0)
             handles, texts = axes.get_legend_handles_labels()
             known |= dict(zip(texts, handles, strict=True))
     figure.legend(
@@ -93,7 +96,7 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
     return path
 
 
-def _draw(axes: Axes, panel: Panel, along: bool, axis: str, *, first: bool) -> None:
+def _draw(axes: Axes, panel: Panel, along: bool, axis: str, name: str, *, first: bool) -> None:
     low, high = panel.limits
     value_axis = axes.yaxis if along else axes.xaxis
     if panel.logarithmic:
@@ -103,16 +106,18 @@ def _draw(axes: Axes, panel: Panel, along: bool, axis: str, *, first: bool) -> N
     for point in panel.points:
         place = point.place if along else -point.place
         if point.mean is not None:
-            style = {'color': OURS, 'marker': 'o', 'label': 'ours, mean ± std', 'zorder': 3}
+            style = {'color': OURS, 'marker': 'o', 'label': name, 'zorder': 3}
             _mark(axes, along, panel, place, max(point.mean, low), point.std, style)
         if point.lost:
             _cross(axes, along, place, point)
         if point.thesis is not None:
             _draw_thesis(axes, along, panel, place + (0.15 if along else -0.22), point)
     if panel.floor:
-        line: dict[str, Any] = {'color': INK, 'linewidth': 1.0, 'linestyle': (0, (4, 3))}
+        dashes = (0, (1, 2) if panel.bounded else (4, 3))
+        line: dict[str, Any] = {'color': INK, 'linewidth': 1.0, 'linestyle': dashes}
         draw = axes.axhline if along else axes.axvline
-        draw(max(panel.floor, low), label='Bullet against itself', zorder=1, **line)
+        label = 'Bullet against itself' + ', or half a radius if more' * panel.bounded
+        draw(max(panel.floor, low), label=label, zorder=1, **line)
     _clean(axes, panel, along, axis, first)
 
 
@@ -121,7 +126,7 @@ def _mark(
 ) -> None:
     """Draw a point with its standard deviation, which ends within the axis."""
     low, high = panel.limits
-    bar = [[min(std, value - low)], [min(std, high - value)]]
+    bar = [[min(std, value - low)], [min(std, high - value)]] if std else None
     axes.errorbar(
         [place if along else value],
         [value if along else place],
@@ -184,13 +189,21 @@ def _draw_thesis(axes: Axes, along: bool, panel: Panel, place: float, point: Poi
 
 
 def _number(axis: Any, low: float, high: float) -> None:
-    """Plain numbers, with 2 and 5 between powers of ten where these are few."""
+    """Plain numbers or powers of ten, with 3 between these where they are few."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    few = high / low < 1e3
-    axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if few else (1.0,), numticks=6))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    few, plain = high / low < 1e3, low > 1e-3 and high < 3e4
+    axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if few else (1.0,), numticks=5))
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: f'{value:g}' if plain else _power(value))
+    )
     axis.set_minor_formatter(NullFormatter())
+
+
+def _power(value: float) -> str:
+    mantissa, exponent = f'{value:.0e}'.split('e')
+    factor = '' if mantissa == '1' else rf'{mantissa} \cdot '
+    return f'${factor}10^{{{int(exponent)}}}$'
 
 
 def _clean(axes: Axes, panel: Panel, along: bool, axis: str, first: bool) -> None:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,13 +60,15 @@ class Panel:
         metric: Name of the metric.
         which: 'test' or 'ood'.
         points: One for each variant.
-        floor: The teacher against itself; None: it has none.
+        floor: The teacher against itself, or half a radius where that is more; None: it has none.
+        bounded: Whether `floor` is half a radius.
     """
 
     metric: str
     which: str
     points: tuple[Point, ...]
     floor: float | None = None
+    bounded: bool = False
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -94,7 +96,8 @@ def panels_of(table: Mapping[str, Any]) -> list[Panel]:
         for metric in table['metrics']:
             points = _points(table, which, metric)
             if not all(point.empty for point in points):
-                panels.append(Panel(metric, which, tuple(points), _floor(table, which, metric)))
+                floor, bounded = _floor(table, which, metric)
+                panels.append(Panel(metric, which, tuple(points), floor, bounded))
     return panels
 
 
@@ -142,11 +145,12 @@ def _truth_points(table: Mapping[str, Any], which: str, metric: str) -> list[Poi
     return points
 
 
-def _floor(table: Mapping[str, Any], which: str, metric: str) -> float | None:
-    """Mean of the floor; none of a metric that has no reference, such as a law."""
+def _floor(table: Mapping[str, Any], which: str, metric: str) -> tuple[float | None, bool]:
+    """Mean of the floor, and whether its bound is more; none of a law, which has no reference."""
     if table['kind'] != 'train':
-        return None
+        return None, False
     floor = table['floor'].get(which, {}).get(str(table['steps']), {})
-    known: Sequence[float | None] = [floor.get(metric), floor.get(f'least_{metric}')]
-    values = [value for value in known if value is not None]
-    return max(values) if values else None
+    own, least = floor.get(metric), floor.get(f'least_{metric}')
+    if least is not None and (own is None or least > own):
+        return least, True
+    return own, False

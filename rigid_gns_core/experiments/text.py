@@ -63,9 +63,11 @@ def format_table(table: Mapping[str, Any]) -> str:
         blocks = [_speed_block(table)]
     else:
         blocks = list(_train_blocks(table))
-    missing = [row['label'] for row in table['rows'] if row['missing']]
-    if missing:
-        blocks.append(f'Not run yet, or not with all seeds: {", ".join(missing)}.')
+    missing = [row for row in table['rows'] if row['missing']]
+    for words, some in (('Not run yet', False), ('Not with all seeds yet', True)):
+        labels = [row['label'] for row in missing if bool(row.get('seeds')) == some]
+        if labels:
+            blocks.append(f'{words}: {", ".join(labels)}.')
     return '\n\n'.join(block for block in blocks if block) + '\n'
 
 

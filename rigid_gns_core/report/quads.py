@@ -26,6 +26,8 @@ from ..state import Array, Trajectory
 
 # endless walls are drawn this high, as a part of the ground's longer side: low to look over
 WALL_HEIGHT = 0.18
+# a start up to this high, in widths of what the spheres move over, is seen whole
+START_HEIGHT = 3.0
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,12 @@ def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
     places = np.concatenate([t.positions.reshape(-1, 3) for t in trajectories])
     radius = float(np.max(scene.radius))
     low, high = np.quantile(places, (0.03, 0.97), axis=0)
-    # what falls from far above is seen when it arrives
     heights = np.quantile(places @ scene.up, (0.03, 0.85))
+    across = (high - low) - ((high - low) @ scene.up) * scene.up
+    start = max(float((t.positions[0] @ scene.up).max()) for t in trajectories)
+    # what falls from farther above is seen when it arrives
+    if start - heights[0] <= START_HEIGHT * (float(np.abs(across).max()) + 2 * radius):
+        heights[1] = max(heights[1], start)
     for point, height in zip((low, high), heights, strict=True):
         point += (height - point @ scene.up) * scene.up
     return low - radius, high + radius

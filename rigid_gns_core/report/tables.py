@@ -32,6 +32,7 @@ SECTIONS = {
     'recording': 'Recording',
     'diverged_at': 'Diverged at step',
 }
+SINGLE = {'dt': ('Time step', 's'), 'tolerance': ('Tolerance', 'diameters')}
 # long, and read rarely
 FOLDED = ('recording',)
 
@@ -188,7 +189,7 @@ def _text(value: Any) -> str:
 
 def _label(key: str) -> tuple[str, str]:
     """Name and unit of a key, as in `metrics.table`, or by its ending."""
-    for known in (LAWS, ERRORS):
+    for known in (LAWS, ERRORS, SINGLE):
         if key in known:
             return known[key]
     ending = next((ending for ending in UNITS if key.endswith(ending)), '')

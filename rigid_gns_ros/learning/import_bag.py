@@ -119,7 +119,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns import`."""
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG', help='folder or .mcap file')
     parser.add_argument('--out', required=True, type=Path, help='data set to make')
-    parser.add_argument('--topic', help='topic of the tracked poses')
+    parser.add_argument(
+        '--topic',
+        help='topic of the tracked poses (default: that which a simulator named, else the only '
+        '.../tracked_poses)',
+    )
     scene = parser.add_argument(
         '--scene', metavar='NAME|FILE', help="scene instead of the bag's own"
     )

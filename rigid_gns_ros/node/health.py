@@ -175,6 +175,7 @@ class Health:
             'lateness p99 [ms]': _milliseconds(lateness, 0.99),
             'lateness worst [ms]': _milliseconds(lateness, 1.0),
             'step time p50 [ms]': _milliseconds(self._steps, 0.5),
+            'step time p99 [ms]': _milliseconds(self._steps, 0.99),
             'step time worst [ms]': _milliseconds(self._steps, 1.0),
             **self._error(),
             **self._start(),

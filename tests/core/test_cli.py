@@ -31,9 +31,13 @@ import signal
 import subprocess
 import sys
 import termios
+import time
+from typing import Any
+import warnings
 
 import pytest
 from rigid_gns_core import cli
+from rigid_gns_core.rollout import Simulator
 
 PROGRAM = [sys.executable, '-m', 'rigid_gns_core.cli']
 
@@ -97,6 +101,19 @@ def test_bad_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFixt
     assert 'usage: rigid-gns' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('word', ['--stpes', '--step'])
+def test_a_misspelt_option_shows_the_usage_of_its_command(
+    word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beginnings of options are not taken for them, as a new option could change what they are."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(['rollout', word, '5', '--out', str(tmp_path / 'a.h5')])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith('usage: rigid-gns rollout ')
+    assert error.endswith(f'rigid-gns rollout: error: unrecognized arguments: {word} 5\n')
+
+
 @pytest.mark.parametrize(
     ('line', 'text'),
     [
@@ -143,6 +160,33 @@ def test_what_works_exits_with_0(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert page.read_text(encoding='utf-8').startswith('<!doctype html>')
     error = capsys.readouterr().err
     assert 'rollout: step 3 of 3' in error and 'evaluate: trajectory 1 of 1' in error
+
+
+def test_the_rate_of_a_rollout_counts_its_own_steps_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The step that loads machine code is neither timed nor counted, and warns of nothing."""
+    events: list[object] = []
+    rollout_batch, clock = Simulator.rollout_batch, time.perf_counter
+
+    def roll(self: Simulator, scenes: Any, starts: Any, steps: int, **options: Any) -> Any:
+        warnings.warn('beyond what was trained', stacklevel=2)
+        events.append((len(starts), steps))
+        return rollout_batch(self, scenes, starts, steps, **options)
+
+    def tell() -> float:
+        if sys._getframe(1).f_globals['__name__'] == 'rigid_gns_core.predict':
+            events.append('clock')
+        return clock()
+
+    monkeypatch.setattr(Simulator, 'rollout_batch', roll)
+    monkeypatch.setattr(time, 'perf_counter', tell)
+    out = tmp_path / 'what_if'
+    with pytest.warns(UserWarning, match='beyond what was trained') as caught:
+        assert cli.main(f'rollout --steps 3 --samples 2 --out {out}'.split()) == 0
+    assert events == [(1, 1), 'clock', (2, 3), 'clock']
+    assert len(caught) == 1
+    assert 'rollout: step 6 of 6' in capsys.readouterr().err
 
 
 # `experiment` and `teacher-card` with a check that fails: test_experiments_run, test_teacher_card

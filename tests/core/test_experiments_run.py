@@ -122,7 +122,7 @@ def test_a_failing_cell_does_not_stop_the_others(
     assert main(command(tmp_path, str(wrong))) == 1
     output = capsys.readouterr()
     assert 'failed: endless, seed 0: ValueError: no training trajectory has 99 steps' in output.out
-    assert 'Not run yet, or not with all seeds: endless.' in output.out
+    assert 'Not run yet: endless.' in output.out
 
 
 def test_another_recipe_in_the_data_folder_is_named(

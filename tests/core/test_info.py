@@ -82,6 +82,7 @@ def test_text_holds_what_the_json_does(
         assert f'\n{name} ' in text
     assert '\nmodel contact (the default)\n' in text and '\nmodel gns\n' in text
     assert 'restitution 0.7746, friction 0.5' in text  # of the GNS
+    assert 'best of 16000 steps: that after step 15000, on 40 trajectories' in text
     assert cli.main(['info', '--json', '--model', 'gns']) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed['libraries'] == collected['libraries']

@@ -31,7 +31,7 @@ from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.report import Comparison, write_report
 from rigid_gns_core.report.comparison import cut
 from rigid_gns_core.report.packing import pack_positions, pack_quaternions, unpack
-from rigid_gns_core.report.quads import visible_quads
+from rigid_gns_core.report.quads import focus, visible_quads
 from rigid_gns_core.report.series import charts, penetration_depths
 from rigid_gns_core.report.tables import leaves, tables
 from rigid_gns_core.state import rotate_quaternions, rotation_between, Trajectory
@@ -182,6 +182,19 @@ def test_endless_surfaces_end_around_the_spheres_and_face_their_front() -> None:
     assert max(quad.corners[:, 2].max() for quad in quads[1:5]) < 10.0  # walls, to look over
     sides = np.linalg.norm(np.diff(quads[-1].corners, axis=0), axis=1)
     np.testing.assert_allclose(sides, [4.0, 6.0, 4.0])
+
+
+def test_a_start_is_seen_whole_unless_it_is_far_above() -> None:
+    for top, seen in ((8.0, True), (80.0, False)):
+        moving = trajectory()
+        moving.positions[0, 0, 2] = top
+        _, high = focus([moving], SCENE)
+        assert (high[2] >= top) == seen
+
+
+def test_what_was_compared_has_units() -> None:
+    page = tables({'dt': 0.1, 'tolerance': 1e-9})
+    assert 'Time step <small>s</small>' in page and 'Tolerance <small>diameters</small>' in page
 
 
 def test_from_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 import re
 import signal
+import sys
 import time
 from typing import Any
 
@@ -141,3 +142,37 @@ def test_a_bad_argument_ends_the_process(
     fatal = [line for line in run.output.splitlines() if line.startswith('[FATAL]')]
     assert len(fatal) == 1 and message in fatal[0], run.output
     assert 'Traceback' not in run.output
+
+
+NODES = {'simulator': SIMULATOR, 'tracker': 'rigid_gns_ros.tracker_node'}
+
+
+@pytest.mark.parametrize('name', NODES)
+@pytest.mark.parametrize('word', ['-h', '--help'])
+def test_help_is_printed_and_no_node_made(run_process: Run, name: str, word: str) -> None:
+    run = run_process([sys.executable, '-m', NODES[name], word], '-p', 'scene:=box_154')
+    assert run.exit_code() == 0
+    usage = f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: README.md, docs/node.md\n'
+    assert run.output == usage
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_a_stray_argument_ends_the_process(run_process: Run, name: str) -> None:
+    run = run_process([sys.executable, '-m', NODES[name], 'scene', '-x'])
+    assert run.exit_code() == 1
+    (line,) = run.output.splitlines()
+    assert line.startswith(f'{name}: error: unknown arguments: scene -x; ')
+    assert '--ros-args -p' in line
+
+
+def test_a_misspelt_parameter_is_warned_of(run_process: Run) -> None:
+    words = ('scne:=x', 'zzzzzz:=1', 'use_sim_time:=false', 'start_type_description_service:=true')
+    qos = 'qos_overrides./tracked_poses.subscription.depth:=3'
+    run = run_process(SIMULATOR, *(word for p in (*words, qos) for word in ('-p', p)))
+    for name in ('scne', 'zzzzzz'):
+        run.wait_for(f'parameter {name} is ignored: ')
+    run.signal(signal.SIGINT)
+    assert run.exit_code() == 0, run.output
+    warned = re.findall('parameter (\\w+) is ignored: (.*)', run.output)
+    ignored = 'this node has none of that name'
+    assert sorted(warned) == [('scne', f'{ignored}; nearest: scene'), ('zzzzzz', ignored)]
