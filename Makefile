@@ -60,7 +60,7 @@ $(LOCKED): requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null || { \
 	  echo "make: $(PYTHON) is $$($(PYTHON) --version 2>/dev/null || echo not there), but Python 3.11 or 3.12 is needed." >&2; \
 	  echo "      Name one that is installed: make PYTHON=python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
-	@echo 'make: installing requirements.lock into $(VENV): once, some minutes, 2.5 GB'
+	@echo 'make: installing requirements.lock into $(VENV): once, some minutes, 2.6 GB'
 	@$(CLEAN) $(PYTHON) -m venv --clear $(VENV)
 	@# pip's progress without its chatter; its exit status passes the filter by a file
 	@{ $(PIP) --progress-bar off $(PIP_FLAGS) -r requirements.lock 2>&1; echo $$? > $(VENV)/.status; } \
