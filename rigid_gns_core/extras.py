@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
-from importlib import metadata
+from importlib import import_module, metadata
 import re
 import sys
+from typing import Any
 
 from .versions import PACKAGE
 
@@ -71,6 +72,19 @@ def missing(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
     advice = remedy(module)
     text = f'{what} needs {module}, which is not installed'
     return ModuleNotFoundError(f'{text}: {advice}' if advice else text, name=error.name)
+
+
+def needed(module: str, what: str) -> Any:
+    """Import a module that an extra brings.
+
+    Raises:
+        ModuleNotFoundError: It is not installed; the message tells that `what` needs it, and how
+            to get it.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        raise missing(error, what) from error
 
 
 def _requirements() -> list[tuple[str, str]]:

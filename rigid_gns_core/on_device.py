@@ -21,8 +21,9 @@ from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
-from .rollout import Outcome, Rollout
-from .state import Array, Trajectory
+from .outcome import Outcome, Recording
+from .rollout import Rollout
+from .state import Array
 
 if TYPE_CHECKING:
     import torch
@@ -98,11 +99,7 @@ def _outcome(rollout: Rollout, rows: Array, steps: int) -> Outcome:
 
     bad = diverged(rows)
     sound = int(np.argmax(bad)) if bad.any() else len(rows)
+    recording = Recording(rollout.state, rollout.dt, steps)
     states = rollout.similarity.to_world(state_of(rows[:sound]))
-    arrays = {}
-    for name, start in vars(rollout.state).items():
-        arrays[name] = np.full((steps + 1, *start.shape), np.nan)
-        arrays[name][0] = start
-        arrays[name][1 : sound + 1] = getattr(states, name)
-    error = f'{DIVERGED} (step {sound + 1} of {steps})' if bad.any() else ''
-    return Outcome(Trajectory(dt=rollout.dt, **arrays), error)
+    recording.add(states, DIVERGED if bad.any() else '')
+    return recording.outcome

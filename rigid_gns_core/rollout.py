@@ -17,25 +17,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
 import time
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 import warnings
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .batch import in_threads, paired, usable_cores
 from .checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
 from .config import from_mapping
+from .outcome import Outcome, Recording
 from .scene import Scene
 from .similarity import in_units, ModelUnits, Similarity
 from .state import State, Trajectory
 from .stepper import Advance, state_at, Stepper
 
-# steps are taken together for so long, after which Ctrl-C is heard [s]
+# steps are taken together for about so long, after which Ctrl-C is heard [s]
 _BLOCK = 0.1
 
 
@@ -80,31 +80,29 @@ class Rollout:
         if self.done is not None:
             self.done(steps)
 
+    def blocks(self, steps: int, seconds: float) -> Iterator[Advance]:
+        """Advance by `steps` dt, or to where it diverges, in blocks of about `seconds` each.
+
+        For who has to look up at times, but not after every step.
+        """
+        block, left, error = 1, steps, ''
+        while left and not error:
+            begun = time.perf_counter()
+            states, error = self.advance(min(block, left))
+            spent = time.perf_counter() - begun
+            if spent < seconds / 2:
+                block *= 2
+            elif spent > 2 * seconds:  # a flight has ended in a pile
+                block = max(1, block // 2)
+            left -= len(states)
+            yield Advance(states, error)
+
     def run(self, steps: int) -> Outcome:
         """Advance `steps` times, or to where it diverges."""
-        arrays = {}
-        for name, now in vars(self.state).items():
-            arrays[name] = np.full((steps + 1, *now.shape), np.nan)
-            arrays[name][0] = now
-        done, block, error = 0, 1, ''
-        while done < steps and not error:
-            begun = time.perf_counter()
-            states, error = self.advance(min(block, steps - done))
-            for name, values in vars(states).items() if len(states) else ():
-                arrays[name][done + 1 : done + 1 + len(states)] = values
-            done += len(states)
-            if time.perf_counter() - begun < _BLOCK:
-                block *= 2
-        if error:
-            error = f'{error} (step {done + 1} of {steps})'
-        return Outcome(Trajectory(dt=self.dt, **arrays), error)
-
-
-class Outcome(NamedTuple):
-    """A trajectory, NaN from where it diverged on; `error` says so, or is ''."""
-
-    trajectory: Trajectory
-    error: str
+        recording = Recording(self.state, self.dt, steps)
+        for states, error in self.blocks(steps, _BLOCK):
+            recording.add(states, error)
+        return recording.outcome
 
 
 class Simulator(ABC):

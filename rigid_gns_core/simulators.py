@@ -32,7 +32,8 @@ from .models.features import Features
 from .models.stepping import GNSStepper
 from .on_device import known_device, run_on_device
 from .options import ContactOptions, known_backend
-from .rollout import Outcome, Rollout, Simulator
+from .outcome import Outcome
+from .rollout import Rollout, Simulator
 from .scene import Scene
 from .state import Array, State
 from .stepper import Stepper

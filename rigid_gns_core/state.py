@@ -21,7 +21,7 @@ networks convert to float32 at their own door.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,6 +102,14 @@ class State:
         return state
 
 
+def stacked(states: Sequence[State]) -> State:
+    """States one after the other as one: fields of shape (steps, n, k), of none (0, 0, k)."""
+    if not states:
+        return State.unchecked(*(np.zeros((0, 0, k)) for k in (3, 4, 3, 3)))
+    names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
+    return State.unchecked(*(np.stack([getattr(s, name) for s in states]) for name in names))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
     """States at equal time steps; index 0 is the start.
@@ -148,13 +156,7 @@ class Trajectory:
     @classmethod
     def from_states(cls, states: list[State], dt: float) -> Trajectory:
         """Stack states that are `dt` [s] apart."""
-        return cls(
-            positions=np.stack([state.positions for state in states]),
-            quaternions=np.stack([state.quaternions for state in states]),
-            velocities=np.stack([state.velocities for state in states]),
-            angular_velocities=np.stack([state.angular_velocities for state in states]),
-            dt=dt,
-        )
+        return cls(**vars(stacked(states)), dt=dt)
 
     @classmethod
     def from_poses(cls, positions: ArrayLike, quaternions: ArrayLike, dt: float) -> Trajectory:

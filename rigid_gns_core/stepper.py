@@ -17,12 +17,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
-from .state import State
+from .state import stacked, State
 
 
 class Advance(NamedTuple):
@@ -56,14 +53,6 @@ class Stepper(ABC):
                 error = str(diverged)
                 break
         return Advance(stacked(states), error)
-
-
-def stacked(states: Sequence[State]) -> State:
-    """States one after the other as one: fields of shape (steps, n, k), of none (0, 0, k)."""
-    if not states:
-        return State.unchecked(*(np.zeros((0, 0, k)) for k in (3, 4, 3, 3)))
-    names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
-    return State.unchecked(*(np.stack([getattr(s, name) for s in states]) for name in names))
 
 
 def state_at(states: State, step: int) -> State:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from .extras import missing
+from .extras import needed
 from .report.comparison import add_source, Comparison, read_comparison
 from .report.quads import focus, visible_quads
 from .report.series import charts
@@ -140,7 +140,4 @@ def _send_surfaces(recording: Any, comparison: Comparison) -> None:
 
 
 def _rerun() -> Any:
-    try:
-        return importlib.import_module('rerun')
-    except ModuleNotFoundError as error:
-        raise missing(error, '`rigid-gns view`, unlike `report`,') from error
+    return needed('rerun', '`rigid-gns view`, unlike `report`,')

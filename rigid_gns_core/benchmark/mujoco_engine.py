@@ -28,7 +28,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..extras import missing
+from ..extras import needed
 from ..scene import Plane, Scene
 from ..state import Array, State
 
@@ -63,11 +63,7 @@ def load_mujoco() -> ModuleType:
     Raises:
         ModuleNotFoundError: It is not installed; the message tells how to get it.
     """
-    try:
-        import mujoco
-    except ModuleNotFoundError as error:
-        raise missing(error, 'the peer MuJoCo') from error
-    module: ModuleType = mujoco
+    module: ModuleType = needed('mujoco', 'the peer MuJoCo')
     return module
 
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-import importlib
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +25,7 @@ import numpy as np
 
 from .camera import Camera
 from .picture import draw, Image, linear, Surroundings
-from ..extras import missing
+from ..extras import needed
 from ..progress import Progress
 from ..report.comparison import Comparison
 from ..report.quads import focus
@@ -167,8 +166,8 @@ def write_film(path: str | Path, comparison: Comparison, film: Film) -> int:
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f'{path}: suffix {path.suffix!r}, expected one of {", ".join(SUFFIXES)}')
-    _needed('PIL', path)
-    ffmpeg = _needed('imageio_ffmpeg', path) if path.suffix.lower() == '.mp4' else None
+    needed('PIL', str(path))
+    ffmpeg = needed('imageio_ffmpeg', str(path)) if path.suffix.lower() == '.mp4' else None
     # before anything is written
     times = film.times(comparison.predicted.steps * comparison.predicted.dt)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -237,10 +236,3 @@ def _labelled(picture: Image, labels: list[tuple[int, str, str]], clock: str) ->
         pen.text((x + size, gap), text, font=font, fill=INK)
     pen.text((image.width - gap, gap), clock, font=font, fill=INK, anchor='ra')
     return np.asarray(image)
-
-
-def _needed(module: str, path: Path) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise missing(error, f'{path}') from error

@@ -28,8 +28,8 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rigid_gns_core.state import Array, State
-from rigid_gns_core.stepper import stacked
+from rigid_gns_core.outcome import Recording
+from rigid_gns_core.state import Array
 
 from ..encoding.trajectory_message import encode_trajectory
 
@@ -152,28 +152,16 @@ class Horizon:
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Return the future of a job; None where it was cancelled meanwhile."""
     begun = time.perf_counter()
-    rollout, steps, error = job.rollout, 1, ''
-    blocks = [stacked([rollout.state])]
-    while rollout.steps < job.steps and not error:
+    rollout = job.rollout
+    recording = Recording(rollout.state, rollout.dt, job.steps)
+    for states, error in rollout.blocks(job.steps, BLOCK):
         if cancelled():
             return None
-        since = time.perf_counter()
-        states, error = rollout.advance(min(steps, job.steps - rollout.steps))
-        if len(states):
-            blocks.append(states)
-        spent = time.perf_counter() - since
-        if spent < BLOCK / 2:
-            steps *= 2
-        elif spent > 2 * BLOCK:  # a flight has ended in a pile
-            steps = max(1, steps // 2)
-    poses = _joined(blocks, 'positions', 'quaternions')
-    twists = _joined(blocks, 'velocities', 'angular_velocities')
+        recording.add(states, error)
+    future = recording.outcome.trajectory.window(0, recording.done + 1)
+    poses = np.concatenate([future.positions, future.quaternions], axis=2)
+    twists = np.concatenate([future.velocities, future.angular_velocities], axis=2)
     times = [round(step * rollout.dt * 1e9) for step in range(len(poses))]
     names = [f'sphere_{sphere}' for sphere in job.ids]
     cdr = encode_trajectory(job.stamp_ns, job.frame_id, names, times, poses, twists)
-    return Future(job, cdr, poses[:, :, :3], time.perf_counter() - begun, error)
-
-
-def _joined(blocks: list[State], *names: str) -> Array:
-    fields = [np.concatenate([getattr(block, name) for block in blocks]) for name in names]
-    return np.concatenate(fields, axis=2)
+    return Future(job, cdr, future.positions, time.perf_counter() - begun, recording.error)

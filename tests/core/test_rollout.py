@@ -83,6 +83,25 @@ def test_stepping_equals_rollout(simulator):
     assert stepwise.steps == 10
 
 
+@pytest.mark.parametrize(('seconds', 'lengths'), [(1e9, [1, 2, 4, 8, 6]), (0.0, [1] * 21)])
+def test_blocks_grow_with_the_time_they_may_take(simulator, seconds, lengths):
+    whole = simulator.rollout(SCENE, start(), steps=21)
+    rollout = simulator.start(SCENE, start())
+    blocks = [states for states, _ in rollout.blocks(21, seconds)]
+    assert [len(block) for block in blocks] == lengths
+    together = np.concatenate([block.positions for block in blocks])
+    np.testing.assert_array_equal(together, whole.positions[1:])
+    assert rollout.steps == 21
+
+
+def test_blocks_end_where_it_diverges():
+    simulator = load_simulator('gns')
+    simulator.tensors['decoder.last.weight'] *= 1e6
+    *sound, (last, error) = simulator.start(SCENE, start()).blocks(30, 1.0)
+    assert 'diverged' in error and not any(why for _, why in sound)
+    assert sum(len(states) for states, _ in sound) + len(last) < 30
+
+
 def test_order_of_spheres_does_not_matter(simulator):
     order = np.random.default_rng(1).permutation(12)
     first = simulator.rollout(SCENE, start(), steps=10)

@@ -75,6 +75,19 @@ def in_workspace(install: Path, command: str) -> list[str]:
     return ['bash', '-c', f'source {install}/setup.bash && {command}']
 
 
+def output_in_workspace(install: Path, command: str, timeout: float) -> str:
+    done = subprocess.run(
+        in_workspace(install, command),
+        env=environment(),
+        cwd=install,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.fixture(scope='module')
 def prefix(install: Path) -> Path:
     """Prefix of the package by the ament index."""
@@ -82,16 +95,7 @@ def prefix(install: Path) -> Path:
         'from ament_index_python.packages import get_package_prefix as f; '
         'print(f("rigid_gns_ros"))'
     )
-    found = subprocess.run(
-        in_workspace(install, f"python3 -c '{program}'"),
-        env=environment(),
-        cwd=install,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert found.returncode == 0, found.stderr
-    return Path(found.stdout.strip())
+    return Path(output_in_workspace(install, f"python3 -c '{program}'", 60).strip())
 
 
 def test_everything_is_installed(install: Path, prefix: Path) -> None:
@@ -119,16 +123,7 @@ def test_everything_is_installed(install: Path, prefix: Path) -> None:
 def compiled(install: Path) -> None:
     """Engine and filter of the copy: a minute of work, minutes beside other tests."""
     modules = ('rigid_gns_core.engine', 'rigid_gns_ros.tracking')
-    command = ' && '.join(f'python3 -m {module}' for module in modules)
-    made = subprocess.run(
-        in_workspace(install, command),
-        env=environment(),
-        cwd=install,
-        capture_output=True,
-        text=True,
-        timeout=900,
-    )
-    assert made.returncode == 0, made.stderr
+    output_in_workspace(install, ' && '.join(f'python3 -m {module}' for module in modules), 900)
 
 
 @pytest.mark.usefixtures('compiled')

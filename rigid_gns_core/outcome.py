@@ -1,0 +1,64 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a rollout left behind: its trajectory, and why it ends before its time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .state import State, Trajectory
+
+
+class Outcome(NamedTuple):
+    """A trajectory, NaN from where it diverged on; `error` says so, or is ''."""
+
+    trajectory: Trajectory
+    error: str
+
+
+class Recording:
+    """The start and the states that follow, as they come.
+
+    Args:
+        start: State at step 0.
+        dt: Time step [s].
+        steps: Steps that are expected after it.
+    """
+
+    def __init__(self, start: State, dt: float, steps: int) -> None:
+        self.dt = dt
+        self.steps = steps
+        self.done = 0
+        self.error = ''
+        self._arrays = {}
+        for name, value in vars(start).items():
+            self._arrays[name] = np.full((steps + 1, *value.shape), np.nan)
+            self._arrays[name][0] = value
+
+    def add(self, states: State, error: str) -> None:
+        """Add states that are stacked, possibly none; `error` is why no more follow, or ''."""
+        self.error = error
+        if count := len(states):
+            for name, values in vars(states).items():
+                self._arrays[name][self.done + 1 : self.done + 1 + count] = values
+            self.done += count
+
+    @property
+    def outcome(self) -> Outcome:
+        """What was recorded so far."""
+        where = f' (step {self.done + 1} of {self.steps})' if self.error else ''
+        return Outcome(Trajectory(dt=self.dt, **self._arrays), self.error + where)
