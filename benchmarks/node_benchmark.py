@@ -26,9 +26,10 @@ rate     Predictions at the model's own rate, recorded, without and with another
          one core busy. Lateness is the arrival at the listener (`heard`) or the time of recording
          (`bag`) less the stamp, which is the time a prediction is due. `missed` are stamps that
          were left out, `lost` what was published and is not in the bag.
-horizon  From just before a tracked frame is published to the arrival of its future of 1 s at the
-         listener: both ways through DDS, the frame's turn in the node, fit, rollout, encoding, and
-         the wake-up of two Python processes. A frame overtaken by the next one has no future.
+horizon  From the arrival of a tracked frame to the publication of its future of 1 s (`bag`), and
+         from just before it is published to the arrival of its future at the listener (`heard`):
+         also both ways through DDS, and the wake-up of two Python processes. Recorded too. A frame
+         overtaken by the next one has no future.
 kills    What is left of a bag after a SIGKILL: made by benchmarks/bag_kills.py, only shown here.
 soak     100 Hz, recorded in files of 50 MB (1.2 GB in 30 minutes, into a temporary folder): memory
          of the simulator, which must not grow after the first minute, and errors in its log.

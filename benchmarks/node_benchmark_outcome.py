@@ -40,6 +40,7 @@ class Recorded:
         stamps: Sorted [ns], int64.
         lateness: Log time less stamp of each [s].
         step_times: Of the model [s].
+        waits: From the arrival of each frame that has a future to its publication [s].
         files: Number of files.
         warnings: What is wrong with the bag.
     """
@@ -47,6 +48,7 @@ class Recorded:
     stamps: np.ndarray
     lateness: np.ndarray
     step_times: np.ndarray
+    waits: np.ndarray
     files: int
     warnings: tuple[str, ...]
 
@@ -61,7 +63,7 @@ class Outcome:
         sent: See `node_benchmark_peers.play`.
         heard: See `node_benchmark_peers.listen`.
         counts: The node's own: published, late, skipped, rejected.
-        recorded: The bag; None: nothing was recorded.
+        recorded: The bag.
         memory: Seconds since the start and resident bytes of the simulator, shape (samples, 2).
         processor_share: Of one core, that the simulator used.
         errors: Lines of its log.
@@ -74,7 +76,7 @@ class Outcome:
     sent: np.ndarray
     heard: dict[str, np.ndarray]
     counts: dict[str, int]
-    recorded: Recorded | None
+    recorded: Recorded
     memory: np.ndarray
     processor_share: float
     errors: tuple[str, ...]
@@ -101,6 +103,8 @@ def read_recorded(folder: Path) -> Recorded:
     files = information['rosbag2_bagfile_information']['relative_file_paths']
     warnings: list[str] = []
     predicted: list[tuple[int, int]] = []
+    arrivals: dict[int, int] = {}
+    waits: list[int] = []
     step_times: list[float] = []
     for file in files:
         topics: dict[int, str] = {}
@@ -111,12 +115,23 @@ def read_recorded(folder: Path) -> Recorded:
                 topic = topics[record.channel_id]
                 if topic == '/predicted_poses':
                     predicted.append((stamp_of(record.data), record.log_time))
+                elif topic == '/tracked_poses':
+                    arrivals[stamp_of(record.data)] = record.log_time
+                elif topic == '/predicted_trajectory':
+                    waits.append(record.log_time - arrivals[stamp_of(record.data)])
                 elif topic == '/simulator/step_time':
                     step_times.append(decode_float64(record.data))
     rows = np.array(sorted(predicted), dtype=np.int64).reshape(-1, 2)
     told = tuple(text.replace(str(folder), 'BAG') for text in warnings)
     lateness = (rows[:, 1] - rows[:, 0]) * 1e-9
-    return Recorded(rows[:, 0], lateness, np.array(step_times), len(files), told)
+    return Recorded(
+        stamps=rows[:, 0],
+        lateness=lateness,
+        step_times=np.array(step_times),
+        waits=1e-9 * np.array(waits, dtype=np.float64),
+        files=len(files),
+        warnings=told,
+    )
 
 
 def quantiles(seconds: np.ndarray) -> dict[str, float] | None:

@@ -54,7 +54,6 @@ class Case:
         radius: [m].
         stride: Model steps per tracked frame.
         parameters: Of the simulator, besides its scene.
-        record: Whether the simulator records.
         busy: Whether another process keeps one core busy.
         seed: Of places and noise.
     """
@@ -64,7 +63,6 @@ class Case:
     radius: float
     stride: int
     parameters: Mapping[str, str]
-    record: bool = True
     busy: bool = False
     seed: int = 0
 
@@ -98,7 +96,6 @@ class Case:
             'spheres': self.spheres,
             'radius_m': self.radius,
             'parameters': dict(self.parameters),
-            'recorded': self.record,
             'busy_core': self.busy,
             'seed': self.seed,
             'noise_radii': NOISE,
@@ -165,9 +162,8 @@ def run(
     """
     environment = node_environment(folder)
     poses, dt, period = _prepare(case, folder)
-    arguments = {'scene': str(folder / 'scene.yaml'), **case.parameters}
-    if case.record:
-        arguments['record'] = str(folder / 'bag')
+    files = {'scene': str(folder / 'scene.yaml'), 'record': str(folder / 'bag')}
+    arguments = {**files, **case.parameters}
     before = load_average()
     processes: list[Process] = []
 
@@ -204,7 +200,7 @@ def run(
             sent=np.load(folder / 'sent.npy'),
             heard={name: heard[name] for name in heard.files},
             counts=read_counts(log),
-            recorded=read_recorded(folder / 'bag') if case.record else None,
+            recorded=read_recorded(folder / 'bag'),
             memory=memory,
             processor_share=share,
             errors=errors_of(log),

@@ -32,6 +32,7 @@ BOUNDS = {
     'memory_growth_percent': 1.0,
 }
 LATENESS = {'lateness_heard_ms': 'heard', 'lateness_bag_ms': 'bag'}
+HORIZON = {'horizon_heard_ms': 'heard', 'horizon_bag_ms': 'bag'}
 
 
 def broken_bounds(part: str, report: Mapping[str, Any]) -> list[str]:
@@ -46,7 +47,8 @@ def _broken(part: str, case: Mapping[str, Any]) -> Iterator[str]:
     if case['errors']:
         yield f'{case["errors"]} errors in the log, the first: {case["first_errors"][0]}'
     if part == 'horizon':
-        yield from _over('horizon p99', case['horizon_ms'], BOUNDS['horizon_p99_ms'])
+        for key, where in HORIZON.items():
+            yield from _over(f'horizon p99 ({where})', case[key], BOUNDS['horizon_p99_ms'])
         return
     if case['missed'] or case['counts']['skipped']:
         yield f'{case["missed"]} steps missed, {case["counts"]["skipped"]} skipped'
@@ -108,7 +110,7 @@ def _horizon_cells(case: Mapping[str, Any]) -> dict[str, str]:
     return {
         'frames': str(case['frames']),
         'without': str(case['without_future']),
-        'p50/p99/worst ms': _quantiles(case['horizon_ms']),
+        **{f'{where} p50/p99/worst ms': _quantiles(case[key]) for key, where in HORIZON.items()},
         'kB': f'{case["message_bytes"] / 1e3:.0f}',
     }
 
