@@ -24,6 +24,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 import contextlib
 from dataclasses import dataclass
+from itertools import islice
 import os
 import threading
 import time
@@ -79,7 +80,8 @@ class Workers:
     ) -> Iterator[T]:
         """Results of `function(*call)`, in the order in which they are done.
 
-        On this machine a call is taken from `calls` when a process is free for it.
+        On this machine a call is taken from `calls` when a process is free for it. Ray makes as
+        many calls at a time as it has workers, and takes more when the slowest is done.
 
         Args:
             function: Importable by name.
@@ -95,27 +97,44 @@ class Workers:
             for call in calls:
                 yield function(*call)
             return
-        from joblib import delayed, Parallel, parallel_config
+        from joblib import delayed
+
+        jobs = (delayed(function)(*call) for call in calls)
+        take = self._in_turns if self.backend == 'ray' else self._as_done
+        with self._connected():
+            yield from take(jobs, processes)
+
+    def _as_done(self, jobs: Iterator[Any], processes: int) -> Iterator[Any]:
+        from joblib import Parallel, parallel_config
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        with self._connected():
-            own = {'initializer': _leave_with_parent} if self.here else {}
-            with parallel_config(self.backend, n_jobs=processes, **own):
-                parallel = Parallel(
-                    return_as='generator_unordered',
-                    batch_size=1,
-                    pre_dispatch='n_jobs' if self.here else 'all',
-                )
-            results = parallel(delayed(function)(*call) for call in calls)
-            try:
-                for result in results:  # noqa: UP028, which would close it with a warning
-                    yield result
-            except TerminatedWorkerError as error:
-                raise WorkerDied(str(error)) from error
-            finally:
-                with warnings.catch_warnings():
-                    warnings.simplefilter('ignore')  # that a stopped run was stopped
-                    results.close()
+        own = {'initializer': _leave_with_parent} if self.here else {}
+        with parallel_config(self.backend, n_jobs=processes, **own):
+            parallel = Parallel(
+                return_as='generator_unordered',
+                batch_size=1,
+                pre_dispatch='n_jobs' if self.here else 'all',
+            )
+        results = parallel(jobs)
+        try:
+            for result in results:  # noqa: UP028, which would close it with a warning
+                yield result
+        except TerminatedWorkerError as error:
+            raise WorkerDied(str(error)) from error
+        finally:
+            with warnings.catch_warnings():
+                warnings.simplefilter('ignore')  # that a stopped run was stopped
+                results.close()
+
+    def _in_turns(self, jobs: Iterator[Any], processes: int) -> Iterator[Any]:
+        """As many jobs at a time as there are workers: Ray's backend hands nothing out before."""
+        from joblib import effective_n_jobs, Parallel, parallel_config
+
+        with parallel_config(self.backend, n_jobs=processes):
+            parallel, together = Parallel(batch_size=1), effective_n_jobs(processes)
+        with parallel:  # the same workers for all turns
+            while some := list(islice(jobs, together)):
+                yield from parallel(some)
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[None]:

@@ -16,11 +16,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import closing
+from itertools import starmap
 import operator
 from pathlib import Path
 import subprocess
 import sys
 
+from joblib import delayed
 import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import record_path
@@ -61,6 +65,40 @@ def test_a_dask_cluster_takes_cells_and_trajectories(tmp_path: Path) -> None:
     names = [path.name for path in (tmp_path / 'out' / 'smoke' / 'cells').iterdir()]
     kinds = sorted(name.rsplit('_', 2)[0] for name in names)
     assert kinds == ['teacher_ood', 'teacher_test', 'train_base']
+
+
+@pytest.mark.slow
+def test_ray_takes_trajectories(tmp_path: Path) -> None:
+    pytest.importorskip('pybullet', reason='generation runs Bullet')
+    ray = pytest.importorskip('ray', reason='Ray is no dependency, and large: pip install ray')
+    command = ['generate', '--config', 'experiment_smoke', '--trajectories', '3']
+    on_ray = ['--backend', 'ray', '--workers', '2']
+    try:
+        assert main([*command, '--out', str(tmp_path / 'ray'), *on_ray]) == 0
+    finally:
+        ray.shutdown()
+    assert main([*command, '--out', str(tmp_path / 'here'), '--workers', '1']) == 0
+    for index in range(3):
+        one, other = (record_path(tmp_path / where, index) for where in ('ray', 'here'))
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_in_turns_calls_are_taken_as_they_are_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    # joblib's own pool of processes hands out nothing before the end either
+    monkeypatch.setattr('rigid_gns_core.workers.BACKENDS', ('multiprocessing',))
+    taken: list[int] = []
+
+    def calls() -> Iterator[tuple[int, int]]:
+        for number in range(5):
+            taken.append(number)
+            yield number, 2
+
+    workers = Workers(2, 'multiprocessing')
+    seen = []
+    with closing(workers._in_turns(starmap(delayed(operator.pow), calls()), 2)) as results:
+        for result in results:
+            seen.append((result, len(taken)))
+    assert seen == [(0, 2), (1, 2), (4, 4), (9, 4), (16, 5)]
 
 
 def test_no_cluster_is_needed_to_import_this() -> None:
