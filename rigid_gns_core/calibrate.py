@@ -123,8 +123,9 @@ def calibrate(
         told = problem.told(start)
         values = problem.solve({k: v for k, v in start.items() if k in told})
         errors = problem.errors(values)
-        for name in [name for name in told if errors[name] > MATERIALS[name].known]:
-            told.remove(name)
+        while (least := _least_known(errors)) is not None:
+            # without it the others may be known well: a product of two is told, but not both
+            told.remove(least)
             values = problem.solve({k: v for k, v in values.items() if k in told})
             errors = problem.errors(values)
     materials = {
@@ -173,6 +174,13 @@ def _check(
                 f'record {record.name!r} has a time step of {record.trajectory.dt:.4g} s, but the '
                 f'model has {native:.4g} s for its radius and gravity; import it without --dt'
             )
+
+
+def _least_known(errors: dict[str, float]) -> str | None:
+    """Material whose error is too large by most; of several the last."""
+    excess = {name: error / MATERIALS[name].known for name, error in errors.items()}
+    least = max(reversed(excess), key=excess.__getitem__, default=None)
+    return least if least is not None and excess[least] > 1.0 else None
 
 
 def _of_scene(scene: Scene, name: str) -> float:

@@ -32,7 +32,7 @@ from .config import to_mapping
 from .dataset import Record
 from .rollout import load_simulator
 from .similarity import ModelUnits, Similarity
-from .state import Array, Trajectory
+from .state import Trajectory
 
 if TYPE_CHECKING:
     from .learner import Learner
@@ -76,11 +76,12 @@ class StartingPoint:
         )
 
     def records(self, records: Sequence[Record]) -> list[Record]:
-        """Return records in the checkpoint's units; tracked ones with the velocity of their start.
+        """Return records in the checkpoint's units; tracked ones from frame 1 on.
 
         Raises:
             ValueError: A record's time step is not that of the model for its radius and gravity,
-                or it was tracked and the model learns from velocities of the instant.
+                or it was tracked and has one step, or the model learns from velocities of the
+                instant.
         """
         return [self._record(record) for record in records]
 
@@ -115,9 +116,7 @@ class StartingPoint:
                     f'record {record.name!r} holds tracked poses, but a contact model learns from '
                     'velocities of the instant; fit its materials instead: rigid-gns calibrate'
                 )
-            record = replace(
-                record, trajectory=_with_start(record.trajectory, record.scene.gravity)
-            )
+            record = _from_frame_1(record)
         similarity = Similarity.between(record.scene, self.units)
         native = self.units.dt * similarity.time
         if abs(record.trajectory.dt - native) > _SAME_STEP * native:
@@ -138,17 +137,22 @@ class StartingPoint:
         return replace(record, trajectory=trajectory, scene=scene)
 
 
-def _with_start(trajectory: Trajectory, gravity: Sequence[float]) -> Trajectory:
-    """Return the trajectory with the velocity of the instant in frame 0, where poses give a mean.
+def _from_frame_1(record: Record) -> Record:
+    """Return a tracked record from frame 1 on, with the velocity of the instant there.
 
-    Backward differences repeat in frame 0 the mean velocity of the first step; a sphere that flies
-    was slower by g dt / 2 when it began.
+    Backward differences repeat in frame 0 the mean velocity of the step after it, which a window
+    from there would be asked for. In frame 1 they are those of the step before, by whose end a
+    sphere that flies is g dt / 2 faster.
     """
-    if trajectory.steps < 2:
-        return trajectory
-    fall: Array = np.asarray(gravity, dtype=np.float64)
-    bent = np.diff(trajectory.positions[:3], 2, axis=0)[0]
-    flies = np.linalg.norm(bent - fall * trajectory.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
+    whole, fall = record.trajectory, np.asarray(record.scene.gravity, dtype=np.float64)
+    if whole.steps < 2:
+        raise ValueError(
+            f'record {record.name!r} has {whole.steps} step, expected at least 2; import it with '
+            '--min-steps 2 or more'
+        )
+    bent = np.diff(whole.positions[:3], 2, axis=0)[0]
+    flies = np.linalg.norm(bent - fall * whole.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
+    trajectory = whole.window(1, len(whole))
     velocities = trajectory.velocities.copy()
-    velocities[0] -= flies[:, None] * 0.5 * trajectory.dt * fall
-    return replace(trajectory, velocities=velocities)
+    velocities[0] += flies[:, None] * 0.5 * whole.dt * fall
+    return replace(record, trajectory=replace(trajectory, velocities=velocities))

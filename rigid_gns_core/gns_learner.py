@@ -103,7 +103,7 @@ class GNSLearner(Learner[GNS]):
         materials: dict[str, float] | None = None,
         device: torch.device | None = None,
         *,
-        resident: bool | None = None,
+        resident: bool = False,
     ) -> None:
         steps = config.closed_loop_steps
         self.sources = [source for source in sources if source.steps >= steps]
@@ -124,7 +124,7 @@ class GNSLearner(Learner[GNS]):
         )
         self._fit_normalisers()
         self.resident: Resident | None = None
-        if resident or (resident is None and self.device.type != 'cpu'):
+        if resident or self.device.type != 'cpu':
             self.resident = Resident(self.sources, config.model, self.device)
 
     @classmethod

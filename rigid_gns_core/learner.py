@@ -222,9 +222,9 @@ class Learner(ABC, Generic[N]):
             for index, parameter in enumerate(self.parameters):
                 self.averaged[index].copy_(tensors[f'average.{index}'])
                 if state := part(f'optimizer.{index}.'):
+                    # the count of steps too, which a fused Adam reads on the device
                     self.optimizer.state[parameter] = {
-                        name: value if name == 'step' else value.to(self.device)
-                        for name, value in state.items()
+                        name: value.to(self.device) for name, value in state.items()
                     }
             self.step = int(tensors['step'])
         except (KeyError, RuntimeError) as error:

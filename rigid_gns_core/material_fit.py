@@ -52,6 +52,9 @@ SCALES = (30.0, 3.0)
 _SCANNED = 20
 # most steps of a least-squares fit at one scale
 _MOST = 12
+# slopes are by differences, which are rough: a direction with less than this part of the steepest
+# one's curvature may be flat, and a material with more than this part in it is not known
+_BLURRED, _TURNED = 1e-3, 0.1
 # groups of windows that are fitted on their own, and the fewest windows of one
 _GROUPS, _LEAST = 8, 5
 
@@ -59,9 +62,9 @@ _GROUPS, _LEAST = 8, 5
 def most_evaluations(names: Sequence[str]) -> int:
     """At most how many times all windows are rolled out."""
     scan = 1 + sum(len(MATERIALS[name].tried) for name in names)
-    slopes = 2 * len(names)
-    fits = 2 * len(SCALES) + _GROUPS  # once more where a material drops out
-    return scan + slopes + fits * _MOST * (1 + slopes)
+    slopes = [2 * count for count in range(1 + len(names))]  # anew where a material drops out
+    fits = (len(SCALES) + _GROUPS) * _MOST
+    return scan + sum(fits * (1 + each) for each in slopes[1:]) + 2 * sum(1 + s for s in slopes)
 
 
 class MaterialFit:
@@ -151,11 +154,17 @@ class MaterialFit:
             weight = 1.0 / (1.0 + (errors / SCALES[-1]) ** 2)
             pulls.append(slopes.T @ (weight * errors))
             bend += (slopes * weight[:, None]).T @ slopes
-        inverse = np.linalg.pinv(bend)
-        spread = np.stack(pulls)
+        # in units of what counts as known: directions in which that changes no error are unseen
+        known = np.array([MATERIALS[name].known for name in values])
+        bends, ways = np.linalg.eigh(bend * np.outer(known, known))
+        unseen = bends < max(1.0, _BLURRED * bends[-1])
+        inverse = (ways / np.where(unseen, np.inf, bends)) @ ways.T
+        spread = np.stack(pulls) * known
         covariance = inverse @ (spread.T @ spread) @ inverse
         covariance *= len(pulls) / max(len(pulls) - len(values), 1)
-        return dict(zip(values, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        errors = known * np.sqrt(np.diag(covariance))
+        errors[np.abs(ways[:, unseen]).max(axis=1, initial=0.0) > _TURNED] = np.inf
+        return dict(zip(values, errors.tolist(), strict=True))
 
     def _by_groups(self, values: dict[str, float]) -> dict[str, float]:
         groups = min(_GROUPS, len(self.windows) // _LEAST)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.calibrate import calibrate
+from rigid_gns_core.calibrate import _least_known, calibrate
 from rigid_gns_core.calibration_windows import windows_of, with_materials
 from rigid_gns_core.cli import main
 from rigid_gns_core.config import from_mapping
@@ -131,6 +131,30 @@ def test_surfaces_of_their_own(contact: Simulator) -> None:
     scene = with_materials(BELIEVED, found.values)
     assert scene.restitution == 0.7
     assert scene.surfaces[0].restitution == found.values['surface_restitution']
+
+
+def test_of_a_product_one_factor_is_kept(contact: Simulator) -> None:
+    """Balls that meet the ground alone tell the product: no factor may pass for known."""
+    names = ['restitution', 'surface_restitution']
+    found = calibrate(contact, [dropped(0.448)], names=names)
+    ball, ground = (found.materials[name] for name in names)
+    assert (ground.told, ground.value) == (False, 0.7)
+    assert ball.told and 0.7 * ball.value == pytest.approx(0.448, abs=3e-3)
+
+
+@pytest.mark.parametrize(
+    ('errors', 'least'),
+    [
+        ({}, None),
+        ({'restitution': 0.09, 'friction': 0.14}, None),
+        ({'restitution': 0.114, 'surface_restitution': 0.146}, 'surface_restitution'),
+        ({'restitution': 0.146, 'surface_restitution': 0.114}, 'restitution'),
+        ({'friction': 0.2, 'rolling_friction': 0.03}, 'rolling_friction'),  # 1.3 and 1.5 times
+        ({'restitution': np.inf, 'surface_restitution': np.inf}, 'surface_restitution'),
+    ],
+)
+def test_the_least_known_material_goes_first(errors: dict, least: str | None) -> None:
+    assert _least_known(errors) == least
 
 
 def test_starts_are_exact_in_flight_and_not_trusted_at_a_bounce() -> None:

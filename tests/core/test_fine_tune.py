@@ -35,6 +35,7 @@ from rigid_gns_core.rollout import load_simulator  # noqa: E402
 from rigid_gns_core.scene import Scene  # noqa: E402
 from rigid_gns_core.state import Trajectory  # noqa: E402
 from rigid_gns_core.train import Trainer  # noqa: E402
+from rigid_gns_core.windows import Source  # noqa: E402
 
 STEPS = 12
 
@@ -88,9 +89,30 @@ def test_records_of_small_spheres_come_in_the_units_of_the_model(point: Starting
 
 def test_tracked_flights_start_with_the_velocity_of_the_instant(point: StartingPoint) -> None:
     (record,) = point.records([tracked()])
-    # differences of poses give the mean over the first step, g dt / 2 more
-    np.testing.assert_allclose(record.trajectory.velocities[0, :, 2], 0.0, atol=1e-9)
-    np.testing.assert_allclose(record.trajectory.velocities[1, :, 2], -0.4905, atol=1e-9)
+    # frame 0 has no difference of its own; after it the fall's speed is g dt, and the mean over
+    # the next step g dt / 2 more
+    assert record.trajectory.steps == tracked().trajectory.steps - 1
+    np.testing.assert_allclose(record.trajectory.velocities[0, :, 2], -0.981, atol=1e-9)
+    np.testing.assert_allclose(record.trajectory.velocities[1, :, 2], -1.4715, atol=1e-9)
+
+
+def test_no_window_is_told_what_it_has_to_predict(point: StartingPoint) -> None:
+    """What a sphere did before its first window is not what it does in it."""
+    struck = tracked()
+    positions = struck.trajectory.positions.copy()
+    positions[1:] += [0.0, 0.0, 1.0]  # off its way between frames 0 and 1
+    whole = Trajectory.from_poses(positions, struck.trajectory.quaternions, struck.trajectory.dt)
+    (record,) = point.records([replace(struck, trajectory=whole)])
+    source = Source.of(record.trajectory, record.scene)
+    np.testing.assert_allclose(source.velocities[0], whole.velocities[1], atol=0.5)
+    assert np.abs(source.velocities[0] - source.velocities[1])[:, 2].min() > 9.0
+
+
+def test_a_record_of_one_step_tells_nothing(point: StartingPoint) -> None:
+    whole = tracked()
+    short = replace(whole, trajectory=whole.trajectory.window(0, 2))
+    with pytest.raises(ValueError, match='has 1 step, expected at least 2; import it with'):
+        point.records([short])
 
 
 def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:

@@ -80,6 +80,17 @@ def test_resumed_run_gives_the_same_bytes(tmp_path):
         assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
 
 
+def test_a_state_is_loaded_to_where_the_network_is():
+    """A fused Adam on a GPU also reads its count of steps there; meta stands for one."""
+    learner = GNSLearner.of(CONFIG, RECORDS)
+    learner.advance()
+    learner.device = torch.device('meta')
+    learner.load_state(learner.state())
+    states = [learner.optimizer.state[parameter] for parameter in learner.parameters]
+    assert {'step', 'exp_avg', 'exp_avg_sq'} == set(states[0])
+    assert {value.device.type for state in states for value in state.values()} == {'meta'}
+
+
 def test_seeds_differ():
     first, second = (
         GNSLearner(
