@@ -88,18 +88,9 @@ class Channels:
         max_duration: float = 0.0,
     ) -> None:
         self._node, self._on_tracked = node, on_tracked
-        # before anything can be received or published
         self.bag: BagWriter | None = None
-        if record:
-            try:
-                self.bag = BagWriter(
-                    Path(record).expanduser(),
-                    max_size=max_size,
-                    max_duration=max_duration,
-                    on_error=self._log_error,
-                )
-            except OSError as error:
-                raise type(error)(f'parameter record is {record!r}: {error}') from error
+        self._recorded: list[tuple[str, str, Qos]] = []  # name, type and profile of each topic
+        self._early: dict[str, bytes] = {}  # what was sent last before a simulated clock ran
         self.recorded_bytes = 0  # of messages handed to the bag
         self.predicted = self._publisher(PoseArray, 'predicted_poses')
         self.trajectory = self._publisher(MultiDOFJointTrajectory, 'predicted_trajectory', depth=1)
@@ -119,6 +110,9 @@ class Channels:
                 qos_overriding_options=overridable(),
             )
         self._register(self.tracked.topic_name, PoseArray, profile)
+        # last, so that a topic that cannot be made leaves no bag; nothing has come or gone yet
+        if record:
+            self.bag = self._new_bag(record, max_size, max_duration)
 
     @property
     def topics(self) -> dict[str, str]:
@@ -154,6 +148,7 @@ class Channels:
         """Finish the bag; returns what became of it, or an empty text."""
         if self.bag is None:
             return ''
+        self._record_early(0)  # no clock ever came
         self.bag.close()
         text = f'bag in {self.bag.folder}'
         if self.bag.error:
@@ -187,21 +182,44 @@ class Channels:
         return publisher
 
     def _register(self, name: str, kind: Any, profile: QoSProfile) -> None:
-        """Announce a topic to the bag, with the profile of the three it knows that is nearest."""
-        if self.bag is None:
-            return
+        """Note a topic for the bag, with the profile of the three it knows that is nearest."""
         package, kind_name = kind.__module__.split('.')[0], kind.__name__
         qos: Qos = 'reliable'
         if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             qos = 'latched'
         elif profile.reliability == ReliabilityPolicy.BEST_EFFORT:
             qos = 'sensor_data'
-        self.bag.add_topic(name, f'{package}/msg/{kind_name}', qos)
+        self._recorded.append((name, f'{package}/msg/{kind_name}', qos))
+
+    def _new_bag(self, record: str, max_size: float, max_duration: float) -> BagWriter:
+        try:
+            bag = BagWriter(
+                Path(record).expanduser(),
+                max_size=max_size,
+                max_duration=max_duration,
+                on_error=self._log_error,
+            )
+        except OSError as error:
+            raise type(error)(f'parameter record is {record!r}: {error}') from error
+        for topic in self._recorded:
+            bag.add_topic(*topic)
+        return bag
 
     def _log_error(self, text: str) -> None:
         self._node.get_logger().error(text)
 
     def _record(self, topic: str, cdr: bytes, time_ns: int) -> None:
-        if self.bag:
-            self.recorded_bytes += len(cdr)
+        if self.bag is None:
+            return
+        self.recorded_bytes += len(cdr)
+        if time_ns == 0:  # a bag that begins there would last for decades
+            self._early[topic] = cdr
+            return
+        self._record_early(time_ns)
+        self.bag.write(topic, cdr, time_ns)
+
+    def _record_early(self, time_ns: int) -> None:
+        for topic, cdr in self._early.items():
+            assert self.bag is not None
             self.bag.write(topic, cdr, time_ns)
+        self._early.clear()

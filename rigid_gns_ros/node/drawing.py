@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rigid_gns_core.state import Array
 
 from ..encoding.markers import Color, encode_markers, Marker, path_markers, sphere_markers
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from .horizon import Future
     from ..prediction.forecast import Forecaster
+    from ..tracking.window import TrackingWindow
 
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)
@@ -41,13 +43,15 @@ class Drawing:
 
     Args:
         publisher: Of visualization_msgs/MarkerArray.
-        model: Gives radii and period.
-        frame_id: Coordinate frame.
+        model: Gives its largest radius and its period.
+        window: Gives the radius of each sphere.
         gap: Longest time between tracked frames [s].
     """
 
-    def __init__(self, publisher: Publisher, model: Forecaster, frame_id: str, gap: float) -> None:
-        self._publisher, self._model, self._frame_id = publisher, model, frame_id
+    def __init__(
+        self, publisher: Publisher, model: Forecaster, window: TrackingWindow, gap: float
+    ) -> None:
+        self._publisher, self._model, self._window = publisher, model, window
         self._lifetime_ns = round(max(LIFETIME * model.period, gap, 0.5) * 1e9)
 
     def tracked(self, stamp_ns: int, positions: Array, ids: Sequence[int]) -> None:
@@ -76,9 +80,9 @@ class Drawing:
         self, namespace: str, stamp_ns: int, positions: Array, ids: Sequence[int], color: Color
     ) -> None:
         if self.watched:
-            radii = self._model.radii(ids)
+            radii = self._window.following.around.radii(np.array(ids, dtype=np.int64))
             self._send(stamp_ns, sphere_markers(namespace, positions, radii, color))
 
     def _send(self, stamp_ns: int, markers: list[Marker]) -> None:
-        cdr = encode_markers(stamp_ns, self._frame_id, self._lifetime_ns, markers)
+        cdr = encode_markers(stamp_ns, self._window.frame_id, self._lifetime_ns, markers)
         self._publisher.publish(cdr)

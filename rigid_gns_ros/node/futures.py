@@ -29,6 +29,9 @@ from ..tracking.window import TrackingWindow
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+SIZE = 104  # of a sphere at one time in the message: pose and twist [bytes]
+MOST = 100_000_000  # of a message, which is copied several times [bytes]
+
 
 class Futures:
     """Publishes the future from the newest frame, computed beside the executor.
@@ -95,15 +98,30 @@ class Futures:
             stamp_ns, state = window.start()
             rollout = self._model.forecast(state, stamp_ns, window.ids).rollout
         except ValueError as error:
-            self._warn('horizon', f'no future from these tracked frames: {error}')
+            self._none(f'no future from these tracked frames: {error}')
             return None
         steps = steps_of(self._seconds, rollout.dt)
+        size = (steps + 1) * len(state) * SIZE
+        if size > MOST:
+            self._none(
+                f'a future of {steps} steps of {len(state)} spheres would be a message of '
+                f'{size / 1e6:.0f} MB, the bound is {MOST / 1e6:.0f} MB; lower horizon'
+            )
+            return None
         return Job(rollout, stamp_ns, steps, window.frame_id, window.ids)
 
     def _on_ready(self) -> None:
-        future = self._horizon.take()
+        try:
+            future = self._horizon.take()
+        except Exception as error:  # of a thread: it must not end the predictions
+            self._none(f'no future: {type(error).__name__}: {error}')
+            return
         if future is not None:
             self._publish(future)
+
+    def _none(self, why: str) -> None:
+        self._health.future_failed(why)
+        self._warn('horizon', why)
 
     def _publish(self, future: Future) -> None:
         self._health.future_computed(future.took, future.error)

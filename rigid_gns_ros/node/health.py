@@ -69,8 +69,8 @@ class Health:
         self._starts = 0
         self._frames, self._rejections = Recent(), Recent()
         self._lateness, self._late, self._steps = Recent(), Recent(), Recent()
-        self._futures, self._superseded = Recent(), Recent()
-        self._shortened = ''
+        self._futures, self._superseded, self._failed = Recent(), Recent(), Recent()
+        self._shortened = self._failure = ''
 
     def frame_accepted(self) -> None:
         """Count a tracked frame that was taken."""
@@ -101,6 +101,11 @@ class Health:
         """Note that a future took so long [s]; `error` says why it ends early, or is ''."""
         self._futures.add(took)
         self._shortened = error
+
+    def future_failed(self, why: str) -> None:
+        """Count a frame whose future could not be computed."""
+        self._failed.add()
+        self._failure = why
 
     def future_superseded(self) -> None:
         """Count a frame that came before the future of the one before it was begun."""
@@ -202,7 +207,9 @@ class Health:
 
     def _horizon(self, horizon: float) -> Status:
         level, message = OK, 'every tracked frame has its future'
-        if self._shortened:
+        if len(self._failed):
+            level, message = WARN, self._failure
+        elif self._shortened and len(self._futures):
             level, message = WARN, f'the last future ends early: {self._shortened}'
         elif dropped := len(self._superseded):
             level = WARN
@@ -212,7 +219,7 @@ class Health:
             'rate [Hz]': f'{self._futures.rate:.3g}',
             'time p50 [ms]': _milliseconds(self._futures, 0.5),
             'time worst [ms]': _milliseconds(self._futures, 1.0),
-            'frames without': str(len(self._superseded)),
+            'frames without': str(len(self._superseded) + len(self._failed)),
         }
         return Status(level, 'horizon', message, values)
 

@@ -26,6 +26,7 @@ from .channels import Channels
 from .drawing import Drawing
 from .futures import Futures
 from .health import Health, Setting
+from .set_clock import SetClock
 from ..encoding.diagnostics import encode_diagnostics
 from ..messages import decode_pose_array, encode_float64, encode_string, PoseArrayCodec
 from ..prediction.forecast import Forecaster, Prediction
@@ -84,7 +85,7 @@ class Simulation:
         self._reason: Reason = 'first'  # of the next start from nothing
         self._generation = self.window.generation  # that the forecast is of
         self._codec = PoseArrayCodec(self._frame_id, 0)
-        self._alarm = Alarm(node, self._on_due)
+        self._alarm, self._clock = Alarm(node, self._on_due), SetClock(node)
         self.channels = Channels(
             node,
             self.on_tracked,
@@ -92,7 +93,7 @@ class Simulation:
             max_size=float(parameters['record_max_size']),
             max_duration=float(parameters['record_max_duration']),
         )
-        self._drawing = Drawing(self.channels.markers, model, self._frame_id, gap)
+        self._drawing = Drawing(self.channels.markers, model, self.window, gap)
         self.futures = Futures(
             node,
             model,
@@ -117,6 +118,7 @@ class Simulation:
 
     def on_tracked(self, cdr: bytes) -> None:
         """Take a tracked message."""
+        self._look_at_clock()
         now = self._now()
         try:
             if now == 0:
@@ -208,16 +210,17 @@ class Simulation:
         self.health.started()
         self.channels.send(self.channels.start, encode_string(start.json))
 
-    def compute(self) -> None:
-        """Compute the next prediction, to be published when it is due."""
+    def compute(self) -> str:
+        """Compute the next prediction, to be published when it is due; returns why it failed."""
         try:
-            prediction = self.predictor.compute(self._now())
+            prediction = self.predictor.compute(self._now(), paused=self.paused)
         except PredictionError as error:
             self._give_up(error)
-            return
+            return str(error)
         self._report_steps(prediction.step_times)
         if not self.paused:
             self._alarm.set(self.predictor.due_ns)
+        return ''
 
     def _report_steps(self, step_times: Sequence[float]) -> None:
         self.health.stepped(step_times)
@@ -225,6 +228,7 @@ class Simulation:
             self.channels.send(self.channels.step_time, encode_float64(step_time))
 
     def _on_due(self) -> None:
+        self._look_at_clock()
         predictor = self.predictor
         if predictor.forecast is None:
             return
@@ -283,6 +287,19 @@ class Simulation:
         """Forget all frames and predictions; `reason` is that of the next start."""
         self.window.clear()
         self._stop(reason)
+
+    def clock_set(self, ahead_ns: int) -> None:
+        """Start again after the clock was set, or a simulated one has jumped, by so much."""
+        if self.window.stamp_ns is None:
+            return
+        self.forget('restart')
+        ahead = ahead_ns * 1e-9
+        way = 'backwards' if ahead < 0 else f'forward by {ahead:.3f} s at once'
+        self._node.get_logger().info(f'the clock went {way}: waiting for new tracked frames')
+
+    def _look_at_clock(self) -> None:
+        if ahead_ns := self._clock.set_by():
+            self.clock_set(ahead_ns)
 
     def _stop(self, reason: Reason) -> None:
         self._alarm.cancel()

@@ -19,12 +19,12 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
-from rclpy.duration import Duration
+from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from .closing_node import ClosingNode, log_end
+from .set_clock import on_jump
 from .simulation import Simulation
 from .threads import bound_threads, switch_often
 from ..messages import encode_string
@@ -32,8 +32,6 @@ from ..parameters import declare, SIMULATOR
 from ..prediction.forecast import Forecaster
 from ..tracking.window import seconds
 
-# a longer jump of simulated time starts anew
-JUMP = Duration(seconds=1, nanoseconds=1)
 DIAGNOSTICS_PERIOD = 1.0  # [s], of real time
 
 
@@ -65,12 +63,7 @@ class SimulatorNode(ClosingNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
-        jumps = JumpThreshold(
-            min_forward=JUMP, min_backward=Duration(nanoseconds=-1), on_clock_change=False
-        )
-        self._jump_handle = self.get_clock().create_jump_callback(
-            jumps, post_callback=self._on_jump
-        )
+        self._jump_handle = on_jump(self, self.simulation.clock_set)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DIAGNOSTICS_PERIOD, self.simulation.report, clock=steady)
         self._tell(model, values)
@@ -112,12 +105,13 @@ class SimulatorNode(ClosingNode):
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         simulation, predictor = self.simulation, self.simulation.predictor
+        failure = ''
         if simulation.paused and predictor.forecast is not None and predictor.pending is None:
-            simulation.compute()
+            failure = simulation.compute()
         if not simulation.paused:
             response.message = 'not paused: call ~/pause with data: true first'
         elif predictor.pending is None:
-            response.message = 'not started: no tracked frames yet'
+            response.message = failure or 'not started: no tracked frames yet'
         else:
             prediction = predictor.take()
             response.success = True
@@ -139,11 +133,3 @@ class SimulatorNode(ClosingNode):
                 resync.over = str(parameter.value)
             elif parameter.name == 'horizon':
                 self.simulation.futures.seconds = float(parameter.value)
-
-    def _on_jump(self, jump: TimeJump) -> None:
-        if self.simulation.window.stamp_ns is None:
-            return
-        self.simulation.forget('restart')
-        ahead = jump.delta.nanoseconds * 1e-9
-        way = 'backwards' if ahead < 0 else f'forward by {ahead:.3f} s at once'
-        self.get_logger().info(f'the clock went {way}: waiting for new tracked frames')

@@ -27,6 +27,7 @@ from rigid_gns_core.state import Array
 from .alarm import Alarm
 from .channels import overridable, sensor_data
 from .closing_node import ClosingNode, log_end
+from .set_clock import on_jump
 from ..messages import PoseArrayCodec
 from ..parameters import declare, TRACKER
 from ..process import Finished
@@ -126,17 +127,15 @@ class TrackerNode(ClosingNode):
         self._start_ns = 0
         self._index = self._published = 0
         self._alarm = Alarm(self, self._on_due)
-        waits = bool(values['wait_for_subscriber'])
+        self._waits = waits = bool(values['wait_for_subscriber'])
         self.get_logger().info(
             f'ready: {self._source.count} spheres, {1 / self._pace:.6g} frames per second on '
             f'{self._publisher.topic_name}, noise {self._noise:g} m'
             + ('; waiting for a subscriber' if waits else '')
         )
         self._await = Alarm(self, self._on_wait)
-        if waits:
-            self._await.set(0)
-        else:
-            self._begin()
+        self._await.set(0)
+        self._jump_handle = on_jump(self, self._on_jump)
 
     def close(self) -> None:
         """Stop publishing."""
@@ -145,15 +144,20 @@ class TrackerNode(ClosingNode):
         log_end(f'stopped: {self._published} frames published')
 
     def _on_wait(self) -> None:
-        if self._publisher.get_subscription_count():
-            self._begin()
+        now = self._now()
+        # a simulated clock stands at 0 until the first /clock
+        if now and (self._publisher.get_subscription_count() or not self._waits):
+            self._start_ns = now
+            self.get_logger().info(f'started at stamp {seconds(now)} s')
+            self._alarm.set(now)
         else:
-            self._await.set(self._now() + WAIT_PERIOD_NS)
+            self._await.set(now + WAIT_PERIOD_NS)
 
-    def _begin(self) -> None:
-        self._start_ns = self._now()
-        self.get_logger().info(f'started at stamp {seconds(self._start_ns)} s')
-        self._alarm.set(self._start_ns)
+    def _on_jump(self, _: int) -> None:
+        """Go on with the present frame after a simulated clock has jumped."""
+        if self._published:
+            self._start_ns = self._now() - round(self._index * self._pace * 1e9)
+            self._alarm.set(self._now())
 
     def _on_due(self) -> None:
         # a frame that is late by a frame or more is dropped, as a camera would

@@ -182,10 +182,6 @@ class Forecaster:
         """Whether spheres can lie still on a surface, or there are no surfaces."""
         return not self.scene.surfaces or self.scene.ground is not None
 
-    def radii(self, ids: Sequence[int]) -> Array:
-        """Radius of each sphere [m], shape (n,)."""
-        return scene_of(self.scene, ids).per_sphere('radius', len(ids))
-
     def check(self, count: int) -> list[str]:
         """Warnings about predicting `count` spheres.
 

@@ -196,8 +196,12 @@ class Predictor:
         value = error.mean if self.resync.over == 'mean' else error.worst
         return not value <= self.resync.bound * self._model.radius
 
-    def compute(self, now: int) -> Prediction:
+    def compute(self, now: int, *, paused: bool = False) -> Prediction:
         """Compute the next prediction, ahead of the time it is due.
+
+        Args:
+            now: Time of the node's clock [ns].
+            paused: Whether it is made by hand, so that stamps passed over are not left out.
 
         Raises:
             PredictionError: The rollout diverged, or the newest frames give no start.
@@ -211,7 +215,7 @@ class Predictor:
         reason = self._anew or ('every' if self.every and newer else None)
         if reason:
             self._anew = None
-            self.forecast = self._renewed(now, reason)
+            self.forecast = self._renewed(now, reason, paused=paused)
         self.pending = self._advance()
         return self.pending
 
@@ -273,7 +277,7 @@ class Predictor:
         newest = self._window.stamp_ns
         return -1 if newest is None else newest
 
-    def _renewed(self, now: int, reason: Reason) -> Forecast:
+    def _renewed(self, now: int, reason: Reason, *, paused: bool = False) -> Forecast:
         """Forecast from the newest frame, for a stamp that is not past."""
         newest, self._delay_ns = self._newest, 0
         if self._window.lead_ns + self._offset_ns < -CLOCK_TOLERANCE_NS:
@@ -291,7 +295,7 @@ class Predictor:
         if now - self.due_ns > self.period_ns:
             skipped = self._grid.skip_to(now - self._offset_ns)
         skipped += self._grid.skip_to(newest + 1)
-        if skipped:
+        if skipped and not paused:
             self.counts['skipped'] += skipped
             self._pacer.skip(skipped, now)
             self._note_overload()

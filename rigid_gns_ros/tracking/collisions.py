@@ -70,6 +70,9 @@ def exchange(offset: Vector, speed: Vector, restitution: float) -> Vector:
         speed: Of the other relative to it [m/s].
         restitution: Of the pair.
     """
-    normal = times(1.0 / length(offset), offset)
+    apart = length(offset)
+    if apart == 0.0:  # in one place, as two measurements of one sphere may be
+        return 0.0, 0.0, 0.0
+    normal = times(1.0 / apart, offset)
     closing = min(dot(speed, normal), 0.0)
     return times(0.5 * (1.0 + restitution) * closing, normal)

@@ -218,25 +218,27 @@ class TrackingWindow:
         self._refused.clear()
         later: list[PoseArrayFrame] = []
         now, newborn = self._now, self._now.next_id
-        while self._frames and self._frames[-1][0].stamp_ns > frame.stamp_ns:
-            after, now = self._frames.pop()
+        frames = self._frames.copy()  # what fails below leaves all as it was
+        while frames and frames[-1][0].stamp_ns > frame.stamp_ns:
+            after, now = frames.pop()
             later.insert(0, after)
-        if later:
-            self.counts['reordered'] += 1
-        else:
-            self._leads.append(frame.stamp_ns - now_ns)
-            self.arrival_ns = now_ns
         anew = now.next_id < newborn
         for one in (frame, *later):
             if len(now.stamps) and one.stamp_ns - now.stamps[-1] > self.max_gap_ns:
                 if not self.full:
                     self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
-                self._frames.clear()
+                frames.clear()
                 matched = self.following.matched
                 now = TrackedSet.empty(now.next_id, now.heard) if matched else _NOTHING
-            self._frames.append((one, now))
+            frames.append((one, now))
             now = now.after(one, self.following)
-        self.counts['missed'] += 0 if later else now.missed
+        self._frames = frames
+        if later:
+            self.counts['reordered'] += 1
+        else:
+            self._leads.append(frame.stamp_ns - now_ns)
+            self.arrival_ns = now_ns
+            self.counts['missed'] += now.missed
         # a late frame may have given other spheres the same ids
         self._become(now, changed=anew)
 

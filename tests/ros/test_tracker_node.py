@@ -134,6 +134,28 @@ def test_it_waits_for_a_subscriber_and_is_best_effort(
     assert publisher.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT
 
 
+@pytest.mark.parametrize('waits', [True, False])
+def test_it_starts_with_a_simulated_clock(bench: Any, record: Path, waits: bool) -> None:
+    heard = listen(bench)
+    node = bench.add(
+        TrackerNode, trajectory=str(record), use_sim_time=True, wait_for_subscriber=waits
+    )
+    clock = bench.clock(node)
+    origin, step = 100_000_000_000, round(DT * 1e9)
+    for index in range(4):
+        clock.set(origin + index * step)
+        bench.until(lambda number=index + 1: len(heard) == number, f'frame {index}')
+    assert [frame.stamp_ns - origin for frame in heard] == [0, step, 2 * step, 3 * step]
+    for jumped in (origin // 2, 10 * origin):  # it goes on with the frame that is next
+        before = len(heard)
+        clock.set(jumped)
+        bench.until(lambda before=before: len(heard) > before, 'a frame after the jump')
+        assert heard[-1].stamp_ns == jumped
+    np.testing.assert_allclose(
+        [frame.poses[:, :3] for frame in heard], demo_trajectory(record).positions, atol=0.01
+    )
+
+
 def test_a_loop_goes_on_with_rising_stamps(bench: Any, record: Path) -> None:
     heard = listen(bench)
     bench.add(TrackerNode, trajectory=str(record), loop=True, noise=0.0)

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ import pytest
 from rigid_gns_core.plane import Plane
 from rigid_gns_core.scene import Scene
 from rigid_gns_ros.messages import PoseArrayFrame
+from rigid_gns_ros.tracking.tracked_set import TrackedSet
 from rigid_gns_ros.tracking.window import RejectedFrame, RESTART_FRAMES, TrackingWindow
 
 DT = 100_000_000  # [ns]
@@ -285,6 +287,38 @@ def test_gravity_may_point_anywhere() -> None:
         feed(target, [frame(index, shown[::-1] if index % 2 else shown)])
     expected = np.tile(0.7 * np.array(gravity), (COUNT, 1))
     np.testing.assert_allclose(target.start()[1].velocities, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize('length', [1, 2, 3, 6])
+def test_spheres_in_one_place_are_not_the_end(length: int) -> None:
+    """Two that approach are measured in one place for three frames, and part again."""
+    target = window(length=length, radius=0.02, scene=Scene(radius=0.02))
+    for index in range(40):
+        shown = np.zeros((2, 7))
+        shown[:, 0] = [-1.0, 1.0]
+        shown[:, 0] *= 0.02 * max(abs(index - 20) - 1, 0)
+        shown[:, 2], shown[:, 6] = 0.3, 1.0
+        stamp = 10**18 + index * 14_000_000
+        with contextlib.suppress(RejectedFrame):
+            target.add(PoseArrayFrame(stamp, 'world', shown), stamp)
+    assert target.stamp_ns == stamp and target.count == 2
+    found = target.start()[1].positions  # nobody can tell whether they bounced or passed
+    np.testing.assert_allclose(found[np.argsort(found[:, 0])], shown[:, :3], atol=1e-12)
+
+
+def test_a_frame_that_cannot_be_taken_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    target = window()
+    feed(target, [frame(index) for index in range(5)])
+    before = target.window_ns, target.lead_ns, target.start()[1].positions
+
+    def fail(*_: Any) -> None:
+        raise ValueError('not thought of')
+
+    monkeypatch.setattr(TrackedSet, 'after', fail)
+    with pytest.raises(ValueError, match='not thought of'):
+        feed(target, [frame(5)])
+    assert (target.window_ns, target.lead_ns) == before[:2]
+    np.testing.assert_array_equal(target.start()[1].positions, before[2])
 
 
 def test_old_calls_go_on_working() -> None:

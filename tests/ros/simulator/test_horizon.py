@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 import threading
 from typing import Any
 
@@ -39,6 +40,7 @@ from rigid_gns_ros.prediction.forecast import Forecaster
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
+import yaml
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
@@ -145,6 +147,64 @@ def test_markers_show_tracked_predicted_and_future(simulated: Simulated, falling
     assert [m.id for m in of('path')] == [0, 1, 2]
     assert {len(m.points) for m in of('path')} == {6}
     assert {m.lifetime.sec for array in drawn for m in array.markers} == {1}
+
+
+def test_markers_of_a_sphere_that_the_scene_does_not_know(
+    simulated: Simulated, tmp_path: Path, log: Callable[[], str]
+) -> None:
+    """A sphere that was lost comes back under another id: to look at it must not end the node."""
+    scene = tmp_path / 'two.yaml'
+    ground = {'point': [0.0, 0.0, 0.0], 'normal': [0.0, 0.0, 1.0]}
+    content = {'surfaces': [ground], 'radius': [1.0, 0.8]}
+    scene.write_text(yaml.safe_dump({'scene': content}), encoding='utf-8')
+    setup = simulated(scene=str(scene), match_spheres=True)
+    drawn: list[MarkerArray] = []
+    setup.bench.tester.create_subscription(MarkerArray, '/predicted_markers', drawn.append, 100)
+    publisher = setup.node.simulation.channels.markers
+    setup.bench.until(publisher.get_subscription_count, 'discovery')
+    centres = np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 0.8], [0.0, 9.0, 0.8]])
+    poses = np.concatenate([centres, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))], axis=1)
+    for index in range(8):
+        setup.clock.set(T0 + index * DT)
+        setup.frame(poses[:2], T0 + index * DT)
+    setup.tracked.send(poses[[0, 2]], T0 + 8 * DT)
+    setup.bench.until(lambda: 'sphere 2 has no properties' in log(), 'the warning')
+    setup.frame(poses[:2], T0 + 9 * DT)
+
+    def largest() -> bool:
+        return any(
+            m.scale.x == 2.0 and len(m.points) == 2
+            for array in drawn
+            for m in array.markers
+            if m.ns == 'tracked' and m.header.stamp.nanosec == (T0 + 8 * DT) % 10**9
+        )
+
+    setup.bench.until(largest, 'the unknown sphere, drawn as large as the largest')
+
+
+def test_a_future_that_fails_does_not_end_the_predictions(
+    simulated: Simulated, falling: Falling, log: Callable[[], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def exhaust(*_: Any) -> None:
+        raise MemoryError('no room')
+
+    monkeypatch.setattr(horizon, 'compute', exhaust)
+    setup = simulated(horizon=0.5)
+    setup.start(falling(0.0))
+    setup.bench.until(lambda: 'no future: MemoryError: no room' in log(), 'the warning')
+    assert len(setup.run(2)) == 2
+
+
+def test_a_future_too_large_for_a_message_is_refused(
+    simulated: Simulated, falling: Falling, log: Callable[[], str]
+) -> None:
+    setup = simulated(horizon=60.0, max_spheres=2000)
+    heard = futures(setup)
+    setup.start(falling(0.0, count=2000))  # 601 times 2000 times 104 bytes
+    setup.bench.until(lambda: 'would be a message of 125 MB' in log(), 'the warning')
+    assert 'lower horizon' in log() and not heard
+    status = setup.node.simulation.health.report(paused=False, horizon=60.0, bag=None, size=0)[-1]
+    assert 'the bound is 100 MB' in status.message
 
 
 def test_predictions_go_on_while_a_future_is_computed(

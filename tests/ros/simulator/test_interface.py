@@ -156,10 +156,11 @@ def test_quality_of_service_can_be_overridden(bench: Any) -> None:
     assert node.describe_parameter(next(iter(names))).read_only
 
 
-def test_a_wrong_override_is_named(bench: Any) -> None:
-    name = 'qos_overrides./tracked_poses.subscription.reliability'
+def test_a_wrong_override_is_named_and_leaves_no_bag(bench: Any, tmp_path: Path) -> None:
+    name, bag = 'qos_overrides./tracked_poses.subscription.reliability', tmp_path / 'bag'
     with pytest.raises(ValueError, match='qos_overrides of tracked_poses: .*sometimes'):
-        bench.add(SimulatorNode, **{name: 'sometimes'})
+        bench.add(SimulatorNode, record=str(bag), **{name: 'sometimes'})
+    assert not bag.exists()  # so that the same command, corrected, can be given
 
 
 # --- gravity ---

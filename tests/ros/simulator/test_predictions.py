@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import time
 from typing import Any
 
 import numpy as np
@@ -174,6 +175,31 @@ def test_a_clock_that_goes_back_starts_again(
     setup.clock.set(earlier + DT)
     frame = setup.tracked.wait(3)[2]
     assert frame.stamp_ns == earlier + DT and len(frame.poses) == 4
+
+
+@pytest.mark.parametrize('days', [400, -400])
+def test_a_system_clock_that_is_set_starts_again(
+    bench: Any,
+    falling: Falling,
+    log: Callable[[], str],
+    monkeypatch: pytest.MonkeyPatch,
+    days: int,
+) -> None:
+    """Only simulated clocks tell of jumps; this one parts from the clock that nobody sets."""
+    node = bench.add(SimulatorNode, velocity_window=1)
+    tracked, simulation = bench.tracked(), node.simulation
+    tracked.send(falling(0.0), bench.now())
+    tracked.wait_computed(1)
+    apart, real = days * 86_400 * 10**9, time.monotonic_ns
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: real() - apart)
+    now = bench.now()
+    tracked.send(falling(0.0, count=4), now)
+    bench.until(lambda: simulation.window.stamp_ns == now, 'the frame')
+    way = f'forward by {86_400.0 * days:.0f}' if days > 0 else 'backwards'
+    assert log().count(f'the clock went {way}') == 1
+    assert simulation.predictor.last_start.reason == 'restart'
+    tracked.wait(1)
+    assert simulation.predictor.counts['skipped'] == 0
 
 
 def test_a_clock_that_jumps_ahead_starts_again(

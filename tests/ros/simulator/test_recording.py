@@ -102,6 +102,30 @@ def test_the_bag_holds_the_bytes(bench: Any, falling: Falling, tmp_path: Path) -
     assert (folder / 'metadata.yaml').is_file()
 
 
+def test_a_bag_begins_with_the_clock(
+    simulated: Simulated, falling: Falling, tmp_path: Path
+) -> None:
+    """What is said before a simulated clock runs has the time of what comes first."""
+    folder = tmp_path / 'bag'
+    setup = simulated(record=str(folder))
+    setup.start(falling(0.0))
+    setup.node.close()
+    bag = read_bag(folder)
+    assert len(bag.topics['/simulator/scene'].messages) == 1
+    assert {time for topic in bag.topics.values() for time in topic.times} == {T0}
+
+
+def test_a_bag_without_a_clock_has_the_scene(bench: Any, tmp_path: Path) -> None:
+    folder = tmp_path / 'bag'
+    node = bench.add(SimulatorNode, use_sim_time=True, record=str(folder))
+    node.simulation.report()
+    node.simulation.report()
+    node.close()
+    bag = read_bag(folder)
+    assert len(bag.topics['/simulator/scene'].messages) == 1
+    assert len(bag.topics['/diagnostics'].messages) == 1  # the last one stands for all
+
+
 def test_a_bag_is_never_overwritten(bench: Any, tmp_path: Path) -> None:
     with pytest.raises(FileExistsError, match='parameter record is .*never overwritten'):
         bench.add(SimulatorNode, record=str(tmp_path))

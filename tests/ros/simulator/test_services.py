@@ -70,6 +70,23 @@ def test_pause_and_step(simulated: Simulated, falling: Falling, expected: Rollou
     assert setup.bench.call(SetBool, '/simulator/pause', data=False).message == 'no change'
 
 
+def test_a_step_that_fails_says_why(
+    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup = simulated()
+    assert setup.bench.call(SetBool, '/simulator/pause', data=True).success
+    setup.start(falling(0.0))
+    predictor = setup.node.simulation.predictor
+    predictor.take()
+
+    def fail(stamp_ns: int) -> None:
+        raise FloatingPointError('rollout diverged')
+
+    monkeypatch.setattr(predictor.forecast, 'advance_to', fail)
+    answer = setup.bench.call(Trigger, '/simulator/step')
+    assert not answer.success and 'failed: rollout diverged' in answer.message
+
+
 def test_parameters_at_run_time(simulated: Simulated, falling: Falling, expected: Rollout) -> None:
     setup = simulated()
 
@@ -120,6 +137,8 @@ def test_parameters_describe_themselves(simulated: Simulated) -> None:
         ({'velocity_window': 0}, 'parameter velocity_window.*allowed: 1 to 100'),
         ({'start': 'later'}, "start is 'later', allowed: first, every, diverged"),
         ({'max_spheres': 0}, 'parameter max_spheres'),
+        ({'record_max_size': 1e-7}, 'record_max_size is 1e-07, allowed: 0, or 0.001 to'),
+        ({'record_max_duration': 1e-9}, 'record_max_duration is 1e-09, allowed: 0, or 0.1 to'),
     ],
 )
 def test_bad_parameters_are_named(bench: Any, parameters: dict[str, Any], message: str) -> None:

@@ -1,0 +1,65 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Clocks that jump: simulated ones, and the system's where it is set while the node runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+from rclpy.clock import JumpHandle, JumpThreshold, ROSClock
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+AHEAD = 1_000_000_000  # the clock goes on like this at most; a smaller step is caught up with [ns]
+
+
+def on_jump(node: Node, callback: Callable[[int], None]) -> JumpHandle:
+    """Call `callback` with the jump [ns] where a simulated clock goes back, or far ahead at once.
+
+    The handle must be kept.
+    """
+    threshold = JumpThreshold(
+        min_forward=Duration(nanoseconds=AHEAD + 1),
+        min_backward=Duration(nanoseconds=-1),
+        on_clock_change=False,
+    )
+    return node.get_clock().create_jump_callback(
+        threshold, post_callback=lambda jump: callback(jump.delta.nanoseconds)
+    )
+
+
+class SetClock:
+    """Compares a node's clock with the monotonic one, which nobody sets.
+
+    rclpy tells jumps of simulated time alone. A robot without a battery clock boots years ago, and
+    is set when it finds a time server.
+
+    Args:
+        node: Its clock is watched, unless it is simulated.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+        self._apart: int | None = None  # of both clocks at the last look [ns]
+
+    def set_by(self) -> int:
+        """By how much the clock was set since the last call [ns]; 0 where it was not."""
+        if isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active:
+            self._apart = None
+            return 0
+        before, self._apart = self._apart, self._clock.now().nanoseconds - time.monotonic_ns()
+        ahead = 0 if before is None else self._apart - before
+        return ahead if abs(ahead) > AHEAD else 0
