@@ -23,7 +23,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from .points import Panel, panels_of, Point, printed_numbers
-from .text import LONG, SET_NAMES, SHORT
+from .text import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
 from ..figure import clean_axes, GRID, INK
 from ..metrics.table import LAWS
 
@@ -32,8 +32,10 @@ if TYPE_CHECKING:
 
 # Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
 OURS, THESIS, LOST = '#0072b2', '#e69f00', '#d55e00'
-NAMES = {**{key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()}, **LONG, **SHORT}
+NAMES = {**{key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()}}
+NAMES |= LONG | OVERLAPS | SHORT
 NAMES |= {
+    'energy_gain_median': 'median energy gain',
     'position_error_10': 'error after 10 steps [m]',
     'frames_per_second': 'frames per second',
     'final_speed': 'speed at the end [m/s]',
@@ -45,8 +47,8 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
     """Draw a table; no display is needed. None: no cell has run.
 
     A panel for each metric and set; variants go along x where they are numbers, else down the
-    side. Bars are standard deviations. Crosses at the edge: rollouts that diverged, with how many;
-    triangles at the edge: numbers of the thesis off the scale.
+    side. Bars are standard deviations. Crosses at the edge: rollouts that diverged, with how many,
+    without a point where the median is infinite; triangles there: the thesis, off the scale.
     """
     panels = panels_of(table)
     if not panels:
@@ -68,7 +70,8 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(sets), columns, squeeze=False)
     bars = any(point.std for panel in panels for point in panel.points)
-    name = 'ours, mean ± std' if bars else 'ours, one seed'
+    train = table['kind'] == 'train'
+    name = 'ours, mean ± std' + ' over seeds' * train if bars else 'ours, one seed'
     known: dict[str, Any] = {}
     for row, which in zip(grid, sets, strict=True):
         own = [panel for panel in panels if panel.which == which]
@@ -79,16 +82,18 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
             _draw(axes, own[column], along, table['axis'], name, first=column == 0)
             handles, texts = axes.get_legend_handles_labels()
             known |= dict(zip(texts, handles, strict=True))
+    # ours may be medians, and of fewer steps
+    more = f': mean of {THESIS_STEPS} steps' if train else ''
     figure.legend(
         known.values(),
-        known.keys(),
+        [text + more * text.startswith('thesis') for text in known],
         loc='outside lower center',
         ncols=3,
         frameon=False,
         fontsize=9,
     )
     title = f'{table["title"]} (thesis: {table["source"]})'
-    if table['kind'] == 'train':
+    if train:
         title += f'\n{table["budget"]["words"]}'
     figure.suptitle(title, fontsize=10, color=INK, x=0.01, ha='left', wrap=True)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -105,10 +110,10 @@ def _draw(axes: Axes, panel: Panel, along: bool, axis: str, name: str, *, first:
     (axes.set_ylim if along else axes.set_xlim)(low, high)
     for point in panel.points:
         place = point.place if along else -point.place
-        if point.mean is not None:
+        if point.mean is not None and point.finite:
             style = {'color': OURS, 'marker': 'o', 'label': name, 'zorder': 3}
             _mark(axes, along, panel, place, max(point.mean, low), point.std, style)
-        if point.lost:
+        if point.lost or point.mean == np.inf:
             _cross(axes, along, place, point)
         if point.thesis is not None:
             _draw_thesis(axes, along, panel, place + (0.15 if along else -0.22), point)

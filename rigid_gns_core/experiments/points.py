@@ -18,7 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Any
+
+from .table import MEDIANS
 
 SETS = ('test', 'ood')
 _TRUTH = {'poses': 'ours, by differences of poses', 'given': "ours, by Bullet's own velocities"}
@@ -31,7 +34,7 @@ class Point:
     Args:
         place: On the axis of variants.
         label: Of the variant.
-        mean: Ours; None: not run, or nothing finite.
+        mean: Ours, over seeds; None: not run, or nothing finite; inf: a seed's median is.
         std: Of `mean`.
         lost: Rollouts that diverged, of `rollouts`.
         rollouts: How many there were.
@@ -51,13 +54,18 @@ class Point:
         """Whether nothing of ours is to be seen."""
         return self.mean is None and not self.lost
 
+    @property
+    def finite(self) -> bool:
+        """Whether ours has a place on the scale."""
+        return self.mean is not None and isfinite(self.mean)
+
 
 @dataclass(frozen=True)
 class Panel:
     """One metric on one set.
 
     Args:
-        metric: Name of the metric.
+        metric: Name of the metric; with `_median` where medians over rollouts are shown.
         which: 'test' or 'ood'.
         points: One for each variant.
         floor: The teacher against itself, or half a radius where that is more; None: it has none.
@@ -74,12 +82,12 @@ class Panel:
     def limits(self) -> tuple[float, float]:
         """Lowest and highest value to be seen; the thesis' only where they are near ours."""
         ours = [p.mean for p in self.points if p.mean is not None]
-        ours = [v for v in [*ours, self.floor or 0.0] if v > 0]
+        ours = [v for v in [*ours, self.floor or 0.0] if 0 < v < inf]
         if not ours:
             return 0.0, 1.0
         low, high = min(ours), max(ours)
         theirs = [number for p in self.points for number in printed_numbers(p.thesis)[:1]]
-        near = [v for v in theirs if low / 300 < v < high * 300]
+        near = [v for v in theirs if low / 200 < v < high * 200]
         low, high = min([low, *near]), max([high, *near])
         return (low / 2, high * 2) if high / low > 10 else (0.0, 1.4 * high)
 
@@ -94,10 +102,12 @@ def panels_of(table: Mapping[str, Any]) -> list[Panel]:
     panels = []
     for which in SETS:
         for metric in table['metrics']:
-            points = _points(table, which, metric)
+            median = table['kind'] == 'train' and metric in MEDIANS
+            shown = f'{metric}_median' if median else metric
+            points = _points(table, which, metric, shown)
             if not all(point.empty for point in points):
-                floor, bounded = _floor(table, which, metric)
-                panels.append(Panel(metric, which, tuple(points), floor, bounded))
+                floor, bounded = _floor(table, which, shown)
+                panels.append(Panel(shown, which, tuple(points), floor, bounded))
     return panels
 
 
@@ -108,7 +118,7 @@ def printed_numbers(value: Any) -> list[float]:
     return [float(part) for part in (value if isinstance(value, list) else [value])]
 
 
-def _points(table: Mapping[str, Any], which: str, metric: str) -> list[Point]:
+def _points(table: Mapping[str, Any], which: str, metric: str, shown: str) -> list[Point]:
     if table['kind'] == 'teacher':
         return _truth_points(table, which, metric)
     points, steps = [], str(table['steps'])
@@ -119,7 +129,7 @@ def _points(table: Mapping[str, Any], which: str, metric: str) -> list[Point]:
             values = score.get('metrics', {})
         else:
             values = row.get('values', {}) if which == 'test' else {}
-        statistic = values.get(metric) or {'mean': None, 'std': None}
+        statistic = values.get(shown) or {'mean': None, 'std': None}
         points.append(
             Point(
                 index if row.get('x') is None else row['x'],
@@ -146,7 +156,7 @@ def _truth_points(table: Mapping[str, Any], which: str, metric: str) -> list[Poi
 
 
 def _floor(table: Mapping[str, Any], which: str, metric: str) -> tuple[float | None, bool]:
-    """Mean of the floor, and whether its bound is more; none of a law, which has no reference."""
+    """Floor, and whether its bound is more; none of a law, which has no reference."""
     if table['kind'] != 'train':
         return None, False
     floor = table['floor'].get(which, {}).get(str(table['steps']), {})

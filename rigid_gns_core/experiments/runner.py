@@ -19,10 +19,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from .budget import Budget
 from .cell import Cell
+from .devices import Devices, shared_out
 from .sets import make_sets
 from .store import Store
 from .work import LOG, run_cell
@@ -50,8 +52,9 @@ def run_cells(
 ) -> list[str]:
     """Run what is missing; returns a line for each cell that failed.
 
-    A cell that was stopped goes on from its last checkpoint. Timings run one at a time, after all
-    else, in this process.
+    A cell that was stopped goes on from its last checkpoint. Where the budget's device is CUDA,
+    this machine runs as many at a time as it has devices, each on its own. Timings run one at a
+    time, after all else, in this process.
     """
     missing = [cell for cell in cells if store.find(cell) is None]
     if not missing:
@@ -60,14 +63,18 @@ def run_cells(
     side_by_side = [cell for cell in missing if cell.kind != 'speed']
     timed = [cell for cell in missing if cell.kind == 'speed']
     failed = []
-    with Progress(
-        len(cells), 'cells', unit='cell', initial=len(cells) - len(missing), interval=0.0
-    ) as progress:
-        for group, by in ((side_by_side, workers), (timed, Workers(1))):
+    with (
+        TemporaryDirectory() as locks,
+        Progress(
+            len(cells), 'cells', unit='cell', initial=len(cells) - len(missing), interval=0.0
+        ) as progress,
+    ):
+        trainers, devices = shared_out(budget.device, workers, Path(locks))
+        for group, by in ((side_by_side, trainers), (timed, Workers(1))):
             alone = by.here and by.processes(len(group)) == 1
             if group and not alone:
                 progress.line(f'what each cell does: {folders.runs / "*" / LOG}')
-            calls = [(cell, folders.data, folders.runs, not alone) for cell in group]
+            calls = [(cell, folders.data, folders.runs, not alone, devices) for cell in group]
             for cell, result in by.run(_run, calls, len(calls)):
                 if 'error' in result:
                     failed.append(f'{cell.name}, seed {cell.seed}: {_last_line(result["error"])}')
@@ -79,8 +86,10 @@ def run_cells(
     return failed
 
 
-def _run(cell: Cell, data: Path, runs: Path, quiet: bool) -> tuple[Cell, dict[str, Any]]:
-    return cell, run_cell(cell, data, runs, quiet=quiet)
+def _run(
+    cell: Cell, data: Path, runs: Path, quiet: bool, devices: Devices | None
+) -> tuple[Cell, dict[str, Any]]:
+    return cell, run_cell(cell, data, runs, quiet=quiet, devices=devices)
 
 
 def _last_line(text: str) -> str:

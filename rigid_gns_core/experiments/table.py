@@ -28,6 +28,8 @@ from .study import Experiment, SETS, Variant
 
 Result = Mapping[str, Any]
 Statistic = dict[str, float | int | None]
+MEDIANS = ('energy_gain', 'mse', 'mse_ratio', 'chamfer', 'chamfer_ratio')
+"""Also given as a median: one rollout that nearly diverges rules their mean."""
 
 
 def make_table(
@@ -35,10 +37,16 @@ def make_table(
 ) -> dict[str, Any]:
     """Table of an experiment from the cells that are there.
 
+    Metrics of a whole rollout (laws, `mse`, `chamfer`) are infinite where it diverged. Those up to
+    a step (`position_error_10`) are so only if it diverged before; `predictability_time` and
+    `escaped` stay finite. Means are over finite values: they leave the diverged rollouts out of
+    the first and have them in the others. A median (`MEDIANS`) has all, infinite ones too.
+
     Returns:
         `rows`, one for each variant, with `missing` seeds and, by set and steps, `diverged` of
-        `rollouts` and `metrics` with `mean` and `std` over seeds (n - 1) of the means over the
-        rollouts that did not diverge; with `floor`, the teacher at other substeps.
+        `rollouts` and `metrics` with `mean` and `std` over seeds (n - 1) of the mean over
+        rollouts, or of the median in `mse_median` and so on; with `floor`, the teacher at other
+        substeps.
     """
     table: dict[str, Any] = {
         'experiment': experiment.name,
@@ -96,7 +104,7 @@ def _row(
         'missing': sorted(set(results) - set(done)),
         'untrainable': len(done) - len(trained),
         'keys': [cell.key for cell in cells],
-        'minutes': _mean([r['seconds']['all'] / 60 for r in done.values()]),
+        'minutes': [m for r in done.values() if (m := _minutes(r)) is not None],
         'sets': sets,
         'thesis': variant.thesis,
     }
@@ -106,12 +114,13 @@ def _score(measured: Sequence[Result], floor: Result | None) -> dict[str, Any]:
     """Statistics over seeds of columns of rollouts, and of their ratios to the floor."""
     lost = [step for columns in measured for step in columns['diverged_at']]
     names = [name for name in measured[0] if name != 'diverged_at']
-    metrics = {name: _statistic([c[name] for c in measured]) for name in names}
+    seeds = {name: [columns[name] for columns in measured] for name in names}
     for name in names:
         if floor is not None and f'least_{name}' in floor:
             bound = _larger(floor[name], floor[f'least_{name}'])
-            ratios = [_divided(columns[name], bound) for columns in measured]
-            metrics[f'{name}_ratio'] = _statistic(ratios)
+            seeds[f'{name}_ratio'] = [_divided(values, bound) for values in seeds[name]]
+    metrics = {name: _statistic(values) for name, values in seeds.items()}
+    metrics |= {f'{k}_median': _median(values) for k, values in seeds.items() if k in MEDIANS}
     known = {name: value for name, value in metrics.items() if value is not None}
     return {
         'diverged': sum(step is not None for step in lost),
@@ -135,14 +144,38 @@ def _statistic(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
     }
 
 
+def _median(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
+    """Over seeds, of the medians over all rollouts, infinite where one of them is."""
+    known = [[v for v in values if v is not None] for values in seeds]
+    medians = [float(np.median(values)) for values in known if values]
+    if not medians:
+        return None
+    finite = bool(np.all(np.isfinite(medians)))
+    return {
+        'mean': float(np.mean(medians)),
+        'std': float(np.std(medians, ddof=1)) if finite and len(medians) > 1 else None,
+        'seeds': len(medians),
+    }
+
+
 def _floor_row(floor: Result) -> dict[str, Any]:
-    """Mean of the floor over rollouts, by steps."""
+    """Mean of the floor over rollouts, and its median where a metric has one, by steps."""
     rows = {}
     for steps, columns in floor.items():
         if steps.isdecimal():
-            means = {k: _statistic([v]) for k, v in columns.items()}
-            rows[steps] = {k: v['mean'] for k, v in means.items() if v is not None}
+            found = {k: _statistic([v]) for k, v in columns.items()}
+            medians = [k for k in columns if k.removeprefix('least_') in MEDIANS]
+            found |= {f'{k}_median': _median([columns[k]]) for k in medians}
+            rows[steps] = {k: v['mean'] for k, v in found.items() if v is not None}
     return rows
+
+
+def _minutes(result: Result) -> float | None:
+    """Wall time of a cell; None where that of its first steps is not known."""
+    seconds = result['seconds']
+    # cells of before seconds were added up say at which step their last process began
+    begin = seconds.get('counted_from_step', seconds.get('resumed_at_step', 0))
+    return seconds['all'] / 60 if begin == 0 else None
 
 
 def _teacher_row(variant: Variant, result: Result | None) -> dict[str, Any]:
@@ -198,10 +231,6 @@ def _over_rollouts(values: Sequence[float | None]) -> Statistic:
         'std': float(np.std(finite, ddof=1)) if len(finite) > 1 else None,
         'count': len(finite),
     }
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None
 
 
 def _larger(values: Sequence[float | None], bounds: Sequence[float | None]) -> list[float | None]:

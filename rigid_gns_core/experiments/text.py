@@ -27,10 +27,17 @@ SET_NAMES = {'test': 'test set', 'ood': 'unseen scenes'}
 # key: head of its column; a unit in brackets
 LONG = {
     'energy_gain': 'energy gain',
+    'energy_gain_median': 'median gain',
     'mse': 'MSE [m²]',
+    'mse_median': 'median MSE [m²]',
     'mse_ratio': 'MSE / floor',
+    'mse_ratio_median': 'median MSE / floor',
     'chamfer': 'Chamfer [m²]',
+    'chamfer_median': 'median Chamfer [m²]',
     'chamfer_ratio': 'Chamfer / floor',
+    'chamfer_ratio_median': 'median Chamfer / floor',
+}
+OVERLAPS = {
     'depth_sphere': 'depth sphere [d]',
     'depth_ground': 'depth ground [d]',
     'depth_static': 'depth static [d]',
@@ -51,6 +58,8 @@ LATE = {
     'final_speed_max': 'of the fastest [m/s]',
     'resting_drift': 'drift of spheres at rest [m]',
 }
+THESIS_STEPS = 2000
+"""Length of the thesis' trajectories, taken to be that of the rollouts in its table 2."""
 PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
 _TRUTH = [key for key in LAWS if key != 'time_to_rest']
 
@@ -63,6 +72,11 @@ def format_table(table: Mapping[str, Any]) -> str:
         blocks = [_speed_block(table)]
     else:
         blocks = list(_train_blocks(table))
+    if minutes := [m for row in table['rows'] for m in row.get('minutes', ())]:
+        few, middle, many = (number(float(f(minutes)), 2) for f in (np.min, np.median, np.max))
+        span = f'{few} to {many} minutes, the median {middle}' if len(minutes) > 1 else few
+        span += f' ({len(minutes)} cells)' if len(minutes) > 1 else ' minutes (1 cell)'
+        blocks.append(f'Wall time of a cell: {span}.')
     missing = [row for row in table['rows'] if row['missing']]
     for words, some in (('Not run yet', False), ('Not with all seeds yet', True)):
         labels = [row['label'] for row in missing if bool(row.get('seeds')) == some]
@@ -108,7 +122,7 @@ def _train_blocks(table: Mapping[str, Any]) -> list[str]:
         rows = [row for row in table['rows'] if steps in row['sets'].get(which, {})]
         floor = table['floor'].get(which, {}).get(steps, {})
         title = f'**{name.capitalize()}, {steps} steps.**\n\n'
-        for columns in (LONG, SHORT, LATE) if rows else ():
+        for columns in (LONG, OVERLAPS, SHORT, LATE) if rows else ():
             blocks.append(title + _block(rows, which, steps, columns, floor))
             title = ''
     for row in table['rows']:
@@ -131,7 +145,7 @@ def _block(
         key for key in PRINTED if key in columns and any(_thesis(r, which, key) for r in rows)
     ]
     head = ['variant', 'diverged', *(columns[key] for key in keys)]
-    lines = [head + [f'thesis: {PRINTED[key]}' for key in words]]
+    lines = [head + [f'thesis, {THESIS_STEPS} steps: {PRINTED[key]}' for key in words]]
     for row, score in zip(rows, scores, strict=True):
         lost = f'{score["diverged"]} of {score["rollouts"]}'
         if row['untrainable']:

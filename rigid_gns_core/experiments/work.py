@@ -21,21 +21,29 @@ import contextlib
 from pathlib import Path
 import time
 import traceback
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from .cell import Cell
+from .devices import Devices
 from .measure import columns, describe, floor_of, least_floor, measure, roll_outs, Values
 from .sets import references, training_set
 from .speed import measure_speed
+from .store import commit
+from .tally import Tally
 from ..dataset import Record
 from ..evaluate import Velocities
 from ..metrics import LAW_KEYS
 from ..training_set import fingerprint
 
+if TYPE_CHECKING:
+    import torch
+
 LOG = 'output.txt'
 
 
-def run_cell(cell: Cell, data: Path, runs: Path, *, quiet: bool = False) -> dict[str, Any]:
+def run_cell(
+    cell: Cell, data: Path, runs: Path, *, quiet: bool = False, devices: Devices | None = None
+) -> dict[str, Any]:
     """Do the work of a cell; what was trained before is not trained again.
 
     Args:
@@ -43,9 +51,11 @@ def run_cell(cell: Cell, data: Path, runs: Path, *, quiet: bool = False) -> dict
         data: Folder of the data sets, see `sets.make_sets`.
         runs: Folder of checkpoints, one for each cell.
         quiet: Write progress into `output.txt` of the run's folder, not to standard error.
+        devices: CUDA devices, of which this process takes its own; None: what the budget says.
 
     Returns:
-        The result, with `seconds`; or `error` with a traceback, so that others go on.
+        The result, with `seconds`, those of earlier processes included; or `error` with a
+        traceback, so that others go on.
     """
     import torch
 
@@ -59,27 +69,41 @@ def run_cell(cell: Cell, data: Path, runs: Path, *, quiet: bool = False) -> dict
             elif cell.kind == 'speed':
                 result = measure_speed(cell, references(cell.budget, data, 'test'))
             else:
-                result = _train(cell, data, folder)
+                result = _train(cell, data, folder, devices)
     except Exception:
         return {'error': traceback.format_exc()}
-    return {**result, 'seconds': {**result.get('seconds', {}), 'all': time.monotonic() - begin}}
+    seconds = result.get('seconds', {})
+    whole = seconds.get('earlier_processes', 0.0) + time.monotonic() - begin
+    return {**result, 'seconds': {**seconds, 'all': whole}}
 
 
-def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
-    """Train, then roll out on the test set and on the scenes unlike the training set."""
+def device_for(cell: Cell, devices: Devices | None) -> torch.device:
+    """Return where a cell is trained and rolled out by this process."""
+    import torch
+
     from ..learners import device_of
+
+    if devices is not None:
+        return torch.device('cuda', devices.mine())
+    return device_of(cell.budget.training(cell.changes, cell.seed), cell.budget.device)
+
+
+def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dict[str, Any]:
+    """Train, then roll out on the test set and on the scenes unlike the training set."""
     from ..rollout import load_simulator
     from ..train import Trainer
 
     config = cell.budget.training(cell.changes, cell.seed)
-    device = device_of(config, cell.budget.device)
+    device = device_for(cell, devices)
     records = training_set(cell.budget, data)
     begin = time.monotonic()
     trainer = Trainer(config, records, [], folder, cell.budget.data.train, device)
     done = trainer.learner.step
     failed = None
+    tally = Tally(folder, done, commit(), begin)
     try:
-        trainer.run()
+        with tally:
+            trainer.run()
     except FloatingPointError as error:  # a result too: this variant cannot be trained so
         failed = str(error)
     result: dict[str, Any] = {
@@ -90,7 +114,13 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
             'failed': failed,
             'parameters': sum(parameter.numel() for parameter in trainer.learner.parameters),
         },
-        'seconds': {'training': time.monotonic() - begin, 'resumed_at_step': done},
+        'seconds': {
+            'training': tally.earlier + time.monotonic() - begin,
+            'resumed_at_step': done,
+            'counted_from_step': tally.counted_from_step,
+            'earlier_processes': tally.earlier,
+        },
+        'commits': tally.commits,
         'measures': {},
     }
     if failed is not None:
@@ -98,7 +128,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     del trainer, records
     begin = time.monotonic()
     on_gpu = device.type != 'cpu'
-    options = {'backend': 'torch', 'device': device.type} if on_gpu else {}
+    options = {'backend': 'torch', 'device': str(device)} if on_gpu else {}
     simulator = load_simulator(folder / 'best', **options)
     for which in ('test', 'ood'):
         held_out = references(cell.budget, data, which)

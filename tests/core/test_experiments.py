@@ -42,6 +42,7 @@ from rigid_gns_core.strict_json import read_json, write_compact_json
 pytest.importorskip('pybullet', reason="a cell's key holds the teacher's defaults")
 BUDGET = load_budget('cpu')
 BASE = Cell('train', 'base', 0, BUDGET)
+KEPT = Path(__file__).parents[2] / 'docs' / 'thesis' / 'cpu' / 'cells'
 
 
 @pytest.mark.parametrize('budget', ['smoke', 'cpu', 'full'])
@@ -124,9 +125,14 @@ def test_a_variant_is_checked() -> None:
 
 
 def fill(store: Store, cell: Cell, mse: list[Any], diverged: list[int | None]) -> None:
-    """Results of a cell, with two rollouts on each set."""
-    values = {'mse': mse, 'energy_gain': [0.1, 0.3], 'diverged_at': diverged}
-    which = {'records': ['0', '1'], 'spheres': [3, 3], '500': values, '2000': values}
+    """Results of a cell, on each set the same."""
+    values = {
+        'mse': mse,
+        'energy_gain': [0.1, 0.3, 0.3][: len(mse)],
+        'position_error_10': [1.0, 3.0, 3.0][: len(mse)],  # known, even of one that diverged later
+        'diverged_at': diverged,
+    }
+    which = {'records': ['0'] * len(mse), 'spheres': [3] * len(mse), '500': values, '2000': values}
     measures = {'test': which, 'ood': which}
     training = {'failed': None, 'steps': 3000}
     store.write(cell, {'training': training, 'measures': measures, 'seconds': {'all': 60.0}})
@@ -158,19 +164,95 @@ def test_divergence_is_counted_not_averaged(tmp_path: Path) -> None:
     assert score['metrics']['mse_ratio']['mean'] == pytest.approx((1.5 + 6.0) / 2)
     text = format_table(table)
     assert '1 of 4' in text and '4.5 ± 2.1' in text and '3.36e5 ± 3.1e5' in text
+    assert '| thesis, 2000 steps: MSE' in text
     assert 'Not run yet: H = 0, H = 1, H = 3, H = 4.' in text
     assert 'Not with all seeds yet: H = 2.' in text
     assert '2.5' in next(line for line in text.splitlines() if 'Bullet against itself' in line)
 
 
+def test_a_diverged_rollout_is_in_all_medians_and_in_errors_before_it(tmp_path: Path) -> None:
+    experiment, store = results(tmp_path)
+    table = make_table(experiment, BUDGET, (0, 1), store)
+    base = next(row for row in table['rows'] if row['variant'] == 'base')
+    metrics = base['sets']['ood']['500']['metrics']
+    infinite = {'mean': float('inf'), 'std': None, 'seeds': 2}
+    # seeds have 3 and, with one of two diverged, infinity
+    assert metrics['mse_median'] == metrics['mse_ratio_median'] == infinite
+    assert metrics['energy_gain_median'] == {'mean': 0.2, 'std': 0.0, 'seeds': 2}
+    assert metrics['position_error_10'] == {'mean': 2.0, 'std': 0.0, 'seeds': 2, 'infinite': 0}
+    lines = format_table(table).splitlines()
+    head = next(line.split('|') for line in lines if 'median MSE [m²]' in line)
+    row = next(line.split('|') for line in lines if 'H = 2' in line)
+    assert row[[cell.strip() for cell in head].index('median MSE [m²]')].strip() == 'inf'
+    panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse_median')
+    assert not panel.points[2].finite and panel.limits == (0.0, 1.4 * 2.5)
+    assert write_chart(tmp_path / 'history.png', table) is not None
+
+
+def test_one_rollout_that_nearly_diverged_does_not_rank_a_variant(tmp_path: Path) -> None:
+    """As the base did against M = 1, whose worst rollout diverged and so left the mean."""
+    experiment, store = load_experiment('history'), Store(tmp_path)
+    near, over = [[363.0, 431.0, worst] for worst in (92744.0, float('inf'))]
+    fill(store, BASE, near, [None] * 3)
+    fill(store, Cell('train', 'h_1', 0, BUDGET, {'model': {'history': 1}}), over, [None, None, 99])
+    rows = make_table(experiment, BUDGET, (0,), store)['rows']
+    metrics = [rows[place]['sets']['test']['500']['metrics'] for place in (1, 2)]
+    assert [m['mse']['mean'] for m in metrics] == [397.0, pytest.approx(31179.3, rel=1e-5)]
+    assert [m['mse_median']['mean'] for m in metrics] == [431.0, 431.0]
+
+
+def test_the_cells_that_were_kept_are_found() -> None:
+    """A changed key would train all of them again."""
+    found = {
+        cell.file_name
+        for experiment in shipped_experiments().values()
+        for cell in cells_of(experiment, BUDGET, experiment.variants, BUDGET.seeds)
+    }
+    kept = {path.name for path in KEPT.glob('*.json')}
+    assert kept and kept <= found
+
+
+def test_what_diverged_rollouts_have_is_as_the_page_says() -> None:
+    """In all cells that were kept: whole-rollout metrics are infinite, the others are not."""
+    lost = 0
+    for path in KEPT.glob('train_*.json'):
+        for which in read_json(path)['measures'].values():
+            for columns in (value for key, value in which.items() if key.isdecimal()):
+                for index, step in enumerate(columns.pop('diverged_at')):
+                    for name, values in columns.items() if step is not None else ():
+                        early = name.startswith('predictab') or name == 'escaped'
+                        early |= name[-1].isdecimal() and int(name.rsplit('_', 1)[1]) < step
+                        assert values[index] is None or np.isfinite(values[index]) == early, name
+                    lost += step is not None
+    assert lost
+
+
+def test_wall_times_are_of_whole_trainings(tmp_path: Path) -> None:
+    experiment, store = load_experiment('history'), Store(tmp_path)
+    fill(store, BASE, [1.0, 1.0], [None, None])  # a minute
+    old = store.read(BASE)
+    assert old is not None
+    for seed, seconds in (
+        (1, {'resumed_at_step': 8000, 'all': 6.0}),  # of before seconds were added up
+        (2, {'resumed_at_step': 8000, 'counted_from_step': 62, 'all': 7.0}),
+        (3, {'resumed_at_step': 8000, 'counted_from_step': 0, 'all': 240.0}),
+    ):
+        result = {key: old[key] for key in ('training', 'measures')}
+        store.write(replace(BASE, seed=seed), {**result, 'seconds': seconds})
+    table = make_table(experiment, BUDGET, (0, 1, 2, 3), store)
+    assert table['rows'][2]['minutes'] == [1.0, 4.0]
+    text = 'Wall time of a cell: 1 to 4 minutes, the median 2.5 (2 cells).'
+    assert text in format_table(table)
+
+
 def test_a_figure_shows_what_there_is(tmp_path: Path) -> None:
     experiment, store = results(tmp_path)
     table = make_table(experiment, BUDGET, (0, 1), store)
-    panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse')
+    panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse_median')
     assert panel.floor == 2.5 and panel.points[2].lost == 1
     assert not panel.bounded
-    table['floor']['ood']['500']['mse'] = 0.1
-    panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse')
+    table['floor']['ood']['500']['mse_median'] = 0.1
+    panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse_median')
     assert panel.floor == 0.25 and panel.bounded, 'half a radius counts where it is more'
     assert panel.limits[1] < 100, 'numbers of the thesis that are far off do not set the scale'
     path = write_chart(tmp_path / 'history.png', table)

@@ -19,13 +19,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 import shutil
+import time
 
 import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.experiments.budget import load_budget
 from rigid_gns_core.experiments.cell import Cell
 from rigid_gns_core.experiments.sets import training_set
+from rigid_gns_core.experiments.store import commit, Store
 from rigid_gns_core.experiments.study import shipped_experiments
+from rigid_gns_core.experiments.tally import Tally
 from rigid_gns_core.experiments.work import run_cell
 
 pytest.importorskip('pybullet', reason='experiments make their own data')
@@ -99,13 +102,24 @@ def test_a_cell_that_was_stopped_goes_on(done: Path, tmp_path: Path) -> None:
     from rigid_gns_core.train import Trainer
 
     cell = Cell('train', 'base', 0, BUDGET)
+    store = Store(tmp_path / 'cells')
     whole = run_cell(cell, done / 'data', tmp_path / 'whole')
     records = training_set(BUDGET, done / 'data')
     folder = tmp_path / 'parts' / cell.key
-    Trainer(BUDGET.training({}, 0), records, [], folder, BUDGET.data.train).run(stop_at=2)
-    parts = run_cell(cell, done / 'data', tmp_path / 'parts', quiet=True)
-    assert parts['seconds']['resumed_at_step'] == 2
-    assert parts['measures'] == whole['measures']
+    trainer = Trainer(BUDGET.training({}, 0), records, [], folder, BUDGET.data.train)
+    an_hour_ago = time.monotonic() - 3600
+    with Tally(folder, 0, 'an earlier commit', an_hour_ago):
+        trainer.run(stop_at=2)
+    store.write(cell, run_cell(cell, done / 'data', tmp_path / 'parts', quiet=True))
+    parts = store.read(cell)
+    assert parts is not None
+    seconds = parts['seconds']
+    assert (seconds['resumed_at_step'], seconds['counted_from_step']) == (2, 0)
+    assert seconds['all'] > seconds['training'] > seconds['earlier_processes'] > 3600
+    assert parts['commits'] == ['an earlier commit', *([commit()] if commit() else [])]
+    assert whole['seconds']['earlier_processes'] == 0 and whole['seconds']['all'] < 3600
+    store.write(cell, whole)
+    assert parts['measures'] == (store.read(cell) or {})['measures']
     assert 'step 3: loss' in (folder / 'output.txt').read_text()
 
 
