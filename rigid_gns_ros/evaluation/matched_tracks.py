@@ -17,58 +17,70 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from .alignment import Decoded
-from .identified import assigned, fill
+from .alignment import Decoded, MAX_GAP
+from .identified import assigned
 from .recorded_model import tracking_window
+from ..learning.resample import resample
 from ..learning.tracked_segments import Cut, cut
 from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecaster
 from ..tracking.window import RejectedFrame, TrackingWindow
 
+Run = tuple[tuple[int, ...], list[PoseArrayFrame]]
 
-def cut_matched(tracked: Decoded, model: Forecaster, length: int, max_gap_ns: float) -> Cut:
-    """Frames in segments of one set of spheres each, see `matched_tracks`.
+
+def cut_matched(
+    tracked: Decoded, model: Forecaster, parameters: Mapping[str, Any], max_gap_ns: float
+) -> Cut:
+    """Frames in segments of one set of spheres each.
+
+    A sphere that was not seen for up to three intervals is put in where its motion before and
+    after leads, see `resample`; frames with one that was not seen for longer, and those before all
+    spheres are found, are left out (`unseen`).
 
     Args:
         tracked: Frames in the order of recording; those in another coordinate frame than most are
             left out.
         model: Gives scene and time step.
-        length: Frames from which velocities are fitted.
+        parameters: Of the simulator that followed these spheres; others have their defaults.
         max_gap_ns: Two frames further apart are not joined [ns].
     """
     names = Counter(frame.frame_id for frame in tracked.frames)
-    given = {
-        'frame_id': names.most_common(1)[0][0],
-        'velocity_window': length,
-        'max_spheres': 100_000,
-        'match_spheres': True,
-    }
-    runs, left_out = matched_tracks(tracked, tracking_window(model, given), model.radius)
-    parts = [cut(run, max_gap_ns) for run in runs]
-    cuts = Counter({'set': len(runs) - 1})
-    for part in parts:
+    given = {'frame_id': names.most_common(1)[0][0], 'max_spheres': 100_000, 'match_spheres': True}
+    window = tracking_window(model, {**parameters, **given})
+    runs, left_out = _matched(tracked, window, model.radius)
+    refused, cuts = Counter(left_out), Counter({'set': len(runs) - 1})
+    segments, filled = [], 0
+    for ids, run in runs:
+        whole, number = _filled(run, model, window.noise)
+        refused['unseen'] += len(run) - len(whole)
+        filled += number
+        part = cut(whole, max_gap_ns)
         cuts.update(part.cuts)
-    return Cut([one for part in parts for one in part.segments], dict(left_out), dict(+cuts))
+        segments += [replace(one, ids=ids) for one in part.segments]
+    return Cut(segments, dict(+refused), dict(+cuts), filled)
 
 
-def matched_tracks(
+def _matched(
     tracked: Decoded, window: TrackingWindow, radius: float
-) -> tuple[list[list[PoseArrayFrame]], Counter[str]]:
-    """Stretches of frames with the same spheres in the same order, and frames left out by reason.
+) -> tuple[list[Run], Counter[str]]:
+    """Stretches with the same spheres in the same order, and frames left out by reason.
 
-    A sphere that was not seen for up to three intervals is interpolated; frames with one that was
-    not seen for longer, and those before all spheres are found, are left out (`unseen`).
+    Poses of a sphere that was not seen are NaN.
 
     Args:
         tracked: Frames in the order of recording.
         window: One that matches poses; nothing heard yet.
         radius: A pose so far from where the window has a sphere is not of it [m].
     """
-    runs: list[list[PoseArrayFrame]] = []
+    runs: list[Run] = []
     left_out: Counter[str] = Counter()
     life, known = 0, None
     for frame, time in zip(tracked.frames, tracked.times.tolist(), strict=True):
@@ -82,19 +94,41 @@ def matched_tracks(
             continue
         if known != (life, window.ids):
             known = life, window.ids
-            runs.append([])
+            runs.append((window.ids, []))
         places = window.start()[1].positions
-        runs[-1].append(replace(frame, poses=assigned(places, frame.poses, radius)))
-    whole = [_filled(run) for run in runs]
-    left_out['unseen'] += sum(map(len, runs)) - sum(map(len, whole))
-    return [run for run in whole if run], +left_out
+        runs[-1][1].append(replace(frame, poses=assigned(places, frame.poses, radius)))
+    return runs, left_out
 
 
-def _filled(run: list[PoseArrayFrame]) -> list[PoseArrayFrame]:
-    """Return the frames in which all spheres are known, some by interpolation."""
+def _filled(
+    run: list[PoseArrayFrame], model: Forecaster, noise: float
+) -> tuple[list[PoseArrayFrame], int]:
+    """Return the frames in which all spheres are known, and how many poses were put in."""
     stamps = np.array([frame.stamp_ns for frame in run], dtype=np.int64)
+    times = (stamps - stamps[0]) * 1e-9
+    longest = MAX_GAP * float(np.median(np.diff(times))) if len(run) > 1 else 0.0
     poses = np.stack([frame.poses for frame in run])
-    for sphere in range(poses.shape[1]):
-        fill(stamps, poses[:, sphere])
+    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    filled = 0
+    for own in np.moveaxis(poses, 1, 0):
+        seen = np.flatnonzero(np.isfinite(own).all(axis=1))
+        missing = [
+            frame
+            for before, after in pairwise(seen.tolist())
+            if times[after] - times[before] <= longest
+            for frame in range(before + 1, after)
+        ]
+        if missing:
+            found = resample(
+                times[seen],
+                own[seen, None, :3],
+                own[seen, None, 3:],
+                times[missing],
+                gravity=np.asarray(model.scene.gravity, dtype=np.float64),
+                noise=noise,
+                radius=float(np.min(model.scene.radius)),
+            )
+            own[missing] = np.concatenate([found.positions, found.quaternions], axis=-1)[:, 0]
+            filled += len(missing)
     known = np.isfinite(poses).all(axis=(1, 2))
-    return [replace(run[k], poses=poses[k]) for k in np.flatnonzero(known)]
+    return [replace(run[k], poses=poses[k]) for k in np.flatnonzero(known)], filled

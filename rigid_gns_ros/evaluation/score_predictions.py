@@ -172,11 +172,16 @@ def _horizon_errors(
 
 def _timing(predicted: Decoded) -> dict[str, float]:
     periods = np.diff(predicted.times) * 1e-6
+    periods = periods[periods >= 0]  # simulated time goes back where it begins anew
+    late = lateness('lateness', predicted)
+    if not periods.any():
+        return late
+    mean = float(periods.mean())
     return {
-        'publishing_rate_hz': 1e3 / float(periods.mean()) if periods.mean() > 0 else float('inf'),
-        'period_mean_ms': float(periods.mean()),
+        'publishing_rate_hz': 1e3 / mean,
+        'period_mean_ms': mean,
         'period_std_ms': float(periods.std()),
-        **lateness('lateness', predicted),
+        **late,
     }
 
 
@@ -224,6 +229,10 @@ def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: boo
         )
     if dropped:
         notes.append(f'Tracked frames refused: {_reasons(dropped)}.')
+    if 'publishing_rate_hz' not in report['timing']:
+        notes.append(
+            'Predictions have no rate: the log time of none is later than of the one before.'
+        )
     if abs(report['timing']['lateness_p50_ms']) > 1e3:
         notes.append(
             'Lateness over a second: the clocks of tracker and recorder differ, or it was paused.'

@@ -34,7 +34,7 @@ from .recorded_model import forecaster, tracking_window
 from .score_timing import lateness
 from ..bag_reader import Bag, Topic
 from ..learning.resample import resample
-from ..learning.tracked_segments import cut, Segment
+from ..learning.tracked_segments import cut, MATCH_REMEDY, Segment
 from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecast, Forecaster
 
@@ -42,7 +42,6 @@ from ..prediction.forecast import Forecast, Forecaster
 GAP = 3.0
 # the longest rollout of which laws and errors are told [s]
 LONGEST = 30.0
-REMEDY = '--match follows spheres that are missing now and then'
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def score_rollouts(
     model = forecaster(scene, options.model)
     gap = GAP * float(np.median(rising))
     parts = (
-        cut_matched(decoded, model, options.window, gap)
+        cut_matched(decoded, model, {'velocity_window': options.window}, gap)
         if options.matched
         else cut(decoded.frames, gap)
     )
@@ -145,7 +144,7 @@ def score_rollouts(
             f'{longest:.3g} s (refused: {dict(refused) or "none"}; cuts: {parts.cuts or "none"}'
             + (f'; {notes[0]}' if notes else '')
             + ')'
-            + (f'; {REMEDY}' if 'count' in parts.cuts else '')
+            + (f'; {MATCH_REMEDY}' if 'count' in parts.cuts else '')
         )
     errors, begun = HorizonErrors(), 0
     for reference, frames in starts:
@@ -311,7 +310,7 @@ def _notes(
             'set': 'another set of spheres',
         }
         text = ', '.join(f'{number} for {names[reason]}' for reason, number in cuts.items())
-        remedy = f' {REMEDY}.' if 'count' in cuts else ''
+        remedy = f' {MATCH_REMEDY}.' if 'count' in cuts else ''
         notes.append(f'The tracked frames were cut: {text}.{remedy}')
     if refused:
         text = ', '.join(f'{number} for their {reason}' for reason, number in refused.items())

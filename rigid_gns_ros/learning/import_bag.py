@@ -104,6 +104,11 @@ def format_report(report: dict[str, Any]) -> str:
     total = sum(poses.values())
     shares = ', '.join(f'{name} {100 * n / total:.3g} %' for name, n in poses.items() if n)
     lines.append(f'  poses: {shares}')
+    if report['matched']:
+        lines.append(
+            f'  spheres: matched from frame to frame, {report["matched"]}; '
+            f'{report["filled"]} poses put in where one was not seen'
+        )
     for key in ('refused', 'cuts'):
         if report[key]:
             lines.append(f'  {key}: ' + ', '.join(f'{n} {why}' for why, n in report[key].items()))
@@ -136,6 +141,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--min-steps', type=int, default=10, help='shorter stretches are left out (default 10)'
     )
+    parser.add_argument(
+        '--match',
+        action='store_true',
+        help='match poses to spheres: they come in any order, or are missing (default: only where '
+        'the simulator that recorded the bag did)',
+    )
     parser.epilog = (
         'examples:\n  rigid-gns import bags/first bags/second --out data/lab\n'
         '  rigid-gns calibrate --data data/lab --out lab.yaml'
@@ -144,7 +155,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns import`."""
-    names = ('topic', 'scene', 'radius', 'model', 'dt', 'max_gap', 'min_steps')
+    names = ('topic', 'scene', 'radius', 'model', 'dt', 'max_gap', 'min_steps', 'match')
     options = ImportOptions(**{name: getattr(arguments, name) for name in names})
     reports = import_bags(arguments.bags, arguments.out, options)
     print('\n'.join(format_report(report) for report in reports))

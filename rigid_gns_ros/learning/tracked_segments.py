@@ -32,6 +32,8 @@ from ..recording.bag_topics import listing
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 # stamps that fall by more are of a tracker begun anew, and not merely late [ns]
 _ANEW = 1_000_000_000
+# for people, where the number of spheres changes
+MATCH_REMEDY = '--match follows spheres that are missing now and then'
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,12 @@ class Segment:
     Args:
         stamps: Rising times [ns], shape (k,).
         poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7).
+        ids: Of the spheres, where poses were matched; None: their places in the message.
     """
 
     stamps: NDArray[np.int64]
     poses: Array
+    ids: tuple[int, ...] | None = None
 
     @property
     def times(self) -> Array:
@@ -60,12 +64,14 @@ class Cut:
     Args:
         segments: Stretches, in the order of recording; some may be of one frame.
         refused: Number of frames left out, by reason.
-        cuts: Number of cuts, by reason: `gap`, `count`, `anew`.
+        cuts: Number of cuts, by reason: `gap`, `count`, `anew`; of matched poses also `set`.
+        filled: Number of poses put in where a sphere was not seen; of matched poses alone.
     """
 
     segments: list[Segment]
     refused: dict[str, int]
     cuts: dict[str, int]
+    filled: int = 0
 
     def noise(self) -> PoseNoise:
         """Noise of the tracker, see `estimate_noise`."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-import json
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +31,14 @@ from rigid_gns_core.similarity import ModelUnits, Similarity
 from rigid_gns_core.state import Trajectory
 from rigid_gns_core.tracked_motion import PoseNoise
 
+from .kept_places import places_kept, PlacesKept
 from .resample import resample
-from .tracked_segments import cut, find_tracked, Segment
-from ..bag_reader import Bag, BagError, read_bag
-from ..evaluation.alignment import decode_topic
-from ..messages import decode_string, MessageError
-from ..recording.bag_topics import listing
+from .said_scene import SaidScenes
+from .tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
+from ..bag_reader import read_bag
+from ..evaluation.alignment import decode_topic, Decoded
+from ..prediction.forecast import scene_of
+from ..tracking.refusal import seconds
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0
@@ -65,6 +66,8 @@ class ImportOptions:
         max_gap: Frames further apart are not joined [s]; None: 2.5 time steps, or 2.5 intervals of
             the tracker where these are longer.
         min_steps: Shorter stretches are left out.
+        match: Whether poses are matched to spheres, which come in any order or are missing; also
+            where the simulator that recorded them did.
     """
 
     topic: str | None = None
@@ -74,6 +77,7 @@ class ImportOptions:
     dt: float | None = None
     max_gap: float | None = None
     min_steps: int = 10
+    match: bool = False
 
     def __post_init__(self) -> None:
         for name in ('radius', 'dt', 'max_gap'):
@@ -106,9 +110,10 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
         ValueError: It cannot be read, or holds nothing that can be used.
     """
     bag = read_bag(path)
-    scenes = _recorded(bag)
-    topic = find_tracked(bag, options.topic, [name for name, _ in scenes])
-    scene = _scene(bag, topic.name, scenes, options)
+    said = SaidScenes.of(bag)
+    topic = find_tracked(bag, options.topic, said.tracked)
+    scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)[0]
+    scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or _native_dt(scene, options.model)
     decoded = decode_topic(topic)
     stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
@@ -124,7 +129,7 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
             f'{_SLOWEST:g} time steps of {dt:.3g} s; track faster, or give a longer --dt'
         )
     gap = options.max_gap or _GAP * max(dt, interval)
-    parts = cut(decoded.frames, gap * 1e9)
+    parts, matched = _cut(decoded, scene, options, said, topic.name, gap)
     noise = parts.noise()
     usable = [part for part in parts.segments if part.times[-1] >= (options.min_steps - 1e-6) * dt]
     if not usable:
@@ -133,13 +138,15 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
             f'{path}: no stretch of {topic.name} is {options.min_steps} steps of {dt:.3g} s long, '
             f'the longest has {longest:.3g} s (frames refused: {parts.refused or "none"}; cuts: '
             f'{parts.cuts or "none"}); record for longer, or lower --min-steps'
+            + (f'; {MATCH_REMEDY}' if 'count' in parts.cuts else '')
         )
     counts: Counter[str] = Counter()
     records = []
-    for number, part in enumerate(usable):
-        where = f'{path}: {topic.name}'
-        _check_fits(part, scene, noise, where)
-        trajectory = _trajectory(part, scene, dt, noise, counts)
+    where = f'{path}: {topic.name}'
+    scenes = [_fitting(part, scene, noise, where) for part in usable]
+    warnings = [] if matched else _check_places(usable, scene, where)
+    for number, (part, own) in enumerate(zip(usable, scenes, strict=True)):
+        trajectory = _trajectory(part, own, dt, noise, counts)
         origin = {
             'engine': 'tracker',
             'bag': Path(path).name,
@@ -150,14 +157,14 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
             'noise_rad': noise.rotation,
         }
         name = f'{Path(path).stem}_{number}'
-        records.append(
-            Record(trajectory=trajectory, scene=scene, seed=0, teacher=origin, name=name)
-        )
+        records.append(Record(trajectory=trajectory, scene=own, seed=0, teacher=origin, name=name))
     report = {
         'bag': Path(path).name,
         'topic': topic.name,
         'frames': len(topic),
         'damaged': decoded.damaged,
+        'matched': matched,
+        'filled': parts.filled,
         'refused': parts.refused,
         'cuts': parts.cuts,
         'too_short': len(parts.segments) - len(usable),
@@ -167,44 +174,58 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
         'noise_rad': noise.rotation,
         'records': [[r.trajectory.count, r.trajectory.steps] for r in records],
         'poses': dict(counts),
-        'warnings': list(bag.warnings),
+        'warnings': warnings + list(bag.warnings),
     }
     return Imported(records, report)
 
 
-def _recorded(bag: Bag) -> list[tuple[str, dict[str, Any]]]:
-    """(Tracked topic, scene) of each simulator that recorded itself; '' where it named none."""
-    found = []
-    for topic in bag.topics.values():
-        if not (topic.type_name == 'std_msgs/msg/String' and topic.name.endswith('/scene')):
-            continue
-        for message in topic.messages[-1:]:
-            try:
-                content = json.loads(decode_string(message))
-            except (MessageError, json.JSONDecodeError) as error:
-                raise BagError(f'{bag.path}: {topic.name} holds no JSON: {error}') from error
-            if isinstance(content, dict) and 'scene' in content:
-                names = content.get('topics')
-                tracked = names.get('tracked', '') if isinstance(names, dict) else ''
-                found.append((str(tracked), content['scene']))
-    return found
+def _cut(
+    decoded: Decoded,
+    scene: Scene,
+    options: ImportOptions,
+    said: SaidScenes,
+    topic: str,
+    gap: float,
+) -> tuple[Cut, str]:
+    """Cut frames into segments, and say who asked for matching; empty: nobody."""
+    parameters = said.matching(topic)
+    why = 'as --match asks' if options.match else ''
+    why = why if parameters is None else 'as by the simulator that recorded the bag'
+    if not why:
+        return cut(decoded.frames, gap * 1e9), why
+    # late: the model need not run otherwise
+    from ..evaluation.matched_tracks import cut_matched
+    from ..evaluation.recorded_model import forecaster
+
+    model = forecaster(scene, options.model)
+    return cut_matched(decoded, model, parameters or {}, gap * 1e9), why
 
 
-def _scene(
-    bag: Bag, topic: str, scenes: list[tuple[str, dict[str, Any]]], options: ImportOptions
-) -> Scene:
-    if options.scene is not None:
-        scene = load_scene(options.scene)[0]
-    else:
-        own = [scene for name, scene in scenes if name == topic] or [s for _, s in scenes]
-        if not own or any(scene != own[0] for scene in own):
-            problem = 'no .../scene topic says' if not own else f'{len(own)} simulators differ in'
-            raise BagError(
-                f'{bag.path}: {problem} what the scene is; name it with --scene. '
-                f'The bag holds {listing(bag)}'
-            )
-        scene = Scene.from_mapping(own[0], 'scene of the bag')
-    return scene if options.radius is None else replace(scene, radius=options.radius)
+def _check_places(parts: list[Segment], scene: Scene, where: str) -> list[str]:
+    """Refuse poses that come in any order; warn of some that do, and of such as show no motion."""
+    gravity = np.asarray(scene.gravity, dtype=np.float64)
+    found = PlacesKept()
+    for part in parts:
+        found += places_kept(part, scene.per_sphere('radius', part.poses.shape[1]), gravity)
+    if found.lost:
+        raise ImportBagError(
+            f'{where}: spheres change places in the message, in {len(found.stamps)} frames, the '
+            f'first of stamp {seconds(found.stamps[0])} s; expected each in its own place '
+            'throughout; --match finds out who is who'
+        )
+    warnings = []
+    if found.stamps:
+        warnings.append(
+            f'spheres seem to change places in the message, in {len(found.stamps)} frames, the '
+            f'first of stamp {seconds(found.stamps[0])} s; --match finds out who is who'
+        )
+    if found.blind:
+        warnings.append(
+            f'{100 * found.sudden / found.steps:.3g} % of the steps of spheres do not go on from '
+            'the step before, so hardly a motion is seen; track faster, or, if poses come in any '
+            'order, try --match'
+        )
+    return warnings
 
 
 def _native_dt(scene: Scene, model: str) -> float:
@@ -213,9 +234,18 @@ def _native_dt(scene: Scene, model: str) -> float:
     return units.dt * Similarity.between(scene, units).time
 
 
-def _check_fits(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> None:
-    """Refuse a scene of another number of spheres, or with surfaces that these lie behind."""
+def _fitting(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> Scene:
+    """Return the scene of these spheres.
+
+    Raises:
+        ImportBagError: It is of another number of spheres, or has surfaces that these lie behind.
+    """
     count = part.poses.shape[1]
+    if part.ids is not None:
+        try:
+            scene = scene_of(scene, part.ids)
+        except ValueError as error:
+            raise ImportBagError(f'{where}: {error}') from error
     if scene.sphere_count not in (None, count):
         raise ImportBagError(
             f'{where} has stretches with {count} spheres, but the scene has properties of '
@@ -235,6 +265,7 @@ def _check_fits(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> No
                 f'surface {index} of the scene at {part.times[frame]:.3g} s, expected in front of '
                 'it; are positions in metres, z up, and is it the right --scene?'
             )
+    return scene
 
 
 def _trajectory(

@@ -1,0 +1,93 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the simulators in a bag said of the scene, and of how poses were matched. No ROS needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rigid_gns_core.scene import Scene
+
+from ..bag_reader import Bag, BagError
+from ..recording.bag_topics import listing, recorded_scenes, said_names
+
+
+@dataclass(frozen=True)
+class SaidScenes:
+    """Simulators that recorded themselves.
+
+    Args:
+        bag: The bag.
+        simulators: What each said on its ~/scene.
+        unusable: Names of topics .../scene whose text holds no scene: they are of others.
+    """
+
+    bag: Bag
+    simulators: list[dict[str, Any]]
+    unusable: list[str]
+
+    @classmethod
+    def of(cls, bag: Bag) -> SaidScenes:
+        """Read the topics .../scene of a bag."""
+        texts = [
+            topic.name
+            for topic in bag.topics.values()
+            if topic.type_name == 'std_msgs/msg/String'
+            and topic.name.endswith('/scene')
+            and topic.messages
+        ]
+        usable = {
+            name: said
+            for name, said in recorded_scenes(bag).items()
+            if isinstance(said.get('scene'), dict)
+        }
+        return cls(bag, list(usable.values()), sorted(set(texts) - set(usable)))
+
+    @property
+    def tracked(self) -> list[str]:
+        """Topics of tracked poses that they named."""
+        return [said_names(one).get('tracked', '') for one in self.simulators]
+
+    def scene(self, topic: str) -> Scene:
+        """Return the scene of a topic of tracked poses.
+
+        Raises:
+            BagError: None is said, or several that differ.
+        """
+        own = self._of(topic)
+        if not own or any(one['scene'] != own[0]['scene'] for one in own):
+            problem = f'{len(own)} simulators differ in'
+            if not own:
+                problem = 'no .../scene topic says'
+                if self.unusable:
+                    problem = f'{", ".join(self.unusable)} holds no scene of a simulator that says'
+            raise BagError(
+                f'{self.bag.path}: {problem} what the scene is; name it with --scene. '
+                f'The bag holds {listing(self.bag)}'
+            )
+        return Scene.from_mapping(own[0]['scene'], 'scene of the bag')
+
+    def matching(self, topic: str) -> Mapping[str, Any] | None:
+        """Return the parameters of a simulator that matched poses of a topic; None: none did."""
+        said = [one.get('parameters') for one in self._of(topic)]
+        matched = [one for one in said if isinstance(one, dict) and one.get('match_spheres')]
+        return matched[0] if matched else None
+
+    def _of(self, topic: str) -> list[dict[str, Any]]:
+        """Those that tracked the topic; where none says so, all."""
+        named = zip(self.tracked, self.simulators, strict=True)
+        return [one for name, one in named if name == topic] or self.simulators
