@@ -29,7 +29,7 @@ AHEAD = 1_000_000_000  # the clock goes on like this at most; a smaller step is 
 def on_jump(node: Node, callback: Callable[[int], None]) -> JumpHandle:
     """Call `callback` with the jump [ns] where a simulated clock goes back, or far ahead at once.
 
-    The handle must be kept.
+    The handle must be kept, and unregistered before the node ends: rclpy may crash otherwise.
     """
     threshold = JumpThreshold(
         min_forward=Duration(nanoseconds=AHEAD + 1),

@@ -70,6 +70,7 @@ class SimulatorNode(ClosingNode):
 
     def close(self) -> None:
         """Stop predicting and finish the bag."""
+        self._jump_handle.unregister()
         log_end(f'stopped: {self.simulation.close()}')
 
     def _tell(self, model: Forecaster, values: dict[str, Any]) -> None:

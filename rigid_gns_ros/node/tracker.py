@@ -139,6 +139,7 @@ class TrackerNode(ClosingNode):
 
     def close(self) -> None:
         """Stop publishing."""
+        self._jump_handle.unregister()
         self._alarm.cancel()
         self._await.cancel()
         log_end(f'stopped: {self._published} frames published')
