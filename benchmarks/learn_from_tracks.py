@@ -164,7 +164,7 @@ def case(
 
 
 def table(report: dict[str, Any]) -> str:
-    """Mean ± standard deviation over seeds, as Markdown."""
+    """Mean ± standard deviation (n - 1) over seeds, as Markdown."""
     cases = report['cases']
     heads = ' | '.join(f'{time:g} s' for time in report['horizons'])
     lines = [f'| noise | model | {heads} |', '|---|---|' + '---|' * len(report['horizons'])]
@@ -172,10 +172,10 @@ def table(report: dict[str, Any]) -> str:
         own = [one['errors'] for one in cases if one['noise'] == noise]
         for name in own[0]:
             values = np.array([errors[name] for errors in own])
-            cells = [
-                f'{mean:.2g} ± {std:.1g}' if len(own) > 1 else f'{mean:.2g}'
-                for mean, std in zip(values.mean(axis=0), values.std(axis=0), strict=True)
-            ]
+            cells = [f'{mean:.2g}' for mean in values.mean(axis=0)]
+            if len(own) > 1:
+                spread = values.std(axis=0, ddof=1)
+                cells = [f'{cell} ± {std:.1g}' for cell, std in zip(cells, spread, strict=True)]
             lines.append(f'| {1e3 * noise:g} mm | {name} | ' + ' | '.join(cells) + ' |')
     lines += ['', '| noise | material | true | fitted, by seed | its own standard errors |']
     lines += ['|---|---|---|---|---|']
