@@ -62,9 +62,9 @@ _GROUPS, _LEAST = 8, 5
 def most_evaluations(names: Sequence[str]) -> int:
     """At most how many times all windows are rolled out."""
     scan = 1 + sum(len(MATERIALS[name].tried) for name in names)
-    slopes = [2 * count for count in range(1 + len(names))]  # anew where a material drops out
     fits = (len(SCALES) + _GROUPS) * _MOST
-    return scan + sum(fits * (1 + each) for each in slopes[1:]) + 2 * sum(1 + s for s in slopes)
+    # errors and slopes, once for each fit's step and twice more; anew where a material drops out
+    return scan + sum((fits + 2) * (1 + 2 * count) for count in range(1, 1 + len(names)))
 
 
 class MaterialFit:

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 
 # Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
 OURS, THESIS, LOST = '#0072b2', '#e69f00', '#d55e00'
-NAMES = {**{key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()}}
-NAMES |= LONG | OVERLAPS | SHORT
+NAMES = {key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()} | LONG | OVERLAPS | SHORT
 NAMES |= {
     'energy_gain_median': 'median energy gain',
     'position_error_10': 'error after 10 steps [m]',

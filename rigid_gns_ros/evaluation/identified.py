@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from rigid_gns_core.state import Array
 from scipy.optimize import linear_sum_assignment
 
@@ -117,12 +118,24 @@ def assigned(places: Array, poses: Array, radius: float) -> Array:
 
 def fill(stamps: Stamps, poses: Array) -> None:
     """Interpolate the poses of a sphere, shape (k, 7), where it was not seen for a short time."""
+    for gap in short_gaps(stamps, poses):
+        ends = gap[[0, -1]] + [-1, 1]
+        poses[gap] = interpolate(stamps[ends], poses[ends][:, None], stamps[gap])[:, 0]
+
+
+def short_gaps(stamps: Stamps, poses: Array) -> list[NDArray[np.int64]]:
+    """Frames in a row in which a sphere was not seen, of gaps of up to three intervals.
+
+    Args:
+        stamps: Of the frames [ns], shape (k,).
+        poses: Of the sphere, shape (k, 7), NaN where it was not seen.
+    """
     seen = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if len(seen) < 2:
-        return
+        return []
     longest = MAX_GAP * float(np.median(np.diff(stamps)))
-    for before, after in pairwise(seen):
-        if after - before > 1 and stamps[after] - stamps[before] <= longest:
-            ends = np.array([before, after])
-            gap = slice(before + 1, after)
-            poses[gap] = interpolate(stamps[ends], poses[ends][:, None], stamps[gap])[:, 0]
+    return [
+        np.arange(before + 1, after)
+        for before, after in pairwise(seen)
+        if after - before > 1 and stamps[after] - stamps[before] <= longest
+    ]

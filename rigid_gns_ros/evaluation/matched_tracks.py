@@ -19,13 +19,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from .alignment import Decoded, MAX_GAP
-from .identified import assigned
+from .alignment import Decoded
+from .identified import assigned, short_gaps
 from .recorded_model import tracking_window
 from ..learning.resample import resample
 from ..learning.tracked_segments import Cut, cut
@@ -106,19 +105,13 @@ def _filled(
     """Return the frames in which all spheres are known, and how many poses were put in."""
     stamps = np.array([frame.stamp_ns for frame in run], dtype=np.int64)
     times = (stamps - stamps[0]) * 1e-9
-    longest = MAX_GAP * float(np.median(np.diff(times))) if len(run) > 1 else 0.0
     poses = np.stack([frame.poses for frame in run])
     poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
     filled = 0
     for own in np.moveaxis(poses, 1, 0):
-        seen = np.flatnonzero(np.isfinite(own).all(axis=1))
-        missing = [
-            frame
-            for before, after in pairwise(seen.tolist())
-            if times[after] - times[before] <= longest
-            for frame in range(before + 1, after)
-        ]
-        if missing:
+        gaps = short_gaps(stamps, own)
+        if gaps:
+            seen, missing = np.isfinite(own).all(axis=1), np.concatenate(gaps)
             found = resample(
                 times[seen],
                 own[seen, None, :3],

@@ -23,7 +23,7 @@ from typing import Any
 from rigid_gns_core.scene import Scene
 
 from ..bag_reader import Bag, BagError
-from ..recording.bag_topics import listing, recorded_scenes, said_names
+from ..recording.bag_topics import listing, recorded_scenes, said_names, scene_topics
 
 
 @dataclass(frozen=True)
@@ -43,19 +43,13 @@ class SaidScenes:
     @classmethod
     def of(cls, bag: Bag) -> SaidScenes:
         """Read the topics .../scene of a bag."""
-        texts = [
-            topic.name
-            for topic in bag.topics.values()
-            if topic.type_name == 'std_msgs/msg/String'
-            and topic.name.endswith('/scene')
-            and topic.messages
-        ]
+        texts = {topic.name for topic in scene_topics(bag)}
         usable = {
             name: said
             for name, said in recorded_scenes(bag).items()
             if isinstance(said.get('scene'), dict)
         }
-        return cls(bag, list(usable.values()), sorted(set(texts) - set(usable)))
+        return cls(bag, list(usable.values()), sorted(texts - set(usable)))
 
     @property
     def tracked(self) -> list[str]:

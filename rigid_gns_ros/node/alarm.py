@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from rclpy.clock import ROSClock
 from rclpy.node import Node
+
+from .set_clock import simulated
 
 EARLY = 1_000_000  # by which the timer fires, and the rest is slept: it wakes late by that [ns]
 
@@ -41,7 +42,7 @@ class Alarm:
         """Ring when the node's clock reaches `time_ns`; at once where that is past."""
         self._due = time_ns
         # a simulated clock does not run while one sleeps
-        early = 0 if self._simulated else EARLY
+        early = 0 if simulated(self._node) else EARLY
         self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
 
@@ -56,16 +57,11 @@ class Alarm:
         if due is None:
             return
         left = min(self._left(due), EARLY)
-        if left > 0 and not self._simulated:
+        if left > 0 and not simulated(self._node):
             time.sleep(left * 1e-9)
             if not self._node.context.ok():
                 return  # stopped meanwhile
         self._callback()
-
-    @property
-    def _simulated(self) -> bool:
-        clock = self._node.get_clock()
-        return isinstance(clock, ROSClock) and clock.ros_time_is_active
 
     def _left(self, time_ns: int) -> int:
         return time_ns - self._node.get_clock().now().nanoseconds

@@ -148,7 +148,7 @@ class Channels:
         """Finish the bag; returns what became of it, or an empty text."""
         if self.bag is None:
             return ''
-        self._record_early(0)  # no clock ever came
+        self._record_early(self.bag, 0)  # no clock ever came
         self.bag.close()
         text = f'bag in {self.bag.folder}'
         if self.bag.error:
@@ -211,15 +211,17 @@ class Channels:
     def _record(self, topic: str, cdr: bytes, time_ns: int) -> None:
         if self.bag is None:
             return
-        self.recorded_bytes += len(cdr)
         if time_ns == 0:  # a bag that begins there would last for decades
             self._early[topic] = cdr
             return
-        self._record_early(time_ns)
-        self.bag.write(topic, cdr, time_ns)
+        self._record_early(self.bag, time_ns)
+        self._write(self.bag, topic, cdr, time_ns)
 
-    def _record_early(self, time_ns: int) -> None:
+    def _record_early(self, bag: BagWriter, time_ns: int) -> None:
         for topic, cdr in self._early.items():
-            assert self.bag is not None
-            self.bag.write(topic, cdr, time_ns)
+            self._write(bag, topic, cdr, time_ns)
         self._early.clear()
+
+    def _write(self, bag: BagWriter, topic: str, cdr: bytes, time_ns: int) -> None:
+        self.recorded_bytes += len(cdr)
+        bag.write(topic, cdr, time_ns)

@@ -26,6 +26,12 @@ from rclpy.node import Node
 AHEAD = 1_000_000_000  # the clock goes on like this at most; a smaller step is caught up with [ns]
 
 
+def simulated(node: Node) -> bool:
+    """Whether the node's clock is that of a simulation, as with `use_sim_time`."""
+    clock = node.get_clock()
+    return isinstance(clock, ROSClock) and clock.ros_time_is_active
+
+
 def on_jump(node: Node, callback: Callable[[int], None]) -> JumpHandle:
     """Call `callback` with the jump [ns] where a simulated clock goes back, or far ahead at once.
 
@@ -52,14 +58,15 @@ class SetClock:
     """
 
     def __init__(self, node: Node) -> None:
-        self._clock = node.get_clock()
+        self._node = node
         self._apart: int | None = None  # of both clocks at the last look [ns]
 
     def set_by(self) -> int:
         """By how much the clock was set since the last call [ns]; 0 where it was not."""
-        if isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active:
+        if simulated(self._node):
             self._apart = None
             return 0
-        before, self._apart = self._apart, self._clock.now().nanoseconds - time.monotonic_ns()
+        now = self._node.get_clock().now().nanoseconds
+        before, self._apart = self._apart, now - time.monotonic_ns()
         ahead = 0 if before is None else self._apart - before
         return ahead if abs(ahead) > AHEAD else 0

@@ -110,15 +110,23 @@ def listing(bag: Bag) -> str:
 def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
     """Return what simulators said on their ~/scene, by topic; texts of others are left out."""
     scenes = {}
-    for topic in bag.topics.values():
-        if topic.type_name == _STRING and topic.name.endswith('/scene') and topic.messages:
-            try:
-                content = json.loads(decode_string(topic.messages[-1]))
-            except (MessageError, json.JSONDecodeError):
-                continue
-            if isinstance(content, dict):
-                scenes[topic.name] = content
+    for topic in scene_topics(bag):
+        try:
+            content = json.loads(decode_string(topic.messages[-1]))
+        except (MessageError, json.JSONDecodeError):
+            continue
+        if isinstance(content, dict):
+            scenes[topic.name] = content
     return scenes
+
+
+def scene_topics(bag: Bag) -> list[Topic]:
+    """Topics with messages that may be the ~/scene of a simulator, by type and name."""
+    return [
+        topic
+        for topic in bag.topics.values()
+        if topic.type_name == _STRING and topic.name.endswith('/scene') and topic.messages
+    ]
 
 
 def said_names(scene: dict[str, Any]) -> dict[str, str]:
