@@ -17,18 +17,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from rigid_gns_core.state import Array
 from scipy.optimize import linear_sum_assignment
 
-from .alignment import Decoded, MAX_GAP
+from .alignment import Decoded
 from .forecast_starts import Start
 from .replay import replayed
+from .short_gaps import fill_short_gaps
 from ..messages import PoseArrayFrame
-from ..pose_interpolation import interpolate, Stamps
+from ..prediction.forecast import Forecaster
 from ..tracking.window import TrackingWindow
 
 
@@ -48,13 +47,13 @@ class IdentifiedFrames:
         tracked: Frames that the node accepted.
         starts: Starts that it recorded.
         window: As the node's, new.
-        radius: A pose so far from where the window has a sphere is not of it [m].
+        model: The one that predicted, or another of its scene.
     """
 
     def __init__(
-        self, tracked: Decoded, starts: list[Start], window: TrackingWindow, radius: float
+        self, tracked: Decoded, starts: list[Start], window: TrackingWindow, model: Forecaster
     ) -> None:
-        self._tracked = tracked
+        self._tracked, self._window, self._model = tracked, window, model
         self._seen: dict[int, _Seen] = {}
         self._lives: dict[int, int] = {}  # of the window, by the place of a start
         self._cache: dict[tuple[int, tuple[int, ...]], Decoded] = {}
@@ -66,7 +65,8 @@ class IdentifiedFrames:
             frame = tracked.frames[index]
             if window.full and window.stamp_ns == frame.stamp_ns:
                 places = window.start()[1].positions
-                self._seen[index] = _Seen(now, window.ids, assigned(places, frame.poses, radius))
+                poses = assigned(places, frame.poses, model.radius)
+                self._seen[index] = _Seen(now, window.ids, poses)
 
         for start, _ in replayed(window, tracked, starts, on_frame):
             self._lives[start.place] = life
@@ -74,8 +74,8 @@ class IdentifiedFrames:
     def of(self, start: Start) -> Decoded:
         """Frames with the spheres of a start, in its order.
 
-        Poses of a sphere that was not seen for up to three intervals are interpolated; frames with
-        one that was not seen for longer are left out.
+        A sphere that was not seen for up to three intervals is put in where its motion leads;
+        frames with one that was not seen for longer are left out.
         """
         wanted, life = start.ids or (), self._lives[start.place]
         if (life, wanted) not in self._cache:
@@ -92,8 +92,14 @@ class IdentifiedFrames:
             return Decoded([], self._tracked.times[:0], self._tracked.places[:0], 0)
         stamps = np.array([self._tracked.frames[index].stamp_ns for index in chosen])
         poses = np.stack([self._columns(index, wanted) for index in chosen])
-        for sphere in range(poses.shape[1]):
-            fill(stamps, poses[:, sphere])
+        scene = self._model.scene
+        fill_short_gaps(
+            stamps,
+            poses,
+            gravity=np.asarray(scene.gravity, dtype=np.float64),
+            noise=self._window.noise,
+            radius=float(np.min(scene.radius)),
+        )
         whole = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         frame_id = self._tracked.frames[chosen[0]].frame_id
         frames = [PoseArrayFrame(int(stamps[k]), frame_id, poses[k]) for k in whole]
@@ -114,28 +120,3 @@ def assigned(places: Array, poses: Array, radius: float) -> Array:
         near = apart[rows, columns] <= radius
         found[rows[near]] = poses[columns[near]]
     return found
-
-
-def fill(stamps: Stamps, poses: Array) -> None:
-    """Interpolate the poses of a sphere, shape (k, 7), where it was not seen for a short time."""
-    for gap in short_gaps(stamps, poses):
-        ends = gap[[0, -1]] + [-1, 1]
-        poses[gap] = interpolate(stamps[ends], poses[ends][:, None], stamps[gap])[:, 0]
-
-
-def short_gaps(stamps: Stamps, poses: Array) -> list[NDArray[np.int64]]:
-    """Frames in a row in which a sphere was not seen, of gaps of up to three intervals.
-
-    Args:
-        stamps: Of the frames [ns], shape (k,).
-        poses: Of the sphere, shape (k, 7), NaN where it was not seen.
-    """
-    seen = np.flatnonzero(np.isfinite(poses).all(axis=1))
-    if len(seen) < 2:
-        return []
-    longest = MAX_GAP * float(np.median(np.diff(stamps)))
-    return [
-        np.arange(before + 1, after)
-        for before, after in pairwise(seen)
-        if after - before > 1 and stamps[after] - stamps[before] <= longest
-    ]

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 from .alignment import Decoded
-from .identified import assigned, short_gaps
+from .identified import assigned
 from .recorded_model import tracking_window
-from ..learning.resample import resample
+from .short_gaps import fill_short_gaps
 from ..learning.tracked_segments import Cut, cut
 from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecaster
@@ -41,8 +41,8 @@ def cut_matched(
     """Frames in segments of one set of spheres each.
 
     A sphere that was not seen for up to three intervals is put in where its motion before and
-    after leads, see `resample`; frames with one that was not seen for longer, and those before all
-    spheres are found, are left out (`unseen`).
+    after leads, see `fill_short_gaps`; frames with one that was not seen for longer, and those
+    before all spheres are found, are left out (`unseen`).
 
     Args:
         tracked: Frames in the order of recording; those in another coordinate frame than most are
@@ -104,24 +104,13 @@ def _filled(
 ) -> tuple[list[PoseArrayFrame], int]:
     """Return the frames in which all spheres are known, and how many poses were put in."""
     stamps = np.array([frame.stamp_ns for frame in run], dtype=np.int64)
-    times = (stamps - stamps[0]) * 1e-9
     poses = np.stack([frame.poses for frame in run])
-    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
-    filled = 0
-    for own in np.moveaxis(poses, 1, 0):
-        gaps = short_gaps(stamps, own)
-        if gaps:
-            seen, missing = np.isfinite(own).all(axis=1), np.concatenate(gaps)
-            found = resample(
-                times[seen],
-                own[seen, None, :3],
-                own[seen, None, 3:],
-                times[missing],
-                gravity=np.asarray(model.scene.gravity, dtype=np.float64),
-                noise=noise,
-                radius=float(np.min(model.scene.radius)),
-            )
-            own[missing] = np.concatenate([found.positions, found.quaternions], axis=-1)[:, 0]
-            filled += len(missing)
+    filled = fill_short_gaps(
+        stamps,
+        poses,
+        gravity=np.asarray(model.scene.gravity, dtype=np.float64),
+        noise=noise,
+        radius=float(np.min(model.scene.radius)),
+    )
     known = np.isfinite(poses).all(axis=(1, 2))
     return [replace(run[k], poses=poses[k]) for k in np.flatnonzero(known)], filled

@@ -145,7 +145,7 @@ def _identified(
     from .recorded_model import find_recorded_model, forecaster, tracking_window
 
     model = forecaster(scene, find_recorded_model(recorded, None, 'the bag'))
-    return IdentifiedFrames(tracked, starts, tracking_window(model, parameters), model.radius)
+    return IdentifiedFrames(tracked, starts, tracking_window(model, parameters), model)
 
 
 def _horizon_errors(

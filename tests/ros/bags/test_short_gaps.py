@@ -1,0 +1,65 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Spheres that were not seen for a few frames are put in where their motion leads."""
+
+from __future__ import annotations
+
+import numpy as np
+from rigid_gns_ros.evaluation.short_gaps import fill_short_gaps
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+STAMPS = 1_700_000_000_000_000_000 + 20_000_000 * np.arange(40)  # 50 Hz
+
+
+def thrown() -> np.ndarray:
+    """Poses of a sphere that flies while it turns at 2 rad/s, and of one at rest, (40, 2, 7)."""
+    times = (STAMPS - STAMPS[0]) * 1e-9
+    poses = np.zeros((len(times), 2, 7))
+    poses[:, 0, 0] = 3.0 * times
+    poses[:, 0, 2] = 1.0 + 4.0 * times + 0.5 * GRAVITY[2] * times**2
+    poses[:, 0, 5], poses[:, 0, 6] = np.sin(times), np.cos(times)
+    poses[:, 1, 6] = 1.0
+    return poses
+
+
+def fill(poses: np.ndarray) -> int:
+    return fill_short_gaps(STAMPS, poses, gravity=GRAVITY, noise=1e-5, radius=0.02)
+
+
+def test_flight_and_rest_go_on_in_a_short_gap() -> None:
+    truth = thrown()
+    poses = truth.copy()
+    poses[10:12, 0] = np.nan  # three intervals; a chord would be 4 mm off
+    poses[20, 1] = np.nan
+    assert fill(poses) == 3
+    # both are exact but for rounding: times are differences of integers, positions of order 1 m
+    np.testing.assert_allclose(poses, truth, atol=1e-12)
+
+
+def test_longer_gaps_and_ends_stay_unseen() -> None:
+    poses = thrown()
+    for gone in (slice(0, 2), slice(10, 13), slice(39, 40)):
+        poses[gone, 0] = np.nan
+    before = poses.copy()
+    assert fill(poses) == 0
+    np.testing.assert_array_equal(poses, before)
+
+
+def test_one_frame_and_a_sphere_never_seen_are_left() -> None:
+    poses = thrown()
+    poses[:, 1] = np.nan
+    assert fill(poses) == 0
+    alone = poses[:1].copy()
+    assert fill_short_gaps(STAMPS[:1], alone, gravity=GRAVITY, noise=0.0, radius=0.02) == 0
