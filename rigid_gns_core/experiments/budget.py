@@ -64,7 +64,8 @@ class Budget:
         changes: What differs from that recipe.
         trajectories: Of the test set that are rolled out.
         steps: Of each rollout.
-        long_steps: Of the rollouts of the base variant, which are scored after `steps` too.
+        long_steps: Of the rollouts of unseen scenes, and of the base variant on the test set too;
+            these are scored after `steps` as well.
         speed_width: Width of the networks whose speed is measured.
         speed_frames: Frames of each trajectory that are timed.
         device: Where networks are trained and rolled out: cpu, cuda, or auto, which is cuda where

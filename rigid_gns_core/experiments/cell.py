@@ -51,18 +51,24 @@ class Cell:
     budget: Budget
     changes: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def steps(self) -> tuple[int, ...]:
-        """Lengths at which rollouts are scored, ascending; the base is stable for longer."""
+    def steps(self, which: str) -> tuple[int, ...]:
+        """Lengths at which rollouts of a set are scored, ascending.
+
+        Those of unseen scenes are as long as the thesis', since its claims are about them.
+        """
         budget = self.budget
-        whole = self.kind == 'teacher' or not self.changes
+        whole = which == 'ood' or self.kind == 'teacher' or not self.changes
         return tuple(sorted({budget.steps, budget.long_steps} if whole else {budget.steps}))
 
     @cached_property
     def key(self) -> str:
         """Hash of all that determines the result: recipes, scenes, steps; not of names."""
-        text = json.dumps(self._determinants(), sort_keys=True, default=list)
-        return hashlib.sha256(text.encode()).hexdigest()[:12]
+        return _hash(self._determinants())
+
+    @cached_property
+    def training_key(self) -> str:
+        """Hash of what determines the weights, so that other rollouts do not train them again."""
+        return _hash({'version': VERSION, **self._training()})
 
     @property
     def file_name(self) -> str:
@@ -78,17 +84,20 @@ class Cell:
             what |= {'model': differing(model), 'width': budget.speed_width}
             return what | {'frames': budget.speed_frames, 'test': test}
         scenes = [_scene_hash(scene) for scene in data.ood]
-        ood = [scenes, data.ood_steps, data.ood_substeps]
-        what |= {'steps': self.steps}
+        ood: list[Any] = [scenes, data.ood_steps, data.ood_substeps]
+        what |= {'steps': self.steps('test')}
         if self.kind == 'teacher':
             others = [_set_hash(data.half), _set_hash(data.twice)]
             return what | {'data': [test, others] if self.name == 'test' else ood}
-        train = load_recipe(data.train)
-        return what | {
-            'recipe': differing(budget.training(self.changes, self.seed)),
+        if self.steps('ood') != self.steps('test'):
+            ood.append(self.steps('ood'))
+        return what | {**self._training(), 'test': test, 'ood': ood}
+
+    def _training(self) -> dict[str, Any]:
+        train = load_recipe(self.budget.data.train)
+        return {
+            'recipe': differing(self.budget.training(self.changes, self.seed)),
             'train': [recipe_hash(resolve(train)), train.trajectories],
-            'test': test,
-            'ood': ood,
         }
 
 
@@ -129,6 +138,11 @@ def differing(config: Any) -> dict[str, Any]:
         elif value != default:
             result[entry.name] = value
     return result
+
+
+def _hash(what: dict[str, Any]) -> str:
+    text = json.dumps(what, sort_keys=True, default=list)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 @cache

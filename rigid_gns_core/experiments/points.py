@@ -121,11 +121,11 @@ def printed_numbers(value: Any) -> list[float]:
 def _points(table: Mapping[str, Any], which: str, metric: str, shown: str) -> list[Point]:
     if table['kind'] == 'teacher':
         return _truth_points(table, which, metric)
-    points, steps = [], str(table['steps'])
+    points = []
     for index, row in enumerate(table['rows']):
         score: Mapping[str, Any] = {}
         if table['kind'] == 'train':
-            score = row['sets'].get(which, {}).get(steps, {})
+            score = row['sets'].get(which, {}).get(str(table['steps'][which]), {})
             values = score.get('metrics', {})
         else:
             values = row.get('values', {}) if which == 'test' else {}
@@ -159,7 +159,7 @@ def _floor(table: Mapping[str, Any], which: str, metric: str) -> tuple[float | N
     """Floor, and whether its bound is more; none of a law, which has no reference."""
     if table['kind'] != 'train':
         return None, False
-    floor = table['floor'].get(which, {}).get(str(table['steps']), {})
+    floor = table['floor'].get(which, {}).get(str(table['steps'][which]), {})
     own, least = floor.get(metric), floor.get(f'least_{metric}')
     if least is not None and (own is None or least > own):
         return least, True

@@ -24,6 +24,7 @@ import subprocess
 from typing import Any
 
 from .cell import Cell, VERSION
+from .study import SETS
 from ..config import to_mapping
 from ..strict_json import read_json, write_compact_json
 from ..versions import PACKAGE, versions_of
@@ -63,16 +64,18 @@ def describe_cell(cell: Cell) -> dict[str, Any]:
     """Return what a cell is and what made it; no path and no name of a machine."""
     budget = cell.budget
     config: dict[str, Any] = {'changes': cell.changes}
+    keys = {'key': cell.key}
     if cell.kind == 'train':
         config = to_mapping(budget.training(cell.changes, cell.seed))
+        keys['training_key'] = cell.training_key
     return {
         'version': VERSION,
         'kind': cell.kind,
         'name': cell.name,
         'seed': cell.seed,
-        'key': cell.key,
+        **keys,
         'budget': {'name': budget.name, 'words': budget.words, 'data': to_mapping(budget.data)},
-        'steps': list(cell.steps),
+        'steps': {which: cell.steps(which) for which in SETS},
         'config': config,
         'commit': commit(),
         'versions': versions(),

@@ -36,7 +36,7 @@ class Variant:
         name: Short; the same changes have the same name in all experiments.
         label: For tables and figures.
         changes: What differs from the base recipe, nested as in config/train/gns.yaml; nothing: it
-            is the base, which is rolled out for `Budget.long_steps` too.
+            is the base, which is rolled out for `Budget.long_steps` on the test set too.
         x: Place on the axis of a figure; None: the variants are named side by side.
         thesis: What the thesis prints, by set and metric: a number, [mean, std], or a word.
     """
@@ -76,7 +76,8 @@ class Experiment:
             measured; 'speed': frames per second with random weights.
         axis: What `Variant.x` counts; empty: variants are named.
         metrics: Of the figure, in the order of its panels; names as in docs/metrics.md.
-        long: Show rollouts of `Budget.long_steps`, which the base has; else of `Budget.steps`.
+        long: Show rollouts of `Budget.long_steps` on the test set, which the base has; else of
+            `Budget.steps`.
         name: Of its file.
     """
 

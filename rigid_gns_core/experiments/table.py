@@ -28,8 +28,8 @@ from .study import Experiment, SETS, Variant
 
 Result = Mapping[str, Any]
 Statistic = dict[str, float | int | None]
-MEDIANS = ('energy_gain', 'mse', 'mse_ratio', 'chamfer', 'chamfer_ratio')
-"""Also given as a median: one rollout that nearly diverges rules their mean."""
+MEDIANS = ('energy_gain', 'mse', 'mse_ratio', 'chamfer', 'chamfer_ratio', 'predictability_time')
+"""Also given as a median: one rollout that nearly diverges, or comes to rest, rules their mean."""
 
 
 def make_table(
@@ -56,7 +56,10 @@ def make_table(
         'kind': experiment.kind,
         'axis': experiment.axis,
         'metrics': list(experiment.metrics),
-        'steps': budget.long_steps if experiment.long else budget.steps,
+        'steps': {
+            'test': budget.long_steps if experiment.long else budget.steps,
+            'ood': budget.long_steps,
+        },
         'budget': {'name': budget.name, 'words': budget.words},
         'seeds': list(seeds),
     }
@@ -91,7 +94,7 @@ def _row(
     for which in SETS:
         if which not in floors:
             continue
-        for steps in sorted({str(s) for cell in cells for s in cell.steps}, key=int):
+        for steps in sorted({str(s) for cell in cells for s in cell.steps(which)}, key=int):
             measured = [r['measures'][which][steps] for r in trained if which in r['measures']]
             if measured:
                 floor = floors[which][steps] if floors[which] is not None else None

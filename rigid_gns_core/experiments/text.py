@@ -46,6 +46,7 @@ OVERLAPS = {
 }
 SHORT = {
     'predictability_time': 'predictable for [s]',
+    'predictability_time_median': 'median predictable for [s]',
     'position_error_10': 'error 10 steps [m]',
     'position_error_30': '30 steps',
     'position_error_50': '50 steps',
@@ -117,8 +118,9 @@ def printed(value: Any) -> str:
 
 
 def _train_blocks(table: Mapping[str, Any]) -> list[str]:
-    blocks, steps = [], str(table['steps'])
+    blocks = []
     for which, name in SET_NAMES.items():
+        steps = str(table['steps'][which])
         rows = [row for row in table['rows'] if steps in row['sets'].get(which, {})]
         floor = table['floor'].get(which, {}).get(steps, {})
         title = f'**{name.capitalize()}, {steps} steps.**\n\n'

@@ -61,7 +61,7 @@ def run_cell(
 
     torch.set_num_threads(1)  # cells run side by side
     begin = time.monotonic()
-    folder = runs / cell.key
+    folder = runs / (cell.training_key if cell.kind == 'train' else cell.key)
     try:
         with _redirected(folder / LOG) if quiet else contextlib.nullcontext():
             if cell.kind == 'teacher':
@@ -132,10 +132,11 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
     simulator = load_simulator(folder / 'best', **options)
     for which in ('test', 'ood'):
         held_out = references(cell.budget, data, which)
-        rows: dict[int, list[Values]] = {steps: [] for steps in cell.steps}
-        made = roll_outs(simulator, held_out, cell.steps[-1], at_once=on_gpu)
+        lengths = cell.steps(which)
+        rows: dict[int, list[Values]] = {steps: [] for steps in lengths}
+        made = roll_outs(simulator, held_out, lengths[-1], at_once=on_gpu)
         for record, predicted in zip(held_out, made, strict=True):
-            for steps in cell.steps:
+            for steps in lengths:
                 rows[steps].append(measure(predicted, record, steps))
         result['measures'][which] = _by_steps(held_out, rows)
     result['seconds']['evaluation'] = time.monotonic() - begin
@@ -147,14 +148,14 @@ def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
     held_out = references(cell.budget, data, cell.name)
     others = [references(cell.budget, data, cell.name, ending) for ending in ('half', 'twice')]
     result: dict[str, Any] = {'laws': {}, 'floor': {}}
-    longest = cell.steps[-1]
+    lengths = cell.steps(cell.name)
     kinds: tuple[Velocities, ...] = ('poses', 'given')
     for velocities in kinds:
-        rows = [_laws(r, longest, velocities) for r in held_out]
-        result['laws'][velocities] = _by_steps(held_out, {longest: rows})
-    floors: dict[int, list[Values]] = {steps: [] for steps in cell.steps}
+        rows = [_laws(r, lengths[-1], velocities) for r in held_out]
+        result['laws'][velocities] = _by_steps(held_out, {lengths[-1]: rows})
+    floors: dict[int, list[Values]] = {steps: [] for steps in lengths}
     for record, *pair in zip(held_out, *others, strict=True):
-        for steps in cell.steps:
+        for steps in lengths:
             floor = floor_of(record, pair, steps)
             bounds = {f'least_{key}': least_floor(key, record) for key in floor}
             floors[steps].append(floor | {k: v for k, v in bounds.items() if v is not None})

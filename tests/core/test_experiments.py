@@ -84,9 +84,19 @@ def test_a_key_is_of_what_determines_the_result_alone() -> None:
     assert len({cell.key for cell in [BASE, *other]}) == 1 + len(other)
 
 
-def test_the_base_is_rolled_out_for_longer() -> None:
-    assert BASE.steps == (500, 2000)
-    assert replace(BASE, changes={'rotate': False}).steps == (500,)
+def test_unseen_scenes_and_the_base_are_rolled_out_for_longer() -> None:
+    other = replace(BASE, changes={'rotate': False})
+    assert (BASE.steps('test'), BASE.steps('ood')) == ((500, 2000), (500, 2000))
+    assert (other.steps('test'), other.steps('ood')) == ((500,), (500, 2000))
+
+
+def test_longer_rollouts_are_another_cell_with_the_same_weights() -> None:
+    other = replace(BASE, changes={'rotate': False})
+    longer = replace(other, budget=replace(BUDGET, long_steps=2500))
+    assert longer.key != other.key
+    assert longer.training_key == other.training_key
+    seeds = [replace(other, seed=1), BASE]
+    assert len({cell.training_key for cell in [other, *seeds]}) == 3
 
 
 def test_a_closed_loop_costs_as_much_as_single_steps() -> None:
@@ -251,7 +261,7 @@ def test_a_figure_shows_what_there_is(tmp_path: Path) -> None:
     panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse_median')
     assert panel.floor == 2.5 and panel.points[2].lost == 1
     assert not panel.bounded
-    table['floor']['ood']['500']['mse_median'] = 0.1
+    table['floor']['ood']['2000']['mse_median'] = 0.1
     panel = next(p for p in panels_of(table) if p.which == 'ood' and p.metric == 'mse_median')
     assert panel.floor == 0.25 and panel.bounded, 'half a radius counts where it is more'
     assert panel.limits[1] < 100, 'numbers of the thesis that are far off do not set the scale'

@@ -83,7 +83,7 @@ def test_what_has_run_does_not_run_again(done: Path, tmp_path: Path) -> None:
     lost.unlink()
     assert main(command(tmp_path / 'copy', 'history')) == 0
     assert {path: path.stat().st_mtime_ns for path in cells.iterdir() if path != lost} == before
-    assert [path.name for path in (tmp_path / 'copy' / 'runs').iterdir()] == [old['key']]
+    assert [path.name for path in (tmp_path / 'copy' / 'runs').iterdir()] == [old['training_key']]
     assert json.loads(lost.read_text())['measures'] == old['measures']
 
 
@@ -105,7 +105,7 @@ def test_a_cell_that_was_stopped_goes_on(done: Path, tmp_path: Path) -> None:
     store = Store(tmp_path / 'cells')
     whole = run_cell(cell, done / 'data', tmp_path / 'whole')
     records = training_set(BUDGET, done / 'data')
-    folder = tmp_path / 'parts' / cell.key
+    folder = tmp_path / 'parts' / cell.training_key
     trainer = Trainer(BUDGET.training({}, 0), records, [], folder, BUDGET.data.train)
     an_hour_ago = time.monotonic() - 3600
     with Tally(folder, 0, 'an earlier commit', an_hour_ago):
