@@ -70,7 +70,7 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
     grid = figure.subplots(len(sets), columns, squeeze=False)
     bars = any(point.std for panel in panels for point in panel.points)
     train = table['kind'] == 'train'
-    name = 'ours, mean ± std' + ' over seeds' * train if bars else 'ours, one seed'
+    name = 'ours' + ', mean ± std' * bars + (' over seeds' if bars else ', one seed') * train
     known: dict[str, Any] = {}
     for row, which in zip(grid, sets, strict=True):
         own = [panel for panel in panels if panel.which == which]
@@ -81,7 +81,7 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
             _draw(axes, own[column], along, table['axis'], name, first=column == 0)
             handles, texts = axes.get_legend_handles_labels()
             known |= dict(zip(texts, handles, strict=True))
-    # ours may be medians, and of fewer steps
+    # ours may be medians, and of fewer steps on the test set
     more = f': mean of {THESIS_STEPS} steps' if train else ''
     figure.legend(
         known.values(),
@@ -148,7 +148,13 @@ def _cross(axes: Axes, along: bool, place: float, point: Point) -> None:
     where = (place, _EDGE) if along else (_EDGE, place)
     transform = axes.get_xaxis_transform() if along else axes.get_yaxis_transform()
     style: dict[str, Any] = {'color': LOST, 'linestyle': 'none', 'clip_on': False, 'zorder': 4}
-    axes.plot(*where, marker='x', transform=transform, label='rollouts that diverged', **style)
+    axes.plot(
+        *where,
+        marker='x',
+        transform=transform,
+        label='rollouts that diverged, of all; no point: median infinite',
+        **style,
+    )
     axes.annotate(
         f'{point.lost}/{point.rollouts}',
         where,
@@ -223,5 +229,6 @@ def _clean(axes: Axes, panel: Panel, along: bool, axis: str, first: bool) -> Non
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     clean_axes(axes, 8)
-    title = f'{SET_NAMES[panel.which]}: {NAMES.get(panel.metric, panel.metric)}'
+    length = f', {panel.steps} steps' if panel.steps else ''
+    title = f'{SET_NAMES[panel.which]}{length}\n{NAMES.get(panel.metric, panel.metric)}'
     axes.set_title(title, loc='left', fontsize=9, color=INK, pad=16 if along else 6)

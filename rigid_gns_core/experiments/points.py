@@ -70,6 +70,7 @@ class Panel:
         points: One for each variant.
         floor: The teacher against itself, or half a radius where that is more; None: it has none.
         bounded: Whether `floor` is half a radius.
+        steps: Of each rollout; None: nothing is rolled out.
     """
 
     metric: str
@@ -77,6 +78,7 @@ class Panel:
     points: tuple[Point, ...]
     floor: float | None = None
     bounded: bool = False
+    steps: int | None = None
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -101,13 +103,14 @@ def panels_of(table: Mapping[str, Any]) -> list[Panel]:
     """Panels of a table, set by set; without those in which nothing has run."""
     panels = []
     for which in SETS:
+        steps = table['steps'][which] if table['kind'] == 'train' else None
         for metric in table['metrics']:
             median = table['kind'] == 'train' and metric in MEDIANS
             shown = f'{metric}_median' if median else metric
             points = _points(table, which, metric, shown)
             if not all(point.empty for point in points):
                 floor, bounded = _floor(table, which, shown)
-                panels.append(Panel(shown, which, tuple(points), floor, bounded))
+                panels.append(Panel(shown, which, tuple(points), floor, bounded, steps))
     return panels
 
 

@@ -217,11 +217,15 @@ def _speed_rows(experiment: Experiment, budget: Budget, store: Store) -> list[di
             'thesis': variant.thesis,
         }
         if result is not None:
+            values = {k: _over_rollouts(v) for k, v in result['values'].items()}
+            # of all frames together: few spheres would rule a mean of rates
+            rate = 1.0 / float(np.mean(result['values']['seconds_per_frame']))
+            values['frames_per_second'] = {'mean': rate, 'std': None, 'count': 1}
             row |= {
                 'width': budget.speed_width,
                 'spheres': float(np.mean(result['spheres'])),
                 'cpu': result['cpu'],
-                'values': {k: _over_rollouts(v) for k, v in result['values'].items()},
+                'values': values,
             }
         rows.append(row)
     return rows

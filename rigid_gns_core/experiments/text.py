@@ -38,9 +38,9 @@ LONG = {
     'chamfer_ratio_median': 'median Chamfer / floor',
 }
 OVERLAPS = {
-    'depth_sphere': 'depth sphere [d]',
-    'depth_ground': 'depth ground [d]',
-    'depth_static': 'depth static [d]',
+    'depth_sphere': 'depth sphere [diameters]',
+    'depth_ground': 'depth ground [diameters]',
+    'depth_static': 'depth static [diameters]',
     'intersections_sphere': 'spheres overlap [%]',
     'escaped': 'escaped [%]',
 }
@@ -191,9 +191,11 @@ def _speed_block(table: Mapping[str, Any]) -> str:
     for row in rows:
         cells = [_cell(row['values'][k]) for k in ('frames_per_second', 'edges', 'surface_edges')]
         lines.append([row['label'], *cells, _thesis(row, 'test', 'frames_per_second')])
+    first = rows[0]
     note = (
-        f'Mean ± standard deviation over trajectories, {number(rows[0]["spheres"])} spheres on '
-        f'average, width {rows[0]["width"]}, one thread of {rows[0]["cpu"]}.'
+        'Frames of all trajectories together; edges are mean ± standard deviation over them. '
+        f'{number(first["spheres"])} spheres on average, width {first["width"]}, one thread of '
+        f'{first["cpu"]}.'
     )
     return f'{markdown(lines)}\n\n{note}'
 

@@ -280,6 +280,20 @@ def test_a_variant_that_cannot_be_trained_is_marked(tmp_path: Path) -> None:
     assert 'H = 1: the loss did not stay finite with any seed.' in text
 
 
+def test_frames_per_second_are_of_all_frames_together(tmp_path: Path) -> None:
+    """A mean of rates would be ruled by the trajectory with the fewest spheres."""
+    experiment, store = load_experiment('speed'), Store(tmp_path)
+    seconds = [0.001, 0.009]
+    values = {'seconds_per_frame': seconds, 'frames_per_second': [1 / one for one in seconds]}
+    values |= {'edges': [2.0, 4.0], 'surface_edges': [1.0, 3.0]}
+    result = {'spheres': [1, 9], 'cpu': 'one', 'values': values, 'seconds': {'all': 1.0}}
+    store.write(Cell('speed', 'base', 0, BUDGET), result)
+    table = make_table(experiment, BUDGET, (0,), store)
+    assert '| 200 ' in format_table(table)
+    (panel,) = panels_of(table)
+    assert panel.points[0].mean == pytest.approx(200.0)
+
+
 def test_json_is_strict_and_short(tmp_path: Path) -> None:
     path = tmp_path / 'one.json'
     report = {'a': [1.23456789, np.float32('inf'), None], 'b': {'c': 1}, 'd': [{'e': 2}]}
