@@ -199,8 +199,13 @@ def _mean_error(
     return float(np.mean(np.concatenate(ends)))
 
 
-def format_calibration(found: Calibration) -> str:
-    """Return the fitted materials as a table, with what they are for pairs of two such things."""
+def format_calibration(found: Calibration, scene: Scene) -> str:
+    """Return the fitted materials as a table, with what they are for pairs of two such things.
+
+    Args:
+        found: What was fitted.
+        scene: With these materials.
+    """
     lines = [f'{"material":20} {"before":>8} {"fitted":>8} {"error":>8}']
     for name, one in found.materials.items():
         error = f'{one.error:8.2g}' if one.told and one.error is not None else '       -'
@@ -211,11 +216,9 @@ def format_calibration(found: Calibration) -> str:
     values = found.values
     for name in ('restitution', 'friction'):
         if name in values:
-            surface = values.get(f'surface_{name}', values[name])
-            lines.append(
-                f'{name} of two spheres {values[name] ** 2:.3g}, of a sphere and a surface '
-                f'{values[name] * surface:.3g}'
-            )
+            pairs = sorted({f'{values[name] * one:.3g}' for one in scene.surface_values(name)})
+            surface = f', of a sphere and a surface {" or ".join(pairs)}' if pairs else ''
+            lines.append(f'{name} of two spheres {values[name] ** 2:.3g}{surface}')
     before, after = found.position_error
     lines.append(
         f'mean position error after {found.steps} steps in {found.windows[1] or found.windows[0]} '
@@ -258,15 +261,17 @@ def run(arguments: argparse.Namespace) -> int:
     for path in (arguments.out, arguments.json):
         if path is not None and path.exists():
             raise FileExistsError(f'{path} exists; remove it or give another name')
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
     simulator = load_simulator(arguments.model)
     records = [record for folder in arguments.data for record in Dataset(folder)]
     found = calibrate(
         simulator, records, names=arguments.fit, steps=arguments.steps, most=arguments.windows
     )
-    print(format_calibration(found))
-    scene = with_materials(records[0].scene, found.values).to_mapping()
+    fitted = with_materials(records[0].scene, found.values)
+    print(format_calibration(found, fitted))
+    scene = fitted.to_mapping()
     head = f'# Materials fitted by `rigid-gns calibrate` to {arguments.data[0].name}\n'
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     arguments.out.write_text(head + yaml.safe_dump({'scene': scene}, sort_keys=False), 'utf-8')
     if arguments.json is not None:
         arguments.json.write_text(json.dumps(asdict(found), indent=1) + '\n', 'utf-8')

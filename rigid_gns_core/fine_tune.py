@@ -117,6 +117,11 @@ class StartingPoint:
                     'velocities of the instant; fit its materials instead: rigid-gns calibrate'
                 )
             record = _from_frame_1(record)
+        if not np.any(record.scene.gravity):
+            raise ValueError(
+                f'record {record.name!r} has no gravity, but model {self.name} has learned it; '
+                'train one anew, without --from'
+            )
         similarity = Similarity.between(record.scene, self.units)
         native = self.units.dt * similarity.time
         if abs(record.trajectory.dt - native) > _SAME_STEP * native:

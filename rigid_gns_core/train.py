@@ -23,6 +23,7 @@ import json
 import math
 import os
 from pathlib import Path
+import time
 from typing import Any
 import warnings
 
@@ -45,6 +46,8 @@ from .simulators import KINDS
 from .training_set import fingerprint
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
+SAVE_EVERY = 60.0
+"""So much may be lost where a run is killed [s]."""
 
 
 class Trainer:
@@ -97,6 +100,7 @@ class Trainer:
         learner, config, processes = self.learner, self.config, self.processes
         end = config.steps if stop_at is None else min(stop_at, config.steps)
         losses: list[float] = []
+        saved = time.monotonic()
         with (
             open(os.devnull, 'w') as nowhere,
             Progress(
@@ -112,6 +116,9 @@ class Trainer:
                     if processes.first:
                         self._validate_and_save(losses, progress)
                     losses.clear()
+                elif processes.first and time.monotonic() - saved > SAVE_EVERY:
+                    self._save_state()
+                    saved = time.monotonic()
             if processes.first:
                 self._save_state()
             if processes.any(bool(stop)):

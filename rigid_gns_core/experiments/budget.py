@@ -31,7 +31,7 @@ OOD_SCENES = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
 
 @dataclass(frozen=True)
 class Data:
-    """Data sets, by name in config/data; the scenes by name in config/scenes.
+    """Data sets, by name in config/data; the scenes by name in config/scenes; or YAML files.
 
     Args:
         train: Training set.
@@ -50,6 +50,26 @@ class Data:
     ood: tuple[str, ...] = OOD_SCENES
     ood_steps: int = 2000
     ood_substeps: int = 24
+
+    def __post_init__(self) -> None:
+        known: dict[str, str] = {}
+        for name in (self.train, self.test, self.half, self.twice):
+            _check_distinct(known, name)
+        known = {}
+        for name in self.ood:
+            _check_distinct(known, name)
+
+    @property
+    def named(self) -> Data:
+        """The same, with names instead of files, which say where someone keeps them."""
+        return replace(
+            self,
+            train=short(self.train),
+            test=short(self.test),
+            half=short(self.half),
+            twice=short(self.twice),
+            ood=tuple(short(name) for name in self.ood),
+        )
 
 
 @dataclass(frozen=True)
@@ -92,6 +112,11 @@ class Budget:
                 raise ConfigError(f'{name} is {getattr(self, name)}, expected at least 1')
         if self.long_steps < self.steps:
             raise ConfigError(f'long_steps is {self.long_steps}, expected at least {self.steps}')
+        if self.data.ood and self.data.ood_steps < self.long_steps:
+            raise ConfigError(
+                f'data.ood_steps is {self.data.ood_steps}, expected at least {self.long_steps} '
+                '(long_steps): references must be as long as the rollouts'
+            )
         if not self.seeds or min(self.seeds) < 0:
             raise ConfigError(f'seeds is {list(self.seeds)}, expected at least one, none negative')
 
@@ -113,6 +138,20 @@ class Budget:
         mapping = merged(merged(mapping, self.changes), {**changes, 'seed': seed})
         config = from_mapping(GNSTrainConfig, mapping, f'{path} with {dict(changes)}')
         return replace(config, batch=max(1, config.batch // config.closed_loop_steps))
+
+
+def short(name: str) -> str:
+    """Return the name of a set or scene that is given by name or as a YAML file."""
+    return Path(name).stem
+
+
+def _check_distinct(known: dict[str, str], name: str) -> None:
+    other = known.setdefault(short(name), name)
+    if other != name:
+        raise ConfigError(
+            f'data names {other} and {name}, whose files would both be called {short(name)}; '
+            'rename one'
+        )
 
 
 def load_budget(name: str | Path) -> Budget:

@@ -24,6 +24,7 @@ import sys
 from .budget import Budget, load_budget
 from .cell import Cell, cells_of
 from .chart import write_chart
+from .measure import METRICS
 from .page import write_page
 from .runner import Folders, run_cells
 from .store import DIGITS, Store
@@ -31,6 +32,7 @@ from .study import Experiment, load_experiment, shipped_experiments
 from .table import make_table
 from .text import format_table
 from ..completion import completes, configs
+from ..config import ConfigError
 from ..strict_json import write_compact_json
 from ..workers import add_worker_arguments, chosen_workers
 
@@ -113,11 +115,14 @@ def run(arguments: argparse.Namespace) -> int:
     for experiment in experiments:
         table = make_table(experiment, budget, seeds, store)
         write_compact_json(out / f'{experiment.name}.json', table, DIGITS)
-        figure = write_chart(out / f'{experiment.name}.png', table)
+        chart = out / f'{experiment.name}.png'
+        figure = write_chart(chart, table)
         print(f'{experiment.title}\n{budget.words}\n\n{format_table(table)}')
         print(f'numbers: {out / experiment.name}.json')
         if figure is not None:
             print(f'figure:  {figure}')
+        else:
+            chart.unlink(missing_ok=True)  # of another table
         print()
     for line in failed:
         print(f'failed: {line}')
@@ -153,4 +158,13 @@ def _chosen(names: list[str]) -> list[Experiment]:
         raise ValueError(f'name an experiment, or all; allowed: {known}')
     if names == ['all']:
         return list(shipped_experiments().values())
-    return [load_experiment(name) for name in dict.fromkeys(names)]
+    experiments = [load_experiment(name) for name in dict.fromkeys(names)]
+    for experiment in experiments:
+        known = METRICS[experiment.kind]
+        for metric in experiment.metrics:
+            if metric not in known:
+                raise ConfigError(
+                    f'experiment {experiment.name}: unknown metric {metric!r}, allowed: '
+                    f'{", ".join(known)}'
+                )
+    return experiments

@@ -26,6 +26,7 @@ from ..dataset import Record
 from ..evaluate import evaluate, Velocities
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
+from ..metrics import LAW_KEYS
 from ..rollout import Simulator
 from ..state import Trajectory
 
@@ -37,6 +38,17 @@ LEAST_FLOOR = 0.25
 _ERRORS = (*SQUARED, 'position_error', 'predictability_time', 'predictable_to_end')
 _ERRORS += ('resting_drift', 'velocity_error', 'spin_error')
 _HORIZON_ERRORS = ('position_error', 'mse')
+METRICS = {
+    'train': (
+        *LAW_KEYS,
+        *_ERRORS,
+        *(f'{key}_{step}' for key in _HORIZON_ERRORS for step in HORIZONS),
+        'escaped',
+    ),
+    'teacher': (*LAW_KEYS, 'escaped'),
+    'speed': ('frames_per_second', 'seconds_per_frame', 'edges', 'surface_edges'),
+}
+"""What cells measure, by kind of experiment."""
 
 Values = dict[str, float | None]
 Columns = dict[str, list[float | None]]

@@ -74,8 +74,12 @@ def run_cells(
             alone = by.here and by.processes(len(group)) == 1
             if group and not alone:
                 progress.line(f'what each cell does: {folders.runs / "*" / LOG}')
-            calls = [(cell, folders.data, folders.runs, not alone, devices) for cell in group]
-            for cell, result in by.run(_run, calls, len(calls)):
+            calls = (
+                (cell, folders.data, folders.runs, not alone, devices)
+                for cell in group
+                if store.find(cell) is None  # still: others may work on the same folder
+            )
+            for cell, result in by.run(_run, calls, len(group)):
                 if 'error' in result:
                     failed.append(f'{cell.name}, seed {cell.seed}: {_last_line(result["error"])}')
                     progress.line(f'{cell.name}, seed {cell.seed} failed:\n{result["error"]}')

@@ -17,10 +17,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
-from .budget import Budget
+import numpy as np
+
+from .budget import Budget, Data, short
 from ..dataset import (
     Dataset,
     DatasetError,
@@ -32,7 +34,10 @@ from ..dataset import (
 )
 from ..generate import generate, generate_scene, resolve
 from ..recipe import DataRecipe, load_recipe, recipe_hash
-from ..sampling import load_scene
+from ..sampling import load_scene, sample_start
+from ..scene import Scene
+from ..similarity import ModelUnits, Similarity
+from ..state import State
 from ..workers import Workers
 
 # ending of a file or key in `Data`: share of the reference's substeps
@@ -53,22 +58,30 @@ def make_sets(budget: Budget, folder: Path, kinds: Sequence[str], workers: Worke
         recipe = load_recipe(name)
         if name != data.train:
             recipe = replace(recipe, trajectories=budget.trajectories)
-        if not _is_there(folder / name, recipe):
-            generate(recipe, folder / name, workers=workers)
+            if recipe.steps < budget.long_steps:
+                raise DatasetError(
+                    f'data set {name} has trajectories of {recipe.steps} steps, but rollouts '
+                    f'have up to {budget.long_steps} (long_steps of the budget); make steps of '
+                    'the recipe as many, or long_steps fewer'
+                )
+        if not _is_there(folder / short(name), recipe):
+            generate(recipe, folder / short(name), workers=workers)
     if {'train', 'teacher'} & set(kinds):
         for scene in data.ood:
             for ending, share in SUBSTEPS.items():
-                _make_scene(scene, ood_path(folder, scene, ending), share, budget)
+                _make_scene(scene, ood_path(folder, scene, ending), share, data)
 
 
 def ood_path(folder: Path, scene: str, ending: str = '') -> Path:
     """File of a scene at a share of the substeps, see `SUBSTEPS`."""
-    return folder / 'ood' / (f'{scene}_{ending}.h5' if ending else f'{scene}.h5')
+    name = short(scene)
+    return folder / 'ood' / (f'{name}_{ending}.h5' if ending else f'{name}.h5')
 
 
 def training_set(budget: Budget, folder: Path) -> list[Record]:
     """Return the training set."""
-    return _first(folder / budget.data.train, load_recipe(budget.data.train).trajectories)
+    name = budget.data.train
+    return _first(folder / short(name), load_recipe(name).trajectories)
 
 
 def references(budget: Budget, folder: Path, which: str, ending: str = '') -> list[Record]:
@@ -76,7 +89,7 @@ def references(budget: Budget, folder: Path, which: str, ending: str = '') -> li
     if which == 'ood':
         return [read_record(ood_path(folder, scene, ending)) for scene in budget.data.ood]
     name = getattr(budget.data, ending) if ending else budget.data.test
-    return _first(folder / name, budget.trajectories)
+    return _first(folder / short(name), budget.trajectories)
 
 
 def _first(folder: Path, count: int) -> list[Record]:
@@ -93,22 +106,38 @@ def _is_there(folder: Path, recipe: DataRecipe) -> bool:
     return all(record_path(folder, index).is_file() for index in range(recipe.trajectories))
 
 
-def _make_scene(name: str, path: Path, share: float, budget: Budget) -> None:
-    data = budget.data
+def _make_scene(name: str, path: Path, share: float, data: Data) -> None:
     substeps = round(share * data.ood_substeps)
+    scene, start = load_scene(name)
+    dt = _native_dt(scene, load_recipe(data.train))
     if not path.is_file():
-        generate_scene(name, path, data.ood_steps, substeps=substeps)
+        generate_scene(name, path, data.ood_steps, dt=dt, substeps=substeps)
         return
     record = read_record(path)
-    found = {
-        'substeps': record.teacher.get('substeps'),
-        'steps': record.trajectory.steps,
-        'scene': record.scene == load_scene(name)[0],
-    }
-    wanted = {'substeps': substeps, 'steps': data.ood_steps, 'scene': True}
-    for key, value in wanted.items():
-        if found[key] != value:
+    found = record.trajectory
+    for what, there, wanted in (
+        ('substeps', record.teacher.get('substeps'), substeps),
+        ('steps', found.steps, data.ood_steps),
+        ('time step [s]', f'{found.dt:.6g}', f'{dt:.6g}'),
+        ('scene', 'another' if record.scene != scene else name, name),
+        ('start', 'another' if _differ(found[0], sample_start(scene, start)) else name, name),
+    ):
+        if there != wanted:
             raise DatasetError(
-                f'{path}: {key} is {found[key]}, the budget wants {value}; remove the file, or '
-                'name another folder with --data'
+                f'{path}: {what} is {there}, the budget wants {wanted}; remove the file, or name '
+                'another folder with --data'
             )
+
+
+def _native_dt(scene: Scene, train: DataRecipe) -> float:
+    """Time step in a scene of models trained by a recipe, which are of one radius [s]."""
+    radius = train.radius if isinstance(train.radius, float) else train.radius[1]
+    units = ModelUnits(radius=radius, gravity=train.gravity, dt=train.dt)
+    return units.dt * Similarity.between(scene, units).time
+
+
+def _differ(one: State, other: State) -> bool:
+    return any(
+        not np.array_equal(getattr(one, entry.name), getattr(other, entry.name))
+        for entry in fields(State)
+    )

@@ -25,7 +25,7 @@ from typing import Any
 
 from .cell import Cell, VERSION
 from .study import SETS
-from ..config import to_mapping
+from ..config import ConfigError, to_mapping
 from ..strict_json import read_json, write_compact_json
 from ..versions import PACKAGE, versions_of
 
@@ -49,9 +49,23 @@ class Store:
         return next(iter(sorted(self.folder.glob(f'*_{cell.key}.json'))), None)
 
     def read(self, cell: Cell) -> dict[str, Any] | None:
-        """Return the result of a cell; None: it has not run."""
+        """Return the result of a cell; None: it has not run.
+
+        Raises:
+            ConfigError: Its file is damaged.
+        """
         path = self.find(cell)
-        return None if path is None else read_json(path)
+        if path is None:
+            return None
+        try:
+            result = read_json(path)
+            if result['key'] != cell.key:
+                raise ValueError(f'key is {result["key"]!r}')
+        except (ValueError, KeyError, TypeError) as error:
+            raise ConfigError(
+                f'{path}: damaged ({error}); remove it, and the same command runs the cell again'
+            ) from error
+        return result
 
     def write(self, cell: Cell, result: Mapping[str, Any]) -> Path:
         """Write a result whole, or leave the old file."""
@@ -74,7 +88,11 @@ def describe_cell(cell: Cell) -> dict[str, Any]:
         'name': cell.name,
         'seed': cell.seed,
         **keys,
-        'budget': {'name': budget.name, 'words': budget.words, 'data': to_mapping(budget.data)},
+        'budget': {
+            'name': budget.name,
+            'words': budget.words,
+            'data': to_mapping(budget.data.named),
+        },
         'steps': {which: cell.steps(which) for which in SETS},
         'config': config,
         'commit': commit(),

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+import re
 from typing import Any, Literal
 
 from ..config import config_folder, ConfigError, find_config, from_mapping, load_yaml
@@ -48,7 +49,16 @@ class Variant:
     thesis: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not re.fullmatch(r'\w[\w.-]*', self.name):
+            raise ConfigError(
+                f'variant {self.name!r}: a name is a part of file names; use letters, digits, '
+                '_, . and -'
+            )
         for name, printed in self.thesis.items():
+            if name not in SETS:
+                raise ConfigError(
+                    f'thesis.{name} of {self.name}: unknown set, allowed: {", ".join(SETS)}'
+                )
             if not isinstance(printed, Mapping):
                 raise ConfigError(
                     f'thesis.{name} of {self.name} is {printed!r}, expected a mapping'
@@ -95,6 +105,11 @@ class Experiment:
         names = [variant.name for variant in self.variants]
         if len(set(names)) < len(names) or not names:
             raise ConfigError(f'variants are {names}, expected at least one, each name once')
+        if self.kind == 'teacher' and (unknown := sorted(set(names) - set(SETS))):
+            raise ConfigError(
+                f'variant {unknown[0]!r}: the teacher is measured on a set, allowed: '
+                f'{", ".join(SETS)}'
+            )
         for variant in self.variants:
             if self.kind == 'train' and (not variant.changes) != (variant.name == BASE):
                 raise ConfigError(

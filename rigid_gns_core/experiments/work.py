@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import contextlib
 from pathlib import Path
+import threading
 import time
 import traceback
 from typing import Any, TYPE_CHECKING
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     import torch
 
 LOG = 'output.txt'
+# a cluster's worker may have threads, but seeds and standard error are of the process
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def run_cell(
@@ -57,6 +60,13 @@ def run_cell(
         The result, with `seconds`, those of earlier processes included; or `error` with a
         traceback, so that others go on.
     """
+    with _ONE_AT_A_TIME:
+        return _run_cell(cell, data, runs, quiet, devices)
+
+
+def _run_cell(
+    cell: Cell, data: Path, runs: Path, quiet: bool, devices: Devices | None
+) -> dict[str, Any]:
     import torch
 
     torch.set_num_threads(1)  # cells run side by side
@@ -97,7 +107,7 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
     device = device_for(cell, devices)
     records = training_set(cell.budget, data)
     begin = time.monotonic()
-    trainer = Trainer(config, records, [], folder, cell.budget.data.train, device)
+    trainer = Trainer(config, records, [], folder, cell.budget.data.named.train, device)
     done = trainer.learner.step
     failed = None
     tally = Tally(folder, done, commit(), begin)
@@ -132,6 +142,8 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
     simulator = load_simulator(folder / 'best', **options)
     for which in ('test', 'ood'):
         held_out = references(cell.budget, data, which)
+        if not held_out:  # a budget may have no unseen scenes
+            continue
         lengths = cell.steps(which)
         rows: dict[int, list[Values]] = {steps: [] for steps in lengths}
         made = roll_outs(simulator, held_out, lengths[-1], at_once=on_gpu)

@@ -60,6 +60,9 @@ def import_bags(
     out = Path(out)
     if out.exists():
         raise FileExistsError(f'{out} exists; remove it or give another --out')
+    places = [Path(bag).resolve() for bag in bags]
+    if twice := [bag for bag, place in zip(bags, places, strict=True) if places.count(place) > 1]:
+        raise ValueError(f'{twice[0]}: given twice, which would count its frames twice')
     options = options or ImportOptions()
     imported = []
     with Progress(len(bags), 'import', unit='bag') as progress:

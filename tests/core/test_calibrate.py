@@ -20,7 +20,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.calibrate import _least_known, calibrate
+from rigid_gns_core.calibrate import (
+    _least_known,
+    calibrate,
+    Calibration,
+    Fitted,
+    format_calibration,
+)
 from rigid_gns_core.calibration_windows import windows_of, with_materials
 from rigid_gns_core.cli import main
 from rigid_gns_core.config import from_mapping
@@ -218,13 +224,25 @@ def test_the_command_writes_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
     write_record(record_path(data, 0), marked, 'poses')
     write_recipe(data, recipe)
     words = ['calibrate', '--data', str(data), '--out', str(out), '--fit', 'restitution']
-    assert main(words) == 0
+    numbers = tmp_path / 'new' / 'folder' / 'numbers.json'
+    assert main([*words, '--json', str(numbers)]) == 0
     printed = capsys.readouterr().out
-    assert 'restitution of two spheres 0.64' in printed
+    assert 'restitution of two spheres 0.64, of a sphere and a surface 0.64' in printed
+    assert numbers.is_file()
     assert load_scene(out)[0].restitution == pytest.approx(0.8, abs=3e-3)
     assert set(yaml.safe_load(out.read_text())) == {'scene'}
     assert main(words) == 2
     assert 'exists' in capsys.readouterr().err
+
+
+def test_pairs_are_told_with_the_materials_of_the_surfaces() -> None:
+    own = (Plane(restitution=0.5), Plane(point=(0.0, 0.0, 9.0), normal=(0.0, 0.0, -1.0)))
+    one = Fitted(value=0.9, error=0.01, before=0.8, told=True)
+    found = Calibration({'restitution': one}, (9, 1), 6, {}, (0.2, 0.1))
+    text = format_calibration(found, Scene(surfaces=own, restitution=0.9))
+    assert 'restitution of two spheres 0.81, of a sphere and a surface 0.45 or 0.81' in text
+    text = format_calibration(found, Scene(surfaces=(), restitution=0.9))
+    assert 'of two spheres 0.81\n' in text
 
 
 def test_materials_of_a_scene() -> None:

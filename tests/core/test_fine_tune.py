@@ -119,6 +119,9 @@ def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:
     slow = replace(tracked(), trajectory=replace(tracked().trajectory, dt=0.2))
     with pytest.raises(ValueError, match=r"'flight' has a time step of 0.2 s, .* 0.1 s .*--dt"):
         point.records([slow])
+    floating = replace(tracked(), scene=replace(tracked().scene, gravity=(0.0, 0.0, 0.0)))
+    with pytest.raises(ValueError, match="'flight' has no gravity, .*without --from"):
+        point.records([floating])
     with pytest.raises(ValueError, match="'flight' holds tracked poses, .* rigid-gns calibrate"):
         StartingPoint.of('contact').records([tracked()])
     recipe = load_recipe('gns_finetune')

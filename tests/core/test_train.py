@@ -165,6 +165,27 @@ def test_a_signal_within_a_step_leaves_whole_steps(tmp_path, number):
         assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
 
 
+def test_a_run_that_is_killed_loses_little(tmp_path, monkeypatch):
+    monkeypatch.setattr('rigid_gns_core.train.SAVE_EVERY', 0.0)  # after each step
+    Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'whole').run()
+    trainer = Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'parts')
+    advance = trainer.learner.advance
+
+    def killed():
+        if trainer.learner.step == 5:
+            raise MemoryError
+        return advance()
+
+    trainer.learner.advance = killed
+    with pytest.raises(MemoryError):
+        trainer.run()
+    other = Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'parts')
+    assert other.learner.step == 5
+    other.run()
+    for name in ('best.safetensors', 'state.safetensors'):
+        assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
+
+
 def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
     learner = GNSLearner(CONFIG, [source], UNITS)

@@ -273,6 +273,13 @@ def test_bad_input_is_named_and_nothing_is_written(
     assert sorted(path.name for path in tmp_path.iterdir()) == ['bad', 'good']
 
 
+def test_a_bag_is_not_counted_twice(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / 'bag', every(0.1))
+    with pytest.raises(ValueError, match='bag: given twice'):
+        import_bags([bag, bag / '..' / 'bag'], tmp_path / 'out')
+    assert not (tmp_path / 'out').exists()
+
+
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
