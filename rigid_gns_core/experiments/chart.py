@@ -40,6 +40,7 @@ NAMES |= {
     'final_speed': 'speed at the end [m/s]',
 }
 _EDGE = 0.985  # of the axis: where what is off the scale is drawn
+_ENTRY = 3.5  # width of one in the legend [inches]
 
 
 def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
@@ -61,10 +62,9 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
     count = max(len(panel.points) for panel in panels)
     height = 3.3 if along else 0.27 * count + 1.0
     width = 3.6 if along else 2.7
+    whole = width * columns + (0.3 if along else 2.4)
     figure = Figure(
-        figsize=(width * columns + (0.3 if along else 2.4), height * len(sets) + 1.0),
-        layout='constrained',
-        facecolor='white',
+        figsize=(whole, height * len(sets) + 1.0), layout='constrained', facecolor='white'
     )
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(sets), columns, squeeze=False)
@@ -87,7 +87,7 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
         known.values(),
         [text + more * text.startswith('thesis') for text in known],
         loc='outside lower center',
-        ncols=3,
+        ncols=min(3, int(whole / _ENTRY)),
         frameon=False,
         fontsize=9,
     )
@@ -152,7 +152,7 @@ def _cross(axes: Axes, along: bool, place: float, point: Point) -> None:
         *where,
         marker='x',
         transform=transform,
-        label='rollouts that diverged, of all; no point: median infinite',
+        label='diverged, of all (no point: median infinite)',
         **style,
     )
     axes.annotate(
