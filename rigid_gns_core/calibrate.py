@@ -258,11 +258,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns calibrate`."""
-    for path in (arguments.out, arguments.json):
-        if path is not None and path.exists():
+    for path in filter(None, (arguments.out, arguments.json)):
+        if path.exists():
             raise FileExistsError(f'{path} exists; remove it or give another name')
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+        path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
     simulator = load_simulator(arguments.model)
     records = [record for folder in arguments.data for record in Dataset(folder)]
     found = calibrate(

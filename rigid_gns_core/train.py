@@ -100,7 +100,7 @@ class Trainer:
         learner, config, processes = self.learner, self.config, self.processes
         end = config.steps if stop_at is None else min(stop_at, config.steps)
         losses: list[float] = []
-        saved = time.monotonic()
+        self._saved = time.monotonic()
         with (
             open(os.devnull, 'w') as nowhere,
             Progress(
@@ -116,9 +116,8 @@ class Trainer:
                     if processes.first:
                         self._validate_and_save(losses, progress)
                     losses.clear()
-                elif processes.first and time.monotonic() - saved > SAVE_EVERY:
+                elif processes.first and time.monotonic() - self._saved > SAVE_EVERY:
                     self._save_state()
-                    saved = time.monotonic()
             if processes.first:
                 self._save_state()
             if processes.any(bool(stop)):
@@ -202,6 +201,7 @@ class Trainer:
     def _save_state(self) -> None:
         state = {name: value.numpy() for name, value in self.learner.state().items()}
         save_tensors(self.folder / STATE, {**state, 'best': np.array(self.best)})
+        self._saved = time.monotonic()
 
     def _resume(self) -> None:
         if self.processes.first:

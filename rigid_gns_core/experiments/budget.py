@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TYPE_CHECKING
@@ -52,12 +52,8 @@ class Data:
     ood_substeps: int = 24
 
     def __post_init__(self) -> None:
-        known: dict[str, str] = {}
-        for name in (self.train, self.test, self.half, self.twice):
-            _check_distinct(known, name)
-        known = {}
-        for name in self.ood:
-            _check_distinct(known, name)
+        _check_distinct((self.train, self.test, self.half, self.twice))
+        _check_distinct(self.ood)
 
     @property
     def named(self) -> Data:
@@ -145,13 +141,15 @@ def short(name: str) -> str:
     return Path(name).stem
 
 
-def _check_distinct(known: dict[str, str], name: str) -> None:
-    other = known.setdefault(short(name), name)
-    if other != name:
-        raise ConfigError(
-            f'data names {other} and {name}, whose files would both be called {short(name)}; '
-            'rename one'
-        )
+def _check_distinct(names: Sequence[str]) -> None:
+    known: dict[str, str] = {}
+    for name in names:
+        other = known.setdefault(short(name), name)
+        if other != name:
+            raise ConfigError(
+                f'data names {other} and {name}, whose files would both be called {short(name)}; '
+                'rename one'
+            )
 
 
 def load_budget(name: str | Path) -> Budget:

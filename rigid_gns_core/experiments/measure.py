@@ -62,10 +62,9 @@ def roll_outs(
     Args:
         simulator: The model.
         records: Starts and scenes.
-        steps: Of each rollout, at most as many as the shortest record has.
+        steps: Of each rollout.
         at_once: All in one batch, which a GPU needs; else one by one, which saves memory.
     """
-    steps = min(steps, *(record.trajectory.steps for record in records))
     for group in [records] if at_once else [[record] for record in records]:
         scenes = [record.scene for record in group]
         starts = [record.trajectory[0] for record in group]
@@ -82,7 +81,6 @@ def measure(
 
     `diverged_at` is the step or None, `escaped` the share of spheres out of the box [%].
     """
-    steps = min(steps, predicted.steps, record.trajectory.steps)
     predicted = predicted.window(0, steps + 1)
     reference = record.trajectory.window(0, steps + 1)
     report = evaluate(predicted, reference, record.scene, horizons=HORIZONS, velocities=velocities)

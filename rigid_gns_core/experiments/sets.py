@@ -68,8 +68,7 @@ def make_sets(budget: Budget, folder: Path, kinds: Sequence[str], workers: Worke
             generate(recipe, folder / short(name), workers=workers)
     if {'train', 'teacher'} & set(kinds):
         for scene in data.ood:
-            for ending, share in SUBSTEPS.items():
-                _make_scene(scene, ood_path(folder, scene, ending), share, data)
+            _make_scene(scene, folder, data)
 
 
 def ood_path(folder: Path, scene: str, ending: str = '') -> Path:
@@ -106,27 +105,29 @@ def _is_there(folder: Path, recipe: DataRecipe) -> bool:
     return all(record_path(folder, index).is_file() for index in range(recipe.trajectories))
 
 
-def _make_scene(name: str, path: Path, share: float, data: Data) -> None:
-    substeps = round(share * data.ood_substeps)
-    scene, start = load_scene(name)
+def _make_scene(name: str, folder: Path, data: Data) -> None:
+    scene, recipe = load_scene(name)
+    start = sample_start(scene, recipe)
     dt = _native_dt(scene, load_recipe(data.train))
-    if not path.is_file():
-        generate_scene(name, path, data.ood_steps, dt=dt, substeps=substeps)
-        return
-    record = read_record(path)
-    found = record.trajectory
-    for what, there, wanted in (
-        ('substeps', record.teacher.get('substeps'), substeps),
-        ('steps', found.steps, data.ood_steps),
-        ('time step [s]', f'{found.dt:.6g}', f'{dt:.6g}'),
-        ('scene', 'another' if record.scene != scene else name, name),
-        ('start', 'another' if _differ(found[0], sample_start(scene, start)) else name, name),
-    ):
-        if there != wanted:
-            raise DatasetError(
-                f'{path}: {what} is {there}, the budget wants {wanted}; remove the file, or name '
-                'another folder with --data'
-            )
+    for ending, share in SUBSTEPS.items():
+        path, substeps = ood_path(folder, name, ending), round(share * data.ood_substeps)
+        if not path.is_file():
+            generate_scene(name, path, data.ood_steps, dt=dt, substeps=substeps)
+            continue
+        record = read_record(path)
+        found = record.trajectory
+        for what, there, wanted in (
+            ('substeps', record.teacher.get('substeps'), substeps),
+            ('steps', found.steps, data.ood_steps),
+            ('time step [s]', f'{found.dt:.6g}', f'{dt:.6g}'),
+            ('scene', 'another' if record.scene != scene else name, name),
+            ('start', 'another' if _differ(found[0], start) else name, name),
+        ):
+            if there != wanted:
+                raise DatasetError(
+                    f'{path}: {what} is {there}, the budget wants {wanted}; remove the file, or '
+                    'name another folder with --data'
+                )
 
 
 def _native_dt(scene: Scene, train: DataRecipe) -> float:

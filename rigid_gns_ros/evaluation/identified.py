@@ -92,14 +92,7 @@ class IdentifiedFrames:
             return Decoded([], self._tracked.times[:0], self._tracked.places[:0], 0)
         stamps = np.array([self._tracked.frames[index].stamp_ns for index in chosen])
         poses = np.stack([self._columns(index, wanted) for index in chosen])
-        scene = self._model.scene
-        fill_short_gaps(
-            stamps,
-            poses,
-            gravity=np.asarray(scene.gravity, dtype=np.float64),
-            noise=self._window.noise,
-            radius=float(np.min(scene.radius)),
-        )
+        fill_short_gaps(stamps, poses, self._model.scene, self._window.noise)
         whole = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         frame_id = self._tracked.frames[chosen[0]].frame_id
         frames = [PoseArrayFrame(int(stamps[k]), frame_id, poses[k]) for k in whole]

@@ -105,12 +105,6 @@ def _filled(
     """Return the frames in which all spheres are known, and how many poses were put in."""
     stamps = np.array([frame.stamp_ns for frame in run], dtype=np.int64)
     poses = np.stack([frame.poses for frame in run])
-    filled = fill_short_gaps(
-        stamps,
-        poses,
-        gravity=np.asarray(model.scene.gravity, dtype=np.float64),
-        noise=noise,
-        radius=float(np.min(model.scene.radius)),
-    )
+    filled = fill_short_gaps(stamps, poses, model.scene, noise)
     known = np.isfinite(poses).all(axis=(1, 2))
     return [replace(run[k], poses=poses[k]) for k in np.flatnonzero(known)], filled

@@ -79,9 +79,8 @@ class _Reference:
             self.segment.poses[..., :3],
             self.segment.poses[..., 3:],
             np.clip((stamps - self.segment.stamps[0]) * 1e-9, 0.0, self.segment.times[-1]),
-            gravity=np.asarray(self._scene.gravity, dtype=np.float64),
+            scene=self._scene,
             noise=self._noise,
-            radius=float(np.min(self._scene.radius)),
         )
         return found.positions, found.quaternions
 

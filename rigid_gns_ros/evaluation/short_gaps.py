@@ -20,6 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array
 
 from .alignment import MAX_GAP
@@ -27,18 +28,15 @@ from ..learning.resample import resample
 from ..pose_interpolation import Stamps
 
 
-def fill_short_gaps(
-    stamps: Stamps, poses: Array, *, gravity: Array, noise: float, radius: float
-) -> int:
+def fill_short_gaps(stamps: Stamps, poses: Array, scene: Scene, noise: float) -> int:
     """Put in poses where a sphere was not seen for up to three intervals, see `resample`.
 
     Args:
         stamps: Of the frames [ns], shape (k,).
         poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7), NaN where a sphere was
             not seen; filled in place.
-        gravity: Acceleration of free flight [m/s^2], shape (3,).
+        scene: Gives gravity and radii.
         noise: Standard deviation of each coordinate of a position [m].
-        radius: Of the smallest sphere [m].
 
     Returns:
         Number of poses put in.
@@ -55,9 +53,8 @@ def fill_short_gaps(
                 own[seen, None, :3],
                 turns / np.linalg.norm(turns, axis=-1, keepdims=True),
                 times[missing],
-                gravity=gravity,
+                scene=scene,
                 noise=noise,
-                radius=radius,
             )
             own[missing] = np.concatenate([found.positions, found.quaternions], axis=-1)[:, 0]
             filled += len(missing)

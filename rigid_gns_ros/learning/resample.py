@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import Array, rotate_quaternions, rotation_between
 from rigid_gns_core.tracked_motion import SIGMAS
 
@@ -63,9 +64,8 @@ def resample(
     quaternions: Array,
     wanted: Array,
     *,
-    gravity: Array,
+    scene: Scene,
     noise: float,
-    radius: float,
 ) -> Resampled:
     """Poses at `wanted` times.
 
@@ -74,10 +74,11 @@ def resample(
         positions: Centres [m], shape (k, n, 3).
         quaternions: Rotations (x, y, z, w), shape (k, n, 4).
         wanted: Times from the first to the last of `times` [s], shape (m,).
-        gravity: Acceleration of free flight [m/s^2], shape (3,).
+        scene: Gives gravity and the radius of the smallest sphere.
         noise: Standard deviation of each coordinate [m].
-        radius: Of the smallest sphere [m].
     """
+    gravity = np.asarray(scene.gravity, dtype=np.float64)
+    radius = float(np.min(scene.radius))
     step = np.clip(np.searchsorted(times, wanted, side='right') - 1, 0, len(times) - 2)
     nearest = step + (times[step + 1] - wanted < wanted - times[step])
     same = np.abs(wanted - times[nearest]) <= _SAME

@@ -278,9 +278,8 @@ def _trajectory(
         part.poses[..., :3],
         part.poses[..., 3:],
         np.minimum(dt * np.arange(steps + 1), times[-1]),
-        gravity=np.asarray(scene.gravity, dtype=np.float64),
+        scene=scene,
         noise=noise.position,
-        radius=float(np.min(scene.radius)),
     )
     counts.update(found.counts)
     return Trajectory.from_poses(found.positions, found.quaternions, dt)

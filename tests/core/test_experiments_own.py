@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.config import ConfigError
+from rigid_gns_core.config import ConfigError, find_config, load_yaml
 from rigid_gns_core.dataset import DatasetError, read_record
 from rigid_gns_core.experiments.budget import Data, load_budget
 from rigid_gns_core.experiments.cell import Cell
@@ -40,12 +40,9 @@ SCENE = {
 
 
 def own(folder: Path, scene: Path | str, **changes: object) -> Path:
-    """Write a budget whose one unseen scene is that."""
-    data = {'ood': [str(scene)], 'ood_steps': 12, 'ood_substeps': 4, **changes}
-    names = {key: getattr(SMOKE.data, key) for key in ('train', 'test', 'half', 'twice')}
-    recipe = {'model': {'width': 4}, 'steps': 3, 'batch': 2, 'warm_up': 1, 'validate_every': 3}
-    budget = {'words': 'own', 'seeds': [0], 'data': {**names, **data}, 'changes': recipe}
-    budget |= {'trajectories': 2, 'steps': 8, 'long_steps': 12}
+    """Write the smallest budget with that as its one unseen scene."""
+    budget = load_yaml(find_config('budgets', 'smoke'))
+    budget['data'] |= {'ood': [str(scene)], **changes}
     path = folder / 'own.yaml'
     path.write_text(yaml.safe_dump(budget))
     return path

@@ -17,9 +17,10 @@
 from __future__ import annotations
 
 import numpy as np
+from rigid_gns_core.scene import Scene
 from rigid_gns_ros.evaluation.short_gaps import fill_short_gaps
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
+SCENE = Scene(surfaces=(), radius=0.02)
 STAMPS = 1_700_000_000_000_000_000 + 20_000_000 * np.arange(40)  # 50 Hz
 
 
@@ -28,14 +29,14 @@ def thrown() -> np.ndarray:
     times = (STAMPS - STAMPS[0]) * 1e-9
     poses = np.zeros((len(times), 2, 7))
     poses[:, 0, 0] = 3.0 * times
-    poses[:, 0, 2] = 1.0 + 4.0 * times + 0.5 * GRAVITY[2] * times**2
+    poses[:, 0, 2] = 1.0 + 4.0 * times + 0.5 * SCENE.gravity[2] * times**2
     poses[:, 0, 5], poses[:, 0, 6] = np.sin(times), np.cos(times)
     poses[:, 1, 6] = 1.0
     return poses
 
 
 def fill(poses: np.ndarray) -> int:
-    return fill_short_gaps(STAMPS, poses, gravity=GRAVITY, noise=1e-5, radius=0.02)
+    return fill_short_gaps(STAMPS, poses, SCENE, noise=1e-5)
 
 
 def test_flight_and_rest_go_on_in_a_short_gap() -> None:
@@ -62,4 +63,4 @@ def test_one_frame_and_a_sphere_never_seen_are_left() -> None:
     poses[:, 1] = np.nan
     assert fill(poses) == 0
     alone = poses[:1].copy()
-    assert fill_short_gaps(STAMPS[:1], alone, gravity=GRAVITY, noise=0.0, radius=0.02) == 0
+    assert fill_short_gaps(STAMPS[:1], alone, SCENE, noise=0.0) == 0
