@@ -23,7 +23,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from rigid_gns_core.strict_json import read_json
+from rigid_gns_core.files.strict_json import read_json
 
 FOLDER = Path(__file__).resolve().parents[1] / 'docs' / 'model'
 ROWS = {

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rigid_gns_core.strict_json import read_json
+from rigid_gns_core.files.strict_json import read_json
 
 BOUNDS = {
     'missed': 0,

@@ -40,8 +40,8 @@ from ablations import ROWS
 import numba
 from rigid_gns_core.benchmark.machine import cpu_name
 from rigid_gns_core.dataset import Dataset
+from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.progress import Progress
-from rigid_gns_core.strict_json import write_json
 
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 

@@ -33,8 +33,8 @@ import yaml
 
 from .calibration_windows import deviations, noise_of, Window, windows_of, with_materials
 from .completion import completes, shipped_models
-from .config import positive
 from .dataset import Dataset, Record
+from .files.config import positive
 from .material_fit import MaterialFit, MATERIALS, most_evaluations
 from .progress import Progress
 from .rollout import load_simulator, Simulator

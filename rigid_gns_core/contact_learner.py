@@ -23,9 +23,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .config import check_least, check_positive
 from .dataset import Record
 from .distributed import Mean
+from .files.config import check_least, check_positive
 from .learner import Learner, Schedule
 from .models.configs import ContactConfig
 from .models.contact.candidates import Candidates, find_candidates, join

@@ -28,12 +28,12 @@ from typing import Any, Literal
 import numpy as np
 
 from .completion import completes, configs, shipped_models
+from .files.strict_json import write_json
 from .metrics import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .metrics.error import check_comparable
 from .metrics.table import format_table
 from .scene import Scene
 from .state import Trajectory
-from .strict_json import write_json
 
 __all__ = ['evaluate', 'format_table', 'summarise']
 

@@ -27,9 +27,9 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .checkpoint import CheckpointError, find_model, Tensors
-from .config import to_mapping
 from .dataset import Record
+from .files.checkpoint import CheckpointError, find_model, Tensors
+from .files.config import to_mapping
 from .rollout import load_simulator
 from .similarity import ModelUnits, Similarity
 from .state import Trajectory

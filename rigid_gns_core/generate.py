@@ -27,7 +27,6 @@ import time
 from typing import Any
 
 from .completion import completes, configs
-from .config import from_mapping
 from .dataset import (
     check_membership,
     Contents,
@@ -41,6 +40,7 @@ from .dataset import (
     write_recipe,
     write_record,
 )
+from .files.config import from_mapping
 from .progress import Progress
 from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
 from .sampling import load_scene, sample_start

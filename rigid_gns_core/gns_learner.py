@@ -24,9 +24,9 @@ import torch
 from torch import Tensor
 
 from .closed_loop import connector, roll_out, stack_windows
-from .config import check_least
 from .dataset import Record
 from .distributed import Mean
+from .files.config import check_least
 from .learner import Learner, Schedule
 from .models.configs import GNSConfig
 from .models.gns import GNS

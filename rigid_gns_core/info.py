@@ -24,9 +24,9 @@ import platform
 import re
 from typing import Any
 
-from .checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
 from .completion import completes, shipped_models
 from .extras import remedy
+from .files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
 from .probes import Probes
 from .versions import PACKAGE, version_of, versions_of
 

@@ -26,10 +26,10 @@ from typing import Any, ClassVar, Generic, TypeVar
 import torch
 from torch import nn, Tensor
 
-from .checkpoint import CheckpointError
-from .config import check_least, check_positive
 from .dataset import Record
 from .distributed import Mean, Processes
+from .files.checkpoint import CheckpointError
+from .files.config import check_least, check_positive
 from .similarity import ModelUnits
 
 N = TypeVar('N', bound=nn.Module)

@@ -30,8 +30,8 @@ import warnings
 import numpy as np
 
 from .completion import completes, configs, shipped_models
-from .config import positive
 from .dataset import Record, write_record
+from .files.config import positive
 from .progress import Progress
 from .rollout import load_simulator
 from .sampling import load_scene, sample_start

@@ -24,7 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .config import ConfigError, find_config, from_mapping, load_yaml
+from .files.config import ConfigError, find_config, from_mapping, load_yaml
 from .sampling import check_range, Layout, sample_start, StartRecipe
 from .scene import Plane, Scene
 from .state import State

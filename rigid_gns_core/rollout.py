@@ -27,8 +27,8 @@ import warnings
 from numpy.typing import ArrayLike, NDArray
 
 from .batch import in_threads, paired, usable_cores
-from .checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
-from .config import from_mapping
+from .files.checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
+from .files.config import from_mapping
 from .outcome import Outcome, Recording
 from .scene import Scene
 from .similarity import in_units, ModelUnits, Similarity

@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from .config import ConfigError, find_config, from_mapping, load_yaml
+from .files.config import ConfigError, find_config, from_mapping, load_yaml
 from .placement import place_spheres
 from .plane import Vector
 from .scene import Scene

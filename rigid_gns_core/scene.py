@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from .config import ConfigError, from_mapping
+from .files.config import ConfigError, from_mapping
 from .plane import checked_property, checked_vector, PerSphere, RANGES, Vector
 from .plane import Plane as Plane
 from .state import Array

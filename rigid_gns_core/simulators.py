@@ -25,8 +25,8 @@ import warnings
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from .checkpoint import Tensors
-from .config import from_mapping
+from .files.checkpoint import Tensors
+from .files.config import from_mapping
 from .models.configs import ContactConfig, GNSConfig
 from .models.features import Features
 from .models.stepping import GNSStepper

@@ -31,10 +31,10 @@ import numpy as np
 import torch
 import yaml
 
-from .checkpoint import load_tensors, save_model, save_tensors, tensors_of
-from .config import ConfigError, load_yaml, to_mapping
 from .dataset import Dataset, Record
 from .distributed import started_by_torchrun
+from .files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
+from .files.config import ConfigError, load_yaml, to_mapping
 from .fine_tune import StartingPoint
 from .interrupt import stop_on_signal
 from .learner import Schedule

@@ -20,7 +20,7 @@ import argparse
 from pathlib import Path
 
 from .completion import completes, configs, shipped_models
-from .config import positive
+from .files.config import positive
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

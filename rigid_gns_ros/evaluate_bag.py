@@ -24,9 +24,9 @@ import textwrap
 from typing import Any
 
 from rigid_gns_core.evaluate import format_table
+from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
-from rigid_gns_core.strict_json import write_json
 
 from .bag_reader import Bag, BagError, read_bag
 from .evaluation.horizon_errors import format_horizons

@@ -31,10 +31,10 @@ from .report import COMPARED, format_processes, format_scaling, format_scene
 from .scaling import COUNTS, measure_scaling, QUICK_COUNTS
 from .scenes import bench_scenes, BenchScene, FRAME, SCENES
 from ..completion import completes
+from ..files.strict_json import write_json
 from ..hard_cases.references import References
 from ..progress import Progress
 from ..rollout import load_simulator
-from ..strict_json import write_json
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
 

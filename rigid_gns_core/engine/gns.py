@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from threadpoolctl import ThreadpoolController
 
-from ..checkpoint import Tensors
+from ..files.checkpoint import Tensors
 from ..graph import Indices
 from ..models.configs import GNSConfig
 from ..models.features import Features

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TYPE_CHECKING
 
-from ..config import ConfigError, find_config, from_mapping, load_yaml
+from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 if TYPE_CHECKING:
     from ..gns_learner import GNSTrainConfig

@@ -32,8 +32,8 @@ from .study import Experiment, load_experiment, shipped_experiments
 from .table import make_table
 from .text import format_table
 from ..completion import completes, configs
-from ..config import ConfigError
-from ..strict_json import write_compact_json
+from ..files.config import ConfigError
+from ..files.strict_json import write_compact_json
 from ..workers import add_worker_arguments, chosen_workers
 
 

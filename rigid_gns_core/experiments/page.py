@@ -22,8 +22,8 @@ import re
 
 from .study import shipped_experiments
 from .text import format_table
-from ..config import ConfigError
-from ..strict_json import read_json
+from ..files.config import ConfigError
+from ..files.strict_json import read_json
 
 _BLOCK = re.compile(r'(<!-- experiment: (\w+) -->\n)(.*?)(<!-- end -->)', re.DOTALL)
 

@@ -26,8 +26,8 @@ import numpy as np
 from .cell import Cell
 from .measure import describe
 from ..benchmark.machine import cpu_name, load_average
-from ..config import to_mapping
 from ..dataset import Record
+from ..files.config import to_mapping
 from ..graph import build_graph
 from ..simulators import GNSSimulator
 from ..training_set import common_scene

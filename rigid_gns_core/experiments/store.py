@@ -25,8 +25,8 @@ from typing import Any
 
 from .cell import Cell, VERSION
 from .study import SETS
-from ..config import ConfigError, to_mapping
-from ..strict_json import read_json, write_compact_json
+from ..files.config import ConfigError, to_mapping
+from ..files.strict_json import read_json, write_compact_json
 from ..versions import PACKAGE, versions_of
 
 DIGITS = 6

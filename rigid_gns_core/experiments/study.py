@@ -22,7 +22,7 @@ from pathlib import Path
 import re
 from typing import Any, Literal
 
-from ..config import config_folder, ConfigError, find_config, from_mapping, load_yaml
+from ..files.config import config_folder, ConfigError, find_config, from_mapping, load_yaml
 
 Kind = Literal['train', 'teacher', 'speed']
 SETS = ('test', 'ood')

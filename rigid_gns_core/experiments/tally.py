@@ -22,7 +22,7 @@ import time
 from types import TracebackType
 from typing import Any
 
-from ..strict_json import read_json, write_compact_json
+from ..files.strict_json import read_json, write_compact_json
 
 NAME = 'tally.json'
 

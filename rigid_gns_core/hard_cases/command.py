@@ -29,8 +29,8 @@ from .engines import load_engine, run_cases, TEACHER
 from .references import References
 from .report import format_summary, format_table
 from ..completion import completes, shipped_models
+from ..files.strict_json import write_json
 from ..progress import Progress
-from ..strict_json import write_json
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
 from ..versions import PACKAGE, version_of
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table; 1 where the default model fails a case."""
-    from ..checkpoint import DEFAULT_MODEL
+    from ..files.checkpoint import DEFAULT_MODEL
 
     cases = hard_cases(arguments.cases, quick=arguments.quick, seed=arguments.seed)
     settings = TeacherSettings(substeps=arguments.substeps)

@@ -26,10 +26,10 @@ import numpy as np
 
 from .case import Case
 from .checks import HORIZONS
+from ..files.atomic_file import whole_file
 from ..state import Trajectory
 from ..teacher import simulate as bullet
 from ..teacher_settings import TeacherError, TeacherSettings
-from ..whole_file import whole_file
 
 _FORMAT = 1  # counts up where files in the cache no longer mean the same
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ..checkpoint import Shapes
-from ..config import check_least
+from ..files.checkpoint import Shapes
+from ..files.config import check_least
 from ..graph import Connectivity, Reach
 
 # what a contact and a round tell the contact model's network

@@ -21,7 +21,7 @@ from pathlib import Path
 import tempfile
 from typing import Any
 
-from rigid_gns_core.checkpoint import CheckpointError, find_model, load_card
+from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card
 from rigid_gns_core.scene import Scene
 import yaml
 

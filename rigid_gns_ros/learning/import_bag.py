@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 from rigid_gns_core.completion import completes, configs, shipped_models
-from rigid_gns_core.config import from_mapping
 from rigid_gns_core.dataset import (
     DatasetError,
     RECIPE_NAME,
@@ -38,6 +37,7 @@ from rigid_gns_core.dataset import (
     write_recipe,
     write_record,
 )
+from rigid_gns_core.files.config import from_mapping
 from rigid_gns_core.progress import Progress
 from rigid_gns_core.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.training_set import fingerprint

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.checkpoint import find_model, load_card
-from rigid_gns_core.config import from_mapping
 from rigid_gns_core.dataset import Record
+from rigid_gns_core.files.checkpoint import find_model, load_card
+from rigid_gns_core.files.config import from_mapping
 from rigid_gns_core.sampling import load_scene
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.similarity import ModelUnits, Similarity

@@ -193,7 +193,9 @@ def test_the_rate_of_a_rollout_counts_its_own_steps_alone(
 def test_a_failed_check_exits_with_1(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr('rigid_gns_core.checkpoint.DEFAULT_MODEL', 'gns')  # which piles break
+    monkeypatch.setattr(
+        'rigid_gns_core.files.checkpoint.DEFAULT_MODEL', 'gns'
+    )  # which piles break
     words = ['hard-cases', '--cases', 'shaft', '--quick', '--no-teacher']
     assert cli.main(words) == cli.CHECK_FAILED
     assert 'gns: 0 ok, 1 FAILED' in capsys.readouterr().out

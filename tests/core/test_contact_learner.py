@@ -20,11 +20,11 @@ import json
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene
-from rigid_gns_core.checkpoint import save_model, tensors_of
-from rigid_gns_core.config import ConfigError, to_mapping
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.engine.stepper import EngineStepper
+from rigid_gns_core.files.checkpoint import save_model, tensors_of
+from rigid_gns_core.files.config import ConfigError, to_mapping
 from rigid_gns_core.gns_learner import GNSTrainConfig
 from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.network import ContactNetwork

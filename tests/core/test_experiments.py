@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.config import ConfigError
 from rigid_gns_core.experiments.budget import Budget, load_budget, merged
 from rigid_gns_core.experiments.cell import Cell, cells_of, teacher_cells
 from rigid_gns_core.experiments.chart import write_chart
@@ -37,7 +36,8 @@ from rigid_gns_core.experiments.study import (
 )
 from rigid_gns_core.experiments.table import make_table
 from rigid_gns_core.experiments.text import format_table, number, printed, spread
-from rigid_gns_core.strict_json import read_json, write_compact_json
+from rigid_gns_core.files.config import ConfigError
+from rigid_gns_core.files.strict_json import read_json, write_compact_json
 
 pytest.importorskip('pybullet', reason="a cell's key holds the teacher's defaults")
 BUDGET = load_budget('cpu')

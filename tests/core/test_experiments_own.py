@@ -22,13 +22,13 @@ from pathlib import Path
 
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.config import ConfigError, find_config, load_yaml
 from rigid_gns_core.dataset import DatasetError, read_record
 from rigid_gns_core.experiments.budget import Data, load_budget
 from rigid_gns_core.experiments.cell import Cell
 from rigid_gns_core.experiments.sets import make_sets, ood_path, references
 from rigid_gns_core.experiments.store import Store
 from rigid_gns_core.experiments.study import Experiment, Variant
+from rigid_gns_core.files.config import ConfigError, find_config, load_yaml
 from rigid_gns_core.workers import Workers
 import yaml
 

@@ -25,7 +25,7 @@ from typing import Any
 
 import pytest
 from rigid_gns_core import cli, info, probes
-from rigid_gns_core.checkpoint import find_model, WEIGHTS_FOLDER
+from rigid_gns_core.files.checkpoint import find_model, WEIGHTS_FOLDER
 
 
 @pytest.fixture(scope='module')
@@ -101,7 +101,7 @@ def test_a_damaged_model_does_not_hide_the_rest(
 ) -> None:
     folder = shutil.copytree(WEIGHTS_FOLDER, tmp_path / 'weights')
     (folder / 'gns.json').write_text('{')
-    monkeypatch.setattr('rigid_gns_core.checkpoint.WEIGHTS_FOLDER', folder)
+    monkeypatch.setattr('rigid_gns_core.files.checkpoint.WEIGHTS_FOLDER', folder)
     assert cli.main(['info']) == 0
     output = capsys.readouterr().out
     assert 'model gns\n  damaged: ' in output and 'gns.json: not valid JSON' in output

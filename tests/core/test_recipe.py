@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.config import config_folder, ConfigError
+from rigid_gns_core.files.config import config_folder, ConfigError
 from rigid_gns_core.recipe import DataRecipe, load_recipe, recipe_hash
 from rigid_gns_core.scene import Plane
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.config import config_folder, ConfigError
+from rigid_gns_core.files.config import config_folder, ConfigError
 from rigid_gns_core.placement import SamplingError
 from rigid_gns_core.plane import closest_points
 from rigid_gns_core.sampling import Block, load_scene, sample_start, StartRecipe

@@ -21,8 +21,8 @@ import signal
 
 import numpy as np
 import pytest
-from rigid_gns_core.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.dataset import Record
+from rigid_gns_core.files.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.rollout import load_simulator

@@ -28,7 +28,7 @@ from joblib import delayed
 import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import record_path
-from rigid_gns_core.strict_json import read_json
+from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.workers import Workers
 
 

@@ -23,13 +23,13 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core.cli import main
+from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.hard_cases import Case, Engine, hard_cases, measure_laws, run_cases
 from rigid_gns_core.hard_cases.cases import QUICK_STEPS
 from rigid_gns_core.hard_cases.checks import failures, measure_errors
 from rigid_gns_core.hard_cases.report import format_summary, format_table
 from rigid_gns_core.scene import Scene
 from rigid_gns_core.state import State, Trajectory
-from rigid_gns_core.strict_json import read_json
 
 CASES = {case.name: case for case in hard_cases(quick=True)}
 DT = 0.1
@@ -255,7 +255,9 @@ def test_what_the_cases_are_about_is_there() -> None:
 
 
 def test_command_writes_all_numbers(tmp_path, capsys) -> None:
-    checkpoint = pytest.importorskip('rigid_gns_core.checkpoint', reason='the model needs torch')
+    checkpoint = pytest.importorskip(
+        'rigid_gns_core.files.checkpoint', reason='the model needs torch'
+    )
     file = tmp_path / 'report.json'
     words = ['--model', 'gns', '--cases', 'half_below', 'heavy_on_light', '--no-teacher']
     code = main(['hard-cases', *words, '--quick', '--json', str(file)])

@@ -25,7 +25,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from rigid_gns_core.strict_json import read_json
+from rigid_gns_core.files.strict_json import read_json
 
 ROOT = Path(__file__).resolve().parents[2]
 

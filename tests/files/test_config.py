@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from rigid_gns_core.config import (
+from rigid_gns_core.files.config import (
     config_folder,
     ConfigError,
     find_config,

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
-from .whole_file import whole_file
+from .atomic_file import whole_file
 
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parent / 'weights'

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from .whole_file import whole_file
+from .atomic_file import whole_file
 
 
 def write_json(path: str | Path, report: Mapping[str, Any]) -> None:
