@@ -141,7 +141,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from .versions import PACKAGE, version_of
+        from .installation.versions import PACKAGE, version_of
 
         print(f'{parser.prog} {version_of(PACKAGE) or "of a source tree that is not installed"}')
         parser.exit()
@@ -170,7 +170,7 @@ def _run(argv: list[str]) -> int:
 
 def _with_remedy(error: ModuleNotFoundError) -> str:
     """Return what is missing, and how to get it; an error of our own says that already."""
-    from .extras import missing
+    from .installation.extras import missing
 
     if error.name is None or 'which is not installed' in str(error):
         return str(error)

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from .extras import missing
+from .installation.extras import missing
 from .rolling import RollingFriction
 from .scene import Plane, Scene
 from .state import Array, State, Trajectory

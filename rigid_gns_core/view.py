@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from .extras import needed
+from .installation.extras import needed
 from .report.comparison import add_source, Comparison, read_comparison
 from .report.quads import focus, visible_quads
 from .report.series import charts

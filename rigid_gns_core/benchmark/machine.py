@@ -22,7 +22,7 @@ import platform
 from typing import Any
 
 from ..batch import usable_cores
-from ..versions import PACKAGE, versions_of
+from ..installation.versions import PACKAGE, versions_of
 
 PACKAGES = (PACKAGE, 'numpy', 'scipy', 'numba', 'pybullet', 'mujoco', 'torch')
 THREADS = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')

@@ -28,7 +28,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..extras import needed
+from ..installation.extras import needed
 from ..scene import Plane, Scene
 from ..state import Array, State
 

@@ -27,7 +27,7 @@ from .cell import Cell, VERSION
 from .study import SETS
 from ..files.config import ConfigError, to_mapping
 from ..files.strict_json import read_json, write_compact_json
-from ..versions import PACKAGE, versions_of
+from ..installation.versions import PACKAGE, versions_of
 
 DIGITS = 6
 """Significant digits that are kept."""

@@ -25,7 +25,7 @@ import numpy as np
 
 from .camera import Camera
 from .picture import draw, Image, linear, Surroundings
-from ..extras import needed
+from ..installation.extras import needed
 from ..progress import Progress
 from ..report.comparison import Comparison
 from ..report.quads import focus

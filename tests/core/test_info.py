@@ -24,8 +24,8 @@ import sys
 from typing import Any
 
 import pytest
-from rigid_gns_core import cli, info, probes
 from rigid_gns_core.files.checkpoint import find_model, WEIGHTS_FOLDER
+from rigid_gns_core.installation import cli, info, probes
 
 
 @pytest.fixture(scope='module')

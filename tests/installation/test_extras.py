@@ -20,7 +20,7 @@ from importlib import metadata
 import sys
 
 import pytest
-from rigid_gns_core import extras, versions
+from rigid_gns_core.installation import extras, versions
 
 
 @pytest.mark.parametrize(
