@@ -40,7 +40,6 @@ import warnings
 import numba
 import numpy as np
 from rigid_gns_core import load_simulator
-from rigid_gns_core.benchmark.machine import cpu_name, load_average
 from rigid_gns_core.engine.contacts import Contacts
 from rigid_gns_core.engine.gns import GNSEngine
 from rigid_gns_core.engine.layers import turn_over
@@ -49,6 +48,7 @@ from rigid_gns_core.models.contact.network import ContactNetwork, Feel
 from rigid_gns_core.models.features import Features, features_of
 from rigid_gns_core.models.gns import GNS, GraphInput
 from rigid_gns_core.models.stepping import GNSStepper
+from rigid_gns_core.running.machine import cpu_name, load_average
 from rigid_gns_core.sampling import load_scene, sample_start
 from rigid_gns_core.simulators import ContactSimulator, GNSSimulator
 import torch

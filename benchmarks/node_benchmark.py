@@ -50,8 +50,8 @@ from typing import Any
 from node_benchmark_parts import CASES, measure_horizon, measure_rate, measure_soak
 from node_benchmark_run import Case, run
 from node_benchmark_table import BOUNDS, broken_bounds, format_kills, format_part
-from rigid_gns_core.benchmark.machine import describe_machine
 from rigid_gns_core.files.strict_json import read_json, write_json
+from rigid_gns_core.running.machine import describe_machine
 from rigid_gns_ros.demo import DemoError
 
 PARTS = ('rate', 'horizon', 'kills', 'soak')

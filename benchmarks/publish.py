@@ -41,7 +41,7 @@ import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rigid_gns_core.benchmark.machine import cpu_name
+from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_ros.messages import PoseArrayCodec
 
 TOPIC = 'benchmark_poses'

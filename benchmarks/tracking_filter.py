@@ -31,8 +31,8 @@ import time
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.benchmark.machine import cpu_name
 from rigid_gns_core.files.strict_json import read_json, write_json
+from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.state import Array
 from rigid_gns_ros.tracking.surroundings import Surroundings
 from rigid_gns_ros.tracking.velocity import estimate_motion

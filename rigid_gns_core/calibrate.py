@@ -36,8 +36,8 @@ from .completion import completes, shipped_models
 from .dataset import Dataset, Record
 from .files.config import positive
 from .material_fit import MaterialFit, MATERIALS, most_evaluations
-from .progress import Progress
 from .rollout import load_simulator, Simulator
+from .running.progress import Progress
 from .scene import Scene
 
 DEFAULT = ('restitution', 'friction', 'rolling_friction')

@@ -41,10 +41,10 @@ from .dataset import (
     write_record,
 )
 from .files.config import from_mapping
-from .progress import Progress
 from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
+from .running.progress import Progress
+from .running.workers import add_worker_arguments, chosen_workers, WorkerDied, Workers
 from .sampling import load_scene, sample_start
-from .workers import add_worker_arguments, chosen_workers, WorkerDied, Workers
 
 EXAMPLE = """examples:
   rigid-gns generate --config smoke --out data/smoke

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .calibration_windows import residuals, Window
-from .progress import Progress
 from .rollout import Simulator
+from .running.progress import Progress
 from .state import Array
 
 

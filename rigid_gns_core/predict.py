@@ -32,8 +32,8 @@ import numpy as np
 from .completion import completes, configs, shipped_models
 from .dataset import Record, write_record
 from .files.config import positive
-from .progress import Progress
 from .rollout import load_simulator
+from .running.progress import Progress
 from .sampling import load_scene, sample_start
 from .state import Array, State, Trajectory
 

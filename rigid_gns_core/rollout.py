@@ -26,10 +26,10 @@ import warnings
 
 from numpy.typing import ArrayLike, NDArray
 
-from .batch import in_threads, paired, usable_cores
 from .files.checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
 from .files.config import from_mapping
 from .outcome import Outcome, Recording
+from .running.threads import in_threads, paired, usable_cores
 from .scene import Scene
 from .similarity import in_units, ModelUnits, Similarity
 from .state import State, Trajectory

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from .closed_form_checks import Check, GROUPS, run_checks
-from .progress import Progress
+from .running.progress import Progress
 
 
 def table(checks: list[Check]) -> str:

@@ -36,12 +36,12 @@ from .distributed import started_by_torchrun
 from .files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from .files.config import ConfigError, load_yaml, to_mapping
 from .fine_tune import StartingPoint
-from .interrupt import stop_on_signal
 from .learner import Schedule
 from .learners import device_of, load_recipe, make_learner
 from .metrics import chamfer
-from .progress import Progress
 from .rollout import Simulator
+from .running.interrupt import stop_on_signal
+from .running.progress import Progress
 from .simulators import KINDS
 from .training_set import fingerprint
 

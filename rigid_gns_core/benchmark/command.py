@@ -24,7 +24,6 @@ from typing import Any
 from .busy_core import measure_busy_core
 from .fresh import first_prediction, memory_per_sphere
 from .judge import floor_of, result
-from .machine import describe_machine, load_average
 from .peers import all_peers, BULLET_ITERATIONS, Field, NOTES, Peer, warm_up
 from .race import BLOCK, race, timing
 from .report import COMPARED, format_processes, format_scaling, format_scene
@@ -33,8 +32,9 @@ from .scenes import bench_scenes, BenchScene, FRAME, SCENES
 from ..completion import completes
 from ..files.strict_json import write_json
 from ..hard_cases.references import References
-from ..progress import Progress
 from ..rollout import load_simulator
+from ..running.machine import describe_machine, load_average
+from ..running.progress import Progress
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
 

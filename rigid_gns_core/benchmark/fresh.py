@@ -85,14 +85,14 @@ def _predict(spheres: int, steps: int) -> None:
 
 
 def _first(spheres: int) -> dict[str, Any]:
-    from .machine import resident_bytes
+    from ..running.machine import resident_bytes
 
     _predict(spheres, 1)
     return {'most_resident': resident_bytes('VmHWM')}
 
 
 def _memory(spheres: int) -> dict[str, Any]:
-    from .machine import resident_bytes
+    from ..running.machine import resident_bytes
 
     _predict(10, 3)  # code and weights are there now
     before = resident_bytes()

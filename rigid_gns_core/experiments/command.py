@@ -34,7 +34,7 @@ from .text import format_table
 from ..completion import completes, configs
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
-from ..workers import add_worker_arguments, chosen_workers
+from ..running.workers import add_worker_arguments, chosen_workers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

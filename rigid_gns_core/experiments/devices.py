@@ -22,7 +22,7 @@ from pathlib import Path
 import time
 from typing import IO
 
-from ..workers import Workers
+from ..running.workers import Workers
 
 # what this process holds: the lock is open, hence its own, until the process ends
 _held: dict[Devices, tuple[int, IO[str]]] = {}

@@ -28,8 +28,8 @@ from .devices import Devices, shared_out
 from .sets import make_sets
 from .store import Store
 from .work import LOG, run_cell
-from ..progress import Progress
-from ..workers import Workers
+from ..running.progress import Progress
+from ..running.workers import Workers
 
 
 @dataclass(frozen=True)

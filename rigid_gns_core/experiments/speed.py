@@ -25,10 +25,10 @@ import numpy as np
 
 from .cell import Cell
 from .measure import describe
-from ..benchmark.machine import cpu_name, load_average
 from ..dataset import Record
 from ..files.config import to_mapping
 from ..graph import build_graph
+from ..running.machine import cpu_name, load_average
 from ..simulators import GNSSimulator
 from ..training_set import common_scene
 

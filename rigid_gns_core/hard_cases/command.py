@@ -31,7 +31,7 @@ from .report import format_summary, format_table
 from ..completion import completes, shipped_models
 from ..files.strict_json import write_json
 from ..installation.versions import PACKAGE, version_of
-from ..progress import Progress
+from ..running.progress import Progress
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
 

@@ -26,9 +26,9 @@ import numpy as np
 from .camera import Camera
 from .picture import draw, Image, linear, Surroundings
 from ..installation.extras import needed
-from ..progress import Progress
 from ..report.comparison import Comparison
 from ..report.quads import focus
+from ..running.progress import Progress
 from ..state import Array, Trajectory
 
 PREDICTED, REFERENCE = '#3b9fe3', '#f2a434'

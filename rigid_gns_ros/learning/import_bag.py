@@ -38,8 +38,8 @@ from rigid_gns_core.dataset import (
     write_record,
 )
 from rigid_gns_core.files.config import from_mapping
-from rigid_gns_core.progress import Progress
 from rigid_gns_core.recipe import DataRecipe, recipe_hash
+from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.training_set import fingerprint
 
 from .tracks import ImportOptions, read_tracks

@@ -21,9 +21,9 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core import cli, load_simulator, Plane, Scene, State, Trajectory
-from rigid_gns_core.batch import in_threads
 from rigid_gns_core.dataset import read_record
 from rigid_gns_core.predict import position_spread
+from rigid_gns_core.running.threads import in_threads
 
 # what the shipped weights were trained on
 MATERIAL = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
@@ -98,7 +98,9 @@ def test_threads_of_the_thesis_network_change_nothing():
 def test_the_torch_backend_takes_one_after_another_in_this_thread(name, monkeypatch):
     simulator = load_simulator(name, backend='torch')
     starts = [start(seed, 3) for seed in range(2)]
-    monkeypatch.setattr('rigid_gns_core.batch.ThreadPoolExecutor', None)  # a call would fail
+    monkeypatch.setattr(
+        'rigid_gns_core.running.threads.ThreadPoolExecutor', None
+    )  # a call would fail
     batch = simulator.rollout_batch(SCENE, starts, steps=2, workers=4)
     for state, trajectory in zip(starts, batch, strict=True):
         assert_same_bytes(trajectory, alone(simulator, SCENE, state, 2))

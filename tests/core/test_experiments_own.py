@@ -29,7 +29,7 @@ from rigid_gns_core.experiments.sets import make_sets, ood_path, references
 from rigid_gns_core.experiments.store import Store
 from rigid_gns_core.experiments.study import Experiment, Variant
 from rigid_gns_core.files.config import ConfigError, find_config, load_yaml
-from rigid_gns_core.workers import Workers
+from rigid_gns_core.running.workers import Workers
 import yaml
 
 SMOKE = load_budget('smoke')

@@ -31,7 +31,7 @@ from rigid_gns_core.experiments.devices import Devices, shared_out
 from rigid_gns_core.experiments.store import Store
 from rigid_gns_core.experiments.tally import NAME, Tally
 from rigid_gns_core.files.strict_json import read_json
-from rigid_gns_core.workers import Workers
+from rigid_gns_core.running.workers import Workers
 
 torch = pytest.importorskip('torch', reason='experiments train')
 HOLD = """

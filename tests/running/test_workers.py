@@ -29,7 +29,7 @@ import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import record_path
 from rigid_gns_core.files.strict_json import read_json
-from rigid_gns_core.workers import Workers
+from rigid_gns_core.running.workers import Workers
 
 
 @pytest.mark.parametrize('workers', [Workers(1), Workers(2)])
@@ -95,7 +95,7 @@ def test_ray_takes_trajectories(tmp_path: Path) -> None:
 
 def test_in_turns_calls_are_taken_as_they_are_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     # joblib's own pool of processes hands out nothing before the end either
-    monkeypatch.setattr('rigid_gns_core.workers.BACKENDS', ('multiprocessing',))
+    monkeypatch.setattr('rigid_gns_core.running.workers.BACKENDS', ('multiprocessing',))
     taken: list[int] = []
 
     def calls() -> Iterator[tuple[int, int]]:
@@ -113,7 +113,7 @@ def test_in_turns_calls_are_taken_as_they_are_needed(monkeypatch: pytest.MonkeyP
 
 def test_no_cluster_is_needed_to_import_this() -> None:
     code = (
-        'import sys, rigid_gns_core.generate, rigid_gns_core.workers\n'
+        'import sys, rigid_gns_core.generate, rigid_gns_core.running.workers\n'
         "print({'joblib', 'distributed', 'dask', 'ray'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)

@@ -31,7 +31,7 @@ import time
 from typing import Any, TypeVar
 import warnings
 
-from .batch import usable_cores
+from .threads import usable_cores
 
 T = TypeVar('T')
 BACKENDS = ('loky', 'dask', 'ray')

@@ -21,7 +21,7 @@ from pathlib import Path
 import platform
 from typing import Any
 
-from ..batch import usable_cores
+from .threads import usable_cores
 from ..installation.versions import PACKAGE, versions_of
 
 PACKAGES = (PACKAGE, 'numpy', 'scipy', 'numba', 'pybullet', 'mujoco', 'torch')
