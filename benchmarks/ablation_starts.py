@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rigid_gns_core.sampling import load_scene, sample_start, StartRecipe
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import Array, State
+from rigid_gns_core.scenes.sampling import load_scene, sample_start, StartRecipe
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import Array, State
 
 
 @dataclass(frozen=True)

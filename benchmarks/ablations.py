@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.scene import Scene
 
 PER_SPHERE = ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
 

@@ -42,7 +42,7 @@ import time
 import numpy as np
 from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.running.machine import cpu_name
-from rigid_gns_core.sampling import load_scene
+from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_ros.bag import BagWriter, FLUSH_PERIOD
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec

@@ -33,7 +33,7 @@ from rigid_gns_core.dataset import read_records, Record
 from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.running.progress import Progress
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.teacher import simulate
 from rigid_gns_core.teacher_settings import TeacherSettings
 

@@ -29,9 +29,9 @@ from rigid_gns_core.hard_cases.case import Case
 from rigid_gns_core.hard_cases.checks import measure_laws
 from rigid_gns_core.metrics import sphere_penetration, surface_penetration
 from rigid_gns_core.rollout import Rollout, Simulator
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.similarity import Similarity
-from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.similarity import Similarity
+from rigid_gns_core.scenes.state import State, Trajectory
 
 REST = 0.01  # m/s: below it a sphere has come to rest
 LEAST_FLOOR = 0.25  # r^2: squared errors below half a radius are not told apart

@@ -49,7 +49,7 @@ from rigid_gns_core.models.features import Features, features_of
 from rigid_gns_core.models.gns import GNS, GraphInput
 from rigid_gns_core.models.stepping import GNSStepper
 from rigid_gns_core.running.machine import cpu_name, load_average
-from rigid_gns_core.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.simulators import ContactSimulator, GNSSimulator
 import torch
 from torch import nn, Tensor

@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 from rigid_gns_core.recipe import DataRecipe
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, rotate_quaternions, Trajectory
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, rotate_quaternions, Trajectory
 from rigid_gns_core.teacher import simulate
 from rigid_gns_core.teacher_settings import TeacherSettings
 from rigid_gns_ros.bag import BagWriter

@@ -31,8 +31,8 @@ import numpy as np
 from rigid_gns_core.benchmark.busy_core import busy_core
 from rigid_gns_core.rollout import load_simulator
 from rigid_gns_core.running.machine import load_average
-from rigid_gns_core.sampling import sample_start, StartRecipe
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.sampling import sample_start, StartRecipe
+from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_ros.demo import node_environment, NodeProcess
 import yaml
 

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.running.machine import cpu_name
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 from rigid_gns_ros.tracking.surroundings import Surroundings
 from rigid_gns_ros.tracking.velocity import estimate_motion
 from tracking_filter_matching import cost_of_a_frame, follow

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rigid_gns_core.dataset import demo_record
-from rigid_gns_core.plane import Plane
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, State, Trajectory
+from rigid_gns_core.scenes.plane import Plane
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, State, Trajectory
 from rigid_gns_core.teacher import Teacher
 from rigid_gns_core.teacher_settings import TeacherSettings
 

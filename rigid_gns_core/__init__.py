@@ -19,8 +19,8 @@ from __future__ import annotations
 import importlib
 from typing import Any, TYPE_CHECKING
 
-from .scene import Plane, Scene
-from .state import State, Trajectory
+from .scenes.scene import Plane, Scene
+from .scenes.state import State, Trajectory
 
 if TYPE_CHECKING:
     from .rollout import load_simulator, Rollout, Simulator

@@ -38,7 +38,7 @@ from .files.config import positive
 from .material_fit import MaterialFit, MATERIALS, most_evaluations
 from .rollout import load_simulator, Simulator
 from .running.progress import Progress
-from .scene import Scene
+from .scenes.scene import Scene
 
 DEFAULT = ('restitution', 'friction', 'rolling_friction')
 # every so many windows are held out, to judge by

@@ -25,8 +25,8 @@ import numpy as np
 
 from .dataset import Record
 from .rollout import Simulator
-from .scene import Scene
-from .state import Array, rotation_between, State
+from .scenes.scene import Scene
+from .scenes.state import Array, rotation_between, State
 from .tracked_motion import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts
 
 # what the best materials leave of an error, in radii and radians: the model is not the world

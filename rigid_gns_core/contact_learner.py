@@ -34,8 +34,8 @@ from .models.contact.memory import Memory
 from .models.contact.network import ContactNetwork
 from .models.contact.step import frame, Motion
 from .models.contact.world import UNIT_GRAVITY, World
-from .similarity import ModelUnits
-from .state import Array
+from .scenes.similarity import ModelUnits
+from .scenes.state import Array
 
 # windows thrown until one holds a sphere with several contacts
 _THROWS = 20

@@ -33,8 +33,8 @@ import yaml
 from .files.atomic_file import whole_file
 from .files.config import ConfigError, from_mapping, load_yaml
 from .recipe import DataRecipe, recipe_hash
-from .scene import Scene
-from .state import Array, Trajectory
+from .scenes.scene import Scene
+from .scenes.state import Array, Trajectory
 
 FORMAT_VERSION = 1
 RECIPE_NAME = 'recipe.yaml'

@@ -32,8 +32,8 @@ from .files.strict_json import write_json
 from .metrics import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .metrics.error import check_comparable
 from .metrics.table import format_table
-from .scene import Scene
-from .state import Trajectory
+from .scenes.scene import Scene
+from .scenes.state import Trajectory
 
 __all__ = ['evaluate', 'format_table', 'summarise']
 

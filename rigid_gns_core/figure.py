@@ -23,8 +23,8 @@ import numpy as np
 
 from .metrics import divergence, Energy, energy
 from .metrics.error import check_comparable
-from .scene import Plane, Scene
-from .state import Array, Trajectory
+from .scenes.scene import Plane, Scene
+from .scenes.state import Array, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -31,8 +31,8 @@ from .dataset import Record
 from .files.checkpoint import CheckpointError, find_model, Tensors
 from .files.config import to_mapping
 from .rollout import load_simulator
-from .similarity import ModelUnits, Similarity
-from .state import Trajectory
+from .scenes.similarity import ModelUnits, Similarity
+from .scenes.state import Trajectory
 
 if TYPE_CHECKING:
     from .learner import Learner

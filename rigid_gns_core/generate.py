@@ -44,7 +44,7 @@ from .files.config import from_mapping
 from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
 from .running.progress import Progress
 from .running.workers import add_worker_arguments, chosen_workers, WorkerDied, Workers
-from .sampling import load_scene, sample_start
+from .scenes.sampling import load_scene, sample_start
 
 EXAMPLE = """examples:
   rigid-gns generate --config smoke --out data/smoke

@@ -31,7 +31,7 @@ from .learner import Learner, Schedule
 from .models.configs import GNSConfig
 from .models.gns import GNS
 from .resident import Resident
-from .similarity import ModelUnits
+from .scenes.similarity import ModelUnits
 from .training_set import common_scene
 from .windows import Batch, Draw, draw_windows, Noise, one_step_batch, Source
 

@@ -30,7 +30,7 @@ from .dataset import Record
 from .distributed import Mean, Processes
 from .files.checkpoint import CheckpointError
 from .files.config import check_least, check_positive
-from .similarity import ModelUnits
+from .scenes.similarity import ModelUnits
 
 N = TypeVar('N', bound=nn.Module)
 

@@ -24,7 +24,7 @@ import numpy as np
 from .calibration_windows import residuals, Window
 from .rollout import Simulator
 from .running.progress import Progress
-from .state import Array
+from .scenes.state import Array
 
 
 class Bounds(NamedTuple):

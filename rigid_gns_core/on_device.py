@@ -23,7 +23,7 @@ import numpy as np
 
 from .outcome import Outcome, Recording
 from .rollout import Rollout
-from .state import Array
+from .scenes.state import Array
 
 if TYPE_CHECKING:
     import torch

@@ -34,8 +34,8 @@ from .dataset import Record, write_record
 from .files.config import positive
 from .rollout import load_simulator
 from .running.progress import Progress
-from .sampling import load_scene, sample_start
-from .state import Array, State, Trajectory
+from .scenes.sampling import load_scene, sample_start
+from .scenes.state import Array, State, Trajectory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

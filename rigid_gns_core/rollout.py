@@ -30,9 +30,9 @@ from .files.checkpoint import CheckpointError, find_model, load_card, load_weigh
 from .files.config import from_mapping
 from .outcome import Outcome, Recording
 from .running.threads import in_threads, paired, usable_cores
-from .scene import Scene
-from .similarity import in_units, ModelUnits, Similarity
-from .state import State, Trajectory
+from .scenes.scene import Scene
+from .scenes.similarity import in_units, ModelUnits, Similarity
+from .scenes.state import State, Trajectory
 from .stepper import Advance, state_at, Stepper
 
 # steps are taken together for about so long, after which Ctrl-C is heard [s]

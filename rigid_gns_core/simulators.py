@@ -34,8 +34,8 @@ from .on_device import known_device, run_on_device
 from .options import ContactOptions, known_backend
 from .outcome import Outcome
 from .rollout import Rollout, Simulator
-from .scene import Scene
-from .state import Array, State
+from .scenes.scene import Scene
+from .scenes.state import Array, State
 from .stepper import Stepper
 
 if TYPE_CHECKING:

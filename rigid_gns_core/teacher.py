@@ -31,8 +31,8 @@ import numpy as np
 
 from .installation.extras import missing
 from .rolling import RollingFriction
-from .scene import Plane, Scene
-from .state import Array, State, Trajectory
+from .scenes.scene import Plane, Scene
+from .scenes.state import Array, State, Trajectory
 from .teacher_settings import TeacherError, TeacherSettings
 
 # Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it

@@ -23,7 +23,7 @@ import json
 import numpy as np
 
 from .dataset import Record
-from .similarity import ModelUnits
+from .scenes.similarity import ModelUnits
 
 MATERIALS = ('restitution', 'friction', 'rolling_friction')
 

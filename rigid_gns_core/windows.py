@@ -28,8 +28,8 @@ from .models.configs import GNSConfig
 from .models.features import Motion
 from .models.gns import graph_input, GraphInput, side_by_side
 from .models.stepping import backward_velocities, difference
-from .scene import Scene
-from .state import Array, rotate_quaternions, Trajectory
+from .scenes.scene import Scene
+from .scenes.state import Array, rotate_quaternions, Trajectory
 
 
 class Shifts(NamedTuple):

@@ -25,8 +25,8 @@ from typing import Any
 
 from rigid_gns_core.evaluate import format_table
 from rigid_gns_core.files.strict_json import write_json
-from rigid_gns_core.sampling import load_scene
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene import Scene
 
 from .bag_reader import Bag, BagError, read_bag
 from .evaluation.horizon_errors import format_horizons

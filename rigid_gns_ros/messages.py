@@ -26,7 +26,7 @@ import struct
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .encoding.cdr import encode_text, LITTLE_ENDIAN, MessageError, Reader, split_stamp
 

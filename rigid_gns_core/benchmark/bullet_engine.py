@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene import Scene
-from ..state import Array, State
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 from ..teacher import Teacher
 from ..teacher_settings import TeacherSettings
 

@@ -24,8 +24,8 @@ import numpy as np
 from .race import Lane
 from .scenes import BenchScene, FRAME
 from ..metrics import chamfer, passed_through
-from ..scene import Scene
-from ..state import Array, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 HORIZONS = (30, 50, 100)
 """Frames after which errors are reported."""

@@ -29,8 +29,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ..installation.extras import needed
-from ..scene import Plane, Scene
-from ..state import Array, State
+from ..scenes.scene import Plane, Scene
+from ..scenes.state import Array, State
 
 
 @dataclass(frozen=True)

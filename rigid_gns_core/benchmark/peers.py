@@ -28,8 +28,8 @@ from .bullet_engine import BulletSpheres
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
 from .scenes import FRAME
 from ..rollout import load_simulator, Simulator
-from ..scene import Scene
-from ..state import Array, State
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 from ..teacher import load_pybullet
 from ..teacher_settings import TeacherSettings
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from .peers import Peer, Run
 from .scenes import BenchScene
-from ..state import Array
+from ..scenes.state import Array
 
 BLOCK = 5
 """Frames that a peer takes before it is the next one's turn."""

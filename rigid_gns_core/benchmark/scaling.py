@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 
 from .scenes import lattice
-from ..plane import Plane
 from ..rollout import Simulator
-from ..scene import Scene
-from ..state import State
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import State
 
 COUNTS = (1, 10, 100, 1000, 3000, 10_000, 30_000, 100_000)
 QUICK_COUNTS = (1, 10, 40)

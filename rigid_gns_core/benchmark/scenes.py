@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..hard_cases.case import Case
-from ..plane import Plane
 from ..recipe import load_recipe
-from ..sampling import load_scene, sample_start
-from ..scene import Scene
-from ..state import Array, State
+from ..scenes.plane import Plane
+from ..scenes.sampling import load_scene, sample_start
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 
 FRAME = 0.1
 """Time between two frames [s]; that of the learned simulators for spheres of 1 m."""

@@ -23,9 +23,9 @@ import numpy as np
 from .check import Check, check
 from .. import closed_form
 from ..bounce import GRAVITY, Simulate
-from ..plane import Plane
-from ..scene import Scene
-from ..state import Array, State
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 
 
 def collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:

@@ -23,9 +23,9 @@ import numpy as np
 from .check import Check, check, worst
 from .. import closed_form
 from ..bounce import bounces, GRAVITY, Simulate
-from ..plane import Plane
-from ..scene import Scene
-from ..state import State
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import State
 
 
 def bounce_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:

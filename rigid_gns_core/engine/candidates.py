@@ -25,7 +25,7 @@ from .jit import compiled, in_place
 from .neighbours import find_pairs, Flags, Indices
 from .vector import dot, length, minus, row
 from .world import World
-from ..state import Array
+from ..scenes.state import Array
 
 
 class Candidates(NamedTuple):

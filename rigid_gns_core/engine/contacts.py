@@ -26,7 +26,7 @@ from .jit import compiled, in_place
 from .neighbours import Flags, Indices
 from .vector import dot, length, minus, plus, put, row, times, Vector
 from .world import World
-from ..state import Array
+from ..scenes.state import Array
 
 # bodies nearer than this times the smaller radius count as touching
 TOUCH = 2e-4

@@ -32,7 +32,7 @@ from .spheres import copy_spheres, Spheres
 from .substep import copy_motion, Motion, Settings, substep
 from .vector import dot, length, minus, put, row
 from .world import UNIT_GRAVITY, World, world_among
-from ..state import Array
+from ..scenes.state import Array
 
 # passes that mend collisions in paths that contacts bent within the last substep
 _CATCHES = 3

@@ -27,7 +27,7 @@ from ..files.checkpoint import Tensors
 from ..graph import Indices
 from ..models.configs import GNSConfig
 from ..models.features import Features
-from ..state import Array
+from ..scenes.state import Array
 
 Floats = NDArray[np.float32]
 

@@ -31,7 +31,7 @@ from .neighbours import Indices
 from .spheres import Spheres
 from .vector import add_to, cross, dot, minus, plus, put, row, solve_symmetric, times, Vector
 from .world import World
-from ..state import Array
+from ..scenes.state import Array
 
 # rises below this share of the island's energy are rounding
 _ROUNDING = 1e-13

@@ -26,7 +26,7 @@ from .law import Law
 from .neighbours import Indices
 from .vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from .world import World
-from ..state import Array
+from ..scenes.state import Array
 
 
 class Impulses(NamedTuple):

@@ -24,7 +24,7 @@ import numpy as np
 from .contacts import Contacts
 from .jit import compiled, in_place
 from .world import UNIT_GRAVITY, World
-from ..state import Array
+from ..scenes.state import Array
 
 # approach speeds below this do not bounce: as the teacher, 3 g dt / 240
 _QUIET = 3.0 * UNIT_GRAVITY * 0.1 / 240.0

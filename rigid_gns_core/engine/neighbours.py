@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import compiled, entry, in_place
-from ..state import Array
+from ..scenes.state import Array
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -34,7 +34,7 @@ from .layers import layer, mlp
 from .neighbours import Indices
 from .vector import dot, length, minus, row, times, Vector
 from .world import UNIT_GRAVITY, World
-from ..state import Array
+from ..scenes.state import Array
 
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles
 MOMENTUM = 0.5

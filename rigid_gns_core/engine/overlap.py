@@ -23,7 +23,7 @@ from .contacts import Contacts, find_contacts, gap_of
 from .jit import compiled, entry
 from .vector import add_to, put, row, times
 from .world import World
-from ..state import Array
+from ..scenes.state import Array
 
 # sweeps that push out what still overlaps at the end of a substep
 _SWEEPS = 4

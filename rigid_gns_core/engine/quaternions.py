@@ -20,7 +20,7 @@ import math
 
 from .jit import in_place
 from .vector import cross, dot, length, plus, times, Vector
-from ..state import Array
+from ..scenes.state import Array
 
 
 @in_place

@@ -32,7 +32,7 @@ from .network import describe, encode, Weights
 from .vector import across, dot, minus, put, row, times, Vector
 from .world import UNIT_GRAVITY, World
 from ..models.configs import CONTACT_FEATURES
-from ..state import Array
+from ..scenes.state import Array
 
 # contacts with this part of the force of a body's strongest count half
 _FAINT = 0.01

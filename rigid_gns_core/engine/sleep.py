@@ -27,7 +27,7 @@ from .neighbours import Flags, Indices
 from .spheres import Spheres
 from .vector import length, minus, put, row
 from .world import World
-from ..state import Array
+from ..scenes.state import Array
 
 # a sphere is quiet below this speed [sqrt(g r)], also at its surface ..
 _SPEED = 1.6e-3

@@ -36,7 +36,7 @@ from .steps import press, resist_rolling, resist_slip
 from .vector import add_to, length, minus, plus, put, row, times
 from .world import UNIT_GRAVITY, World
 from ..models.configs import ROUND_FEATURES
-from ..state import Array
+from ..scenes.state import Array
 
 
 @compiled

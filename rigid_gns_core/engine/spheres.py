@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .jit import compiled, in_place
-from ..state import Array
+from ..scenes.state import Array
 
 
 class Spheres(NamedTuple):

@@ -34,8 +34,8 @@ from .sleep import all_awake, settle, Sleepers
 from .spheres import is_finite, Spheres, store
 from .substep import Settings
 from .world import World, world_of
-from ..scene import Plane, Scene
-from ..state import State
+from ..scenes.scene import Plane, Scene
+from ..scenes.state import State
 from ..stepper import Advance, state_at, Stepper
 
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'

@@ -32,7 +32,7 @@ from .overlap import push_out
 from .solver import solve
 from .vector import put, row
 from .world import UNIT_GRAVITY, World
-from ..state import Array
+from ..scenes.state import Array
 
 # islands whose last round still changed a contact by this part of g h get so many more of the law,
 # or fewer where they change all by less than that part of it

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from .jit import in_place
-from ..state import Array
+from ..scenes.state import Array
 
 Vector = tuple[float, float, float]
 

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import compiled
-from ..scene import Scene
-from ..state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 # gravity of the model's units, in which a frame takes 0.1 and the largest radius is 1
 UNIT_GRAVITY = 9.81

@@ -27,7 +27,7 @@ from .budget import Budget
 from .study import Experiment, Kind, Variant
 from ..generate import resolve
 from ..recipe import load_recipe, recipe_hash
-from ..sampling import load_scene
+from ..scenes.sampling import load_scene
 
 VERSION = 1
 """Raised where the same configuration gives other numbers than before, so that cells run again."""

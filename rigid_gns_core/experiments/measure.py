@@ -28,7 +28,7 @@ from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
 from ..metrics import LAW_KEYS
 from ..rollout import Simulator
-from ..state import Trajectory
+from ..scenes.state import Trajectory
 
 HORIZONS = (10, 30, 50, 100)
 # errors that are read beside the floor, and the floor's exponent of a radius

@@ -35,10 +35,10 @@ from ..dataset import (
 from ..generate import generate, generate_scene, resolve
 from ..recipe import DataRecipe, load_recipe, recipe_hash
 from ..running.workers import Workers
-from ..sampling import load_scene, sample_start
-from ..scene import Scene
-from ..similarity import ModelUnits, Similarity
-from ..state import State
+from ..scenes.sampling import load_scene, sample_start
+from ..scenes.scene import Scene
+from ..scenes.similarity import ModelUnits, Similarity
+from ..scenes.state import State
 
 # ending of a file or key in `Data`: share of the reference's substeps
 SUBSTEPS = {'': 1.0, 'half': 0.5, 'twice': 2.0}

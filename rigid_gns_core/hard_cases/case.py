@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..plane import Plane
-from ..scene import Scene
-from ..state import State
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import State
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 
 from .case import Case
-from ..plane import Plane
-from ..sampling import sample_start, StartRecipe
-from ..scene import Scene
-from ..state import Array, State
+from ..scenes.plane import Plane
+from ..scenes.sampling import sample_start, StartRecipe
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 
 ENERGY_RISE = 1e-4
 """Largest sum of rises of the energy, over the sum of m g r plus the kinetic energy at start."""

@@ -26,8 +26,8 @@ from .case import Case
 from .cases import DRIFT, ENERGY_RISE
 from ..evaluate import Velocities
 from ..metrics import divergence, energy, passed_through, sphere_penetration, surface_penetration
-from ..scene import Scene
-from ..state import Array, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 HORIZONS = (10, 30, 100)
 """Steps at which errors against the teacher are reported."""

@@ -27,8 +27,8 @@ from .case import Case
 from .checks import failures, measure_errors, measure_laws, measure_precision
 from .references import References
 from ..evaluate import Velocities
-from ..scene import Scene
-from ..state import State, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import State, Trajectory
 from ..teacher import simulate as bullet
 from ..teacher_settings import TeacherSettings
 

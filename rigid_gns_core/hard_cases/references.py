@@ -27,7 +27,7 @@ import numpy as np
 from .case import Case
 from .checks import HORIZONS
 from ..files.atomic_file import whole_file
-from ..state import Trajectory
+from ..scenes.state import Trajectory
 from ..teacher import simulate as bullet
 from ..teacher_settings import TeacherError, TeacherSettings
 

@@ -34,8 +34,8 @@ from .motion import (
     vertical_spin_drift,
 )
 from .penetration import passed_through, Penetration, sphere_penetration, surface_penetration
-from ..scene import Scene
-from ..state import Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Trajectory
 
 __all__ = [
     'HORIZONS',

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .motion import divergence
-from ..scene import Scene
-from ..state import Array, rotation_between, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Array, rotation_between, Trajectory
 
 HORIZONS = (10, 30, 50, 100)
 """Steps at which short-horizon errors are reported."""

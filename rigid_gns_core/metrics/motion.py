@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Scene
-from ..state import Array, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 
 @dataclass(frozen=True)

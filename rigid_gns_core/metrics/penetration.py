@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from ..scene import Plane
-from ..state import Array
+from ..scenes.scene import Plane
+from ..scenes.state import Array
 
 
 @dataclass(frozen=True)

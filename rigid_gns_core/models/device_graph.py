@@ -29,8 +29,8 @@ import torch
 from torch import Tensor
 
 from ..graph import Reach
-from ..scene import Scene
-from ..state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 class DeviceScenes(NamedTuple):

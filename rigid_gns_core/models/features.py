@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from .configs import GNSConfig
 from ..graph import build_graph, Graph, Indices
-from ..scene import Scene
-from ..state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 @dataclass(frozen=True)

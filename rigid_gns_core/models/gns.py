@@ -41,8 +41,8 @@ from .configs import GNSConfig
 from .features import Features, features_of, Motion
 from .layers import MLP, Normaliser
 from ..graph import Graph
-from ..scene import Scene
-from ..state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 class GraphInput(NamedTuple):

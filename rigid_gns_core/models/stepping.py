@@ -23,8 +23,8 @@ import numpy as np
 from .configs import GNSConfig
 from .features import Features, features_of, Motion
 from ..graph import build_graph, Reach
-from ..scene import Scene
-from ..state import Array, rotate_quaternions, rotation_between, State
+from ..scenes.scene import Scene
+from ..scenes.state import Array, rotate_quaternions, rotation_between, State
 from ..stepper import Stepper
 
 

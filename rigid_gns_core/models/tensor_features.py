@@ -32,7 +32,7 @@ from .features import Motion
 from .gns import GraphInput
 from .rotations import rotate_quaternions
 from ..graph import Graph
-from ..scene import Scene
+from ..scenes.scene import Scene
 
 
 class TensorMotion(NamedTuple):

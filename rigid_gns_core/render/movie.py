@@ -29,7 +29,7 @@ from ..installation.extras import needed
 from ..report.comparison import Comparison
 from ..report.quads import focus
 from ..running.progress import Progress
-from ..state import Array, Trajectory
+from ..scenes.state import Array, Trajectory
 
 PREDICTED, REFERENCE = '#3b9fe3', '#f2a434'
 INK = (29, 36, 48)

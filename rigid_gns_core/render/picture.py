@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from ..report.quads import Quad, visible_quads
-from ..scene import Scene
-from ..state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 Image = NDArray[np.uint8]
 

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from .comparison import Comparison
-from ..scene import Scene
-from ..state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 def read_bag_comparison(

@@ -29,8 +29,8 @@ from ..dataset import read_record, Record
 from ..evaluate import evaluate, Velocities
 from ..metrics import divergence, law_metrics
 from ..metrics.error import check_comparable
-from ..scene import Scene
-from ..state import Array, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..plane import Plane
-from ..scene import Scene
-from ..state import Array, Trajectory
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 # endless walls are drawn this high, as a part of the ground's longer side: low to look over
 WALL_HEIGHT = 0.18

@@ -23,8 +23,8 @@ import numpy as np
 from .comparison import Comparison, position_errors
 from ..metrics import angular_momentum, energy, linear_momentum
 from ..metrics.penetration import sphere_penetration, surface_penetration
-from ..scene import Scene
-from ..state import Array, Trajectory
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 # error curves are logarithmic: below this part of a radius they are drawn at it
 LEAST_ERROR = 1e-6

@@ -23,8 +23,8 @@ from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike, NDArray
 
-from ..scene import Scene
-from ..state import State
+from ..scenes.scene import Scene
+from ..scenes.state import State
 
 Work = TypeVar('Work')
 Result = TypeVar('Result')

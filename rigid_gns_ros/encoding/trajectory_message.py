@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .cdr import MessageError, Reader, split_stamp, Writer
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.state import Trajectory
 
 from .prediction_runs import AlignmentError, longest_run, Run
 from ..bag_reader import Topic

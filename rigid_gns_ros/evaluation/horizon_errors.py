@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .alignment import covered
 from .forecast_starts import Forecasted

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 from scipy.optimize import linear_sum_assignment
 
 from .alignment import Decoded

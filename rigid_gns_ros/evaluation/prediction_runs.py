@@ -21,7 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from ..messages import PoseArrayFrame
 from ..pose_interpolation import interpolate, Stamps

@@ -22,7 +22,7 @@ import tempfile
 from typing import Any
 
 from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.scene import Scene
 import yaml
 
 from ..parameters import SIMULATOR

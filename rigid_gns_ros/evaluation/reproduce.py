@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.scene import Scene
 
 from .alignment import decode_topic, Decoded
 from .forecast_starts import recorded_starts, Start, starts_of

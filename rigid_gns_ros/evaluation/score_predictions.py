@@ -22,7 +22,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from rigid_gns_core.evaluate import evaluate
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.scene import Scene
 
 from .alignment import (
     align,

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 from rigid_gns_core.evaluate import evaluate
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, Trajectory
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, Trajectory
 
 from .alignment import AlignmentError, decode_topic
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE

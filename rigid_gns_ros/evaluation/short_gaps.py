@@ -20,8 +20,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array
 
 from .alignment import MAX_GAP
 from ..learning.resample import resample

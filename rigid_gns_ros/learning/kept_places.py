@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, rotate_quaternions, rotation_between
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, rotate_quaternions, rotation_between
 from rigid_gns_core.tracked_motion import SIGMAS
 
 # two stamps within this are one [s]

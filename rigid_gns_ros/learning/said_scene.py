@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.scene import Scene
 
 from ..bag_reader import Bag, BagError
 from ..recording.bag_topics import listing, recorded_scenes, said_names, scene_topics

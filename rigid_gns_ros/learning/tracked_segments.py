@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracked_motion import estimate_noise, PoseNoise
 
 from ..bag_reader import Bag, BagError, Topic

@@ -25,10 +25,10 @@ import numpy as np
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.files.config import from_mapping
-from rigid_gns_core.sampling import load_scene
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.similarity import ModelUnits, Similarity
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.similarity import ModelUnits, Similarity
+from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.tracked_motion import PoseNoise
 
 from .kept_places import places_kept, PlacesKept

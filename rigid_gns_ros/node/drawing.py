@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from ..encoding.markers import Color, encode_markers, Marker, path_markers, sphere_markers
 

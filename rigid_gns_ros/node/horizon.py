@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rigid_gns_core.outcome import Recording
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from ..encoding.trajectory_message import encode_trajectory
 

@@ -21,8 +21,8 @@ from typing import Any, Protocol
 from geometry_msgs.msg import PoseArray
 import numpy as np
 from rigid_gns_core.dataset import demo_record, read_record, Record
-from rigid_gns_core.sampling import load_scene, sample_start
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.state import Array
 
 from .alarm import Alarm
 from .channels import overridable, sensor_data

@@ -24,10 +24,10 @@ from typing import Any, TYPE_CHECKING
 import warnings
 
 import numpy as np
-from rigid_gns_core.plane import RANGES
-from rigid_gns_core.sampling import load_scene
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, State
+from rigid_gns_core.scenes.plane import RANGES
+from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, State
 
 from ..pose_interpolation import between
 

@@ -22,7 +22,7 @@ nearest to each other from frame to frame, as they may be bouncing.
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 from scipy.spatial import cKDTree
 
 from .association import GATE_SIGMAS, Indices, match

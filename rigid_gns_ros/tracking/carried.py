@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from rigid_gns_core.engine.vector import across, dot, length, minus, put, row, times, Vector
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .frames import Window
 from .impacts import Surfaces

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rigid_gns_core.engine.quaternions import turn
 from rigid_gns_core.engine.vector import dot, minus, plus, put, row, times
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .collisions import exchange, meeting, NONE_NEAR, Pairs, pairs_near
 from .impacts import after_impact, first_impact, placed, Surfaces

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rigid_gns_core.engine.neighbours import find_pairs
 from rigid_gns_core.engine.vector import dot, length, minus, row, times, Vector
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place
 

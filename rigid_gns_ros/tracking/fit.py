@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from rigid_gns_core.engine.quaternions import turn
 from rigid_gns_core.engine.vector import plus, put, row, times, Vector
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .carried import take_carried
 from .collisions import Pairs, within

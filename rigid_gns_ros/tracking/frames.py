@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rigid_gns_core.engine.vector import length, minus, plus, put, row, times, Vector
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .jit import entry, in_place
 from .stretches import COLUMNS, Flags, sum_up
@@ -163,7 +163,7 @@ def _add_turns(turned: Array, turns: Array, seen: Flags, i: int) -> None:
 
 @in_place
 def _rotation(before: Array, after: Array) -> Vector:
-    """As `rigid_gns_core.state.rotation_between`."""
+    """As `rigid_gns_core.scenes.state.rotation_between`."""
     bx, by, bz, bw = before[0], before[1], before[2], before[3]
     ax, ay, az, aw = after[0], after[1], after[2], after[3]
     # terms in the order of that function: of a rotation that stays, rounding is to be the same

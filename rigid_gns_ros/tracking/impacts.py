@@ -30,7 +30,7 @@ from rigid_gns_core.engine.vector import (
     times,
     Vector,
 )
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rigid_gns_core.engine.vector import length, minus, plus, put, row, times, Vector
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .collisions import exchange, meeting, Pairs, within
 from .frames import INTERVALS, Window

@@ -25,7 +25,7 @@ import math
 from typing import NamedTuple
 
 from rigid_gns_core.engine.vector import across, dot, length, minus, plus, row, times, Vector
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .frames import Window
 from .impacts import after_impact, first_impact, Surfaces

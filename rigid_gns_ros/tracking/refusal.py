@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 
 class RejectedFrame(ValueError):

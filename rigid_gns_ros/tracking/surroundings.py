@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array
 
 from .impacts import Surfaces
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .admission import ADMIT_FRAMES, first_seen
 from .association import gates, Indices, match

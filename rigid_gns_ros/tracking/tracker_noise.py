@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracked_motion import normal_spread
 
 # newest third differences kept: their number gives the noise within some per cent

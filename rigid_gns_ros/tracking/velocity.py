@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigid_gns_core.state import Array
+from rigid_gns_core.scenes.state import Array
 
 from .coasting import coast
 from .collisions import NONE_NEAR, pairs_near

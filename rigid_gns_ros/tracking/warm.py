@@ -20,7 +20,7 @@ from functools import cache
 import sys
 
 import numpy as np
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 
 from .association import gates, match
 from .coasting import turn_on

@@ -20,8 +20,8 @@ from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import State
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import State
 
 from .refusal import check_poses
 from .refusal import RejectedFrame as RejectedFrame

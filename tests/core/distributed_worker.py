@@ -25,9 +25,9 @@ from rigid_gns_core.dataset import Record
 from rigid_gns_core.distributed import Processes, started_by_torchrun
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.configs import ContactConfig, GNSConfig
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.similarity import ModelUnits
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.similarity import ModelUnits
+from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.windows import Noise, Source
 from safetensors.torch import save_file
 import torch

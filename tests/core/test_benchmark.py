@@ -33,8 +33,8 @@ from rigid_gns_core.benchmark.scaling import bouncing_box, fitted_exponent
 from rigid_gns_core.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
 from rigid_gns_core.cli import main
 from rigid_gns_core.files.strict_json import read_json
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, State
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, State
 
 
 def test_scenes_are_what_they_say() -> None:

@@ -23,10 +23,10 @@ import numpy as np
 import pytest
 from rigid_gns_core.benchmark.peers import all_peers, LearnedSpheres, Run
 from rigid_gns_core.benchmark.scenes import FRAME
-from rigid_gns_core.plane import Plane
 from rigid_gns_core.rollout import load_simulator
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import Array, State
+from rigid_gns_core.scenes.plane import Plane
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, State
 
 TOSSED = State(
     positions=np.array([[0.0, 0.0, 60.0], [5.0, 1.0, 70.0]]),

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 from rigid_gns_core import load_simulator
 from rigid_gns_core.models.contact.candidates import find_candidates, join
-from rigid_gns_core.plane import closest_points
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import State
+from rigid_gns_core.scenes.plane import closest_points
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import State
 
 DT = 0.1
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -23,9 +23,9 @@ from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.stepping import GNSStepper
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.similarity import ModelUnits
-from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.similarity import ModelUnits
+from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.windows import Draw, Noise, Source
 import torch
 

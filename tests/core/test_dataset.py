@@ -34,8 +34,8 @@ from rigid_gns_core.dataset import (
     write_record,
 )
 from rigid_gns_core.recipe import DataRecipe, recipe_difference, recipe_hash
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import rotate_quaternions, Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 
 RECIPE = DataRecipe(trajectories=3, seed=7, steps=5, teacher={'substeps': 24})
 

@@ -26,8 +26,8 @@ from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import Record, write_record
 from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.files.strict_json import read_json, write_json
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import Trajectory
 
 SCENE = Scene(
     surfaces=Plane.box(20.0, 20.0), restitution=0.7746, friction=0.5, rolling_friction=0.03

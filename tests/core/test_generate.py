@@ -32,7 +32,7 @@ from rigid_gns_core.dataset import Dataset, DatasetError, read_record, record_pa
 from rigid_gns_core.generate import generate, GenerateError
 from rigid_gns_core.recipe import DataRecipe
 from rigid_gns_core.running.progress import Progress
-from rigid_gns_core.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import load_scene, sample_start
 
 pybullet = pytest.importorskip('pybullet', reason='generation runs Bullet')
 

@@ -22,7 +22,7 @@ from rigid_gns_core.graph import build_graph
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.features import Motion
 from rigid_gns_core.models.gns import GNBlock, GNS, graph_input, side_by_side
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 import torch
 
 from .random_motion import random_motion

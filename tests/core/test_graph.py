@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 from rigid_gns_core.graph import build_graph, Reach, swept_distance
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 
 DT = 0.1
 CONNECTIVITIES = ('epsilon', 'vmax', 'vi', 'swept')

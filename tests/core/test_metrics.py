@@ -36,8 +36,8 @@ from rigid_gns_core.metrics import (
     surface_penetration,
     time_to_rest,
 )
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import Trajectory
 
 G = 9.81
 DT = 0.1

@@ -23,9 +23,9 @@ import numpy as np
 import pytest
 from rigid_gns_core.files.config import config_folder, ConfigError
 from rigid_gns_core.recipe import DataRecipe, load_recipe, recipe_hash
-from rigid_gns_core.scene import Plane
+from rigid_gns_core.scenes.scene import Plane
 
-from .apart import assert_apart, gaps
+from ..scenes.apart import assert_apart, gaps
 
 SMOKE = DataRecipe(
     trajectories=3, seed=5, steps=4, spheres=(5, 10), height=(0.0, 5.0), box_side=(6.0, 10.0)

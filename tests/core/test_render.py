@@ -26,7 +26,7 @@ from rigid_gns_core.render.camera import Camera
 from rigid_gns_core.render.movie import Film, frames, poses_at, PREDICTED
 from rigid_gns_core.render.picture import draw, Image, linear, rotation_matrices, Surroundings
 from rigid_gns_core.report import Comparison
-from rigid_gns_core.state import rotate_quaternions, Trajectory
+from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 
 pytest.importorskip('PIL', reason='pictures are labelled by Pillow')
 

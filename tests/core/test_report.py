@@ -34,7 +34,7 @@ from rigid_gns_core.report.packing import pack_positions, pack_quaternions, unpa
 from rigid_gns_core.report.quads import focus, visible_quads
 from rigid_gns_core.report.series import charts, penetration_depths
 from rigid_gns_core.report.tables import leaves, tables
-from rigid_gns_core.state import rotate_quaternions, rotation_between, Trajectory
+from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between, Trajectory
 
 STATIC = Path(cli.__file__).parent / 'report' / 'static'
 SCENE = Scene(surfaces=Plane.box(20.0, 20.0))

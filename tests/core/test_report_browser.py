@@ -29,7 +29,7 @@ import pytest
 from rigid_gns_core import Plane, Scene
 from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.report import Comparison, write_report
-from rigid_gns_core.state import rotate_quaternions, Trajectory
+from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 
 pytestmark = pytest.mark.browser
 

@@ -26,9 +26,9 @@ from rigid_gns_core.models.device_graph import DeviceScenes
 from rigid_gns_core.models.tensor_features import tensor_features, TensorGraph
 from rigid_gns_core.models.tensor_graph import connect, Spheres
 from rigid_gns_core.resident import Resident
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.similarity import ModelUnits
-from rigid_gns_core.state import rotate_quaternions, Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.similarity import ModelUnits
+from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 from rigid_gns_core.windows import draw_windows, Noise, one_step_batch, Source
 import torch
 

@@ -19,7 +19,7 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene
-from rigid_gns_core.state import rotation_between
+from rigid_gns_core.scenes.state import rotation_between
 
 # what the shipped weights were trained on
 MATERIAL = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}

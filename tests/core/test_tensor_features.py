@@ -23,8 +23,8 @@ from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.features import features_of
 from rigid_gns_core.models.rotations import rotation_between
 from rigid_gns_core.models.tensor_features import tensor_features, TensorGraph, TensorMotion
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import rotation_between as rotation_between_arrays
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import rotation_between as rotation_between_arrays
 import torch
 
 from .random_motion import random_motion

@@ -26,9 +26,9 @@ from rigid_gns_core.files.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.rollout import load_simulator
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.similarity import ModelUnits
-from rigid_gns_core.state import Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.similarity import ModelUnits
+from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.train import load_recipe, Trainer
 from rigid_gns_core.training_set import common_scene
 from rigid_gns_core.windows import Noise, Source

@@ -19,8 +19,8 @@ import pytest
 from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.models.gns import GNS
 from rigid_gns_core.models.stepping import backward_velocities, difference, integrate
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.windows import Draw, draw_windows, Noise, one_step_batch, rotate_batch, Source
 import torch
 

@@ -28,8 +28,8 @@ from rigid_gns_core.hard_cases import Case, Engine, hard_cases, measure_laws, ru
 from rigid_gns_core.hard_cases.cases import QUICK_STEPS
 from rigid_gns_core.hard_cases.checks import failures, measure_errors
 from rigid_gns_core.hard_cases.report import format_summary, format_table
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import State, Trajectory
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import State, Trajectory
 
 CASES = {case.name: case for case in hard_cases(quick=True)}
 DT = 0.1

@@ -25,8 +25,8 @@ import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import Dataset
 from rigid_gns_core.rollout import load_simulator
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.state import rotation_between, Trajectory
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import rotation_between, Trajectory
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.learning.import_bag import format_report, import_bags
 from rigid_gns_ros.learning.tracks import ImportOptions

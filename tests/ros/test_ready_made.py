@@ -25,7 +25,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from rigid_gns_core.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_ros.parameters import SIMULATOR
 from rigid_gns_ros.prediction.forecast import Forecaster
 import yaml

@@ -22,8 +22,8 @@ from numba.core.dispatcher import Dispatcher
 import numpy as np
 import pytest
 from rigid_gns_core.engine import neighbours
-from rigid_gns_core.plane import Plane
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.plane import Plane
+from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.tracking import association, coasting, fit, frames
 from rigid_gns_ros.tracking.surroundings import Surroundings

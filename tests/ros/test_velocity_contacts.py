@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rigid_gns_core.plane import Plane
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import rotate_quaternions
+from rigid_gns_core.scenes.plane import Plane
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import rotate_quaternions
 from rigid_gns_ros.tracking.motions import CARRIED, FLIGHT, Motion
 from rigid_gns_ros.tracking.surroundings import Surroundings
 from rigid_gns_ros.tracking.velocity import estimate_motion

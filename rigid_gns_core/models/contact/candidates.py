@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...plane import Plane
-from ...state import Array
+from ...scenes.plane import Plane
+from ...scenes.state import Array
 
 Indices = NDArray[np.int64]
 

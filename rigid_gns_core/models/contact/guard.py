@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .islands import Islands
-from ...scene import Scene
-from ...state import Array, State
+from ...scenes.scene import Scene
+from ...scenes.state import Array, State
 
 # rises below this share of the island's energy are rounding
 _ROUNDING = 1e-13

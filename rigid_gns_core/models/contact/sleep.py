@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from .candidates import Candidates
 from .islands import Islands
-from ...state import Array, State
+from ...scenes.state import Array, State
 
 Flags = NDArray[np.bool_]
 

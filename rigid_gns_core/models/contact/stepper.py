@@ -32,8 +32,8 @@ from .sleep import Sleepers
 from .step import frame, Motion
 from .world import World
 from ..configs import ContactConfig
-from ...scene import Scene
-from ...state import Array, rotate_quaternions, State
+from ...scenes.scene import Scene
+from ...scenes.state import Array, rotate_quaternions, State
 from ...stepper import Stepper
 
 

@@ -27,7 +27,7 @@ import torch
 from torch import Tensor
 
 from ...engine.world import UNIT_GRAVITY, world_of
-from ...scene import Scene
+from ...scenes.scene import Scene
 
 __all__ = ['UNIT_GRAVITY', 'World']
 

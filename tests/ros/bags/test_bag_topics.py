@@ -18,7 +18,7 @@ import json
 
 import numpy as np
 import pytest
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import evaluate_bag

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 from rigid_gns_ros.messages import encode_string, PoseArrayCodec

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import cli
 from rigid_gns_core.report.bag_comparison import read_bag_comparison
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rigid_gns_core.files.strict_json import read_json
-from rigid_gns_core.sampling import load_scene
+from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import main

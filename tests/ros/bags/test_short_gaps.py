@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.scene import Scene
+from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_ros.evaluation.short_gaps import fill_short_gaps
 
 SCENE = Scene(surfaces=(), radius=0.02)

@@ -27,7 +27,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 
-from rigid_gns_core.state import rotate_quaternions, rotation_between
+from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between
 from rigid_gns_ros.node.simulator import SimulatorNode
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py

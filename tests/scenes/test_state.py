@@ -20,7 +20,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 from rigid_gns_core import State, Trajectory
-from rigid_gns_core.state import quaternion_multiply, rotate_quaternions, rotation_between
+from rigid_gns_core.scenes.state import quaternion_multiply, rotate_quaternions, rotation_between
 
 
 def quaternions(count: int, seed: int = 0) -> np.ndarray:

@@ -16,9 +16,9 @@
 
 import numpy as np
 import pytest
-from rigid_gns_core.scene import Plane, Scene
-from rigid_gns_core.similarity import ModelUnits, Similarity
-from rigid_gns_core.state import State
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.similarity import ModelUnits, Similarity
+from rigid_gns_core.scenes.state import State
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
 

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from .files.config import ConfigError, from_mapping
 from .plane import checked_property, checked_vector, PerSphere, RANGES, Vector
 from .plane import Plane as Plane
 from .state import Array
+from ..files.config import ConfigError, from_mapping
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.plane import closest_points
-from rigid_gns_core.scene import Scene
-from rigid_gns_core.state import State
+from rigid_gns_core.scenes.plane import closest_points
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import State
 
 
 def gaps(scene: Scene, state: State) -> tuple[np.ndarray, np.ndarray]:

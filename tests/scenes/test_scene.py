@@ -22,7 +22,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 from rigid_gns_core import Plane, Scene
-from rigid_gns_core.plane import closest_points
+from rigid_gns_core.scenes.plane import closest_points
 
 EXACT = 1e-12  # a handful of roundings of numbers up to 100
 

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.files.config import config_folder, ConfigError
-from rigid_gns_core.placement import SamplingError
-from rigid_gns_core.plane import closest_points
-from rigid_gns_core.sampling import Block, load_scene, sample_start, StartRecipe
-from rigid_gns_core.scene import Plane, Scene
+from rigid_gns_core.scenes.placement import SamplingError
+from rigid_gns_core.scenes.plane import closest_points
+from rigid_gns_core.scenes.sampling import Block, load_scene, sample_start, StartRecipe
+from rigid_gns_core.scenes.scene import Plane, Scene
 
 from .apart import assert_apart, gaps
 

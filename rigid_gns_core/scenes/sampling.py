@@ -22,11 +22,11 @@ from typing import Literal
 
 import numpy as np
 
-from .files.config import ConfigError, find_config, from_mapping, load_yaml
 from .placement import place_spheres
 from .plane import Vector
 from .scene import Scene
 from .state import Array, State
+from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 Layout = Literal['scattered', 'floor', 'blocks']
 
