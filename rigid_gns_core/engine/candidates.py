@@ -21,10 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import compiled, in_place
-from .neighbours import find_pairs, Flags, Indices
-from .vector import dot, length, minus, row
 from .world import World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import find_pairs, Flags, Indices
+from ..kernels.vector import dot, length, minus, row
 from ..scenes.state import Array
 
 

@@ -22,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .candidates import Candidates
-from .jit import compiled, in_place
-from .neighbours import Flags, Indices
-from .vector import dot, length, minus, plus, put, row, times, Vector
 from .world import World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Flags, Indices
+from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
 # bodies nearer than this times the smaller radius count as touching

@@ -22,16 +22,16 @@ from .candidates import Candidates, find_candidates, reach_of
 from .contacts import find_contacts
 from .impulses import no_impulses
 from .islands import connect, Islands, no_islands
-from .jit import compiled, in_place
 from .memory import Memory, pressing, recall, remember
-from .neighbours import Flags, Indices
 from .overlap import push_out
-from .quaternions import turn
 from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
 from .substep import copy_motion, Motion, Settings, substep
-from .vector import dot, length, minus, put, row
 from .world import UNIT_GRAVITY, World, world_among
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Flags, Indices
+from ..kernels.quaternions import turn
+from ..kernels.vector import dot, length, minus, put, row
 from ..scenes.state import Array
 
 # passes that mend collisions in paths that contacts bent within the last substep

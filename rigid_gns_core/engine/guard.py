@@ -26,11 +26,22 @@ from typing import NamedTuple
 import numpy as np
 
 from .islands import groups_of, Islands
-from .jit import compiled, in_place
-from .neighbours import Indices
 from .spheres import Spheres
-from .vector import add_to, cross, dot, minus, plus, put, row, solve_symmetric, times, Vector
 from .world import World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import (
+    add_to,
+    cross,
+    dot,
+    minus,
+    plus,
+    put,
+    row,
+    solve_symmetric,
+    times,
+    Vector,
+)
 from ..scenes.state import Array
 
 # rises below this share of the island's energy are rounding

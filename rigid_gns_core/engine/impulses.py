@@ -21,11 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .jit import compiled, in_place
 from .law import Law
-from .neighbours import Indices
-from .vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from .world import World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
 

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import compiled, in_place
-from .neighbours import counting_sort, Flags, Indices
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import counting_sort, Flags, Indices
 
 
 class Islands(NamedTuple):

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .jit import compiled, in_place
 from .world import UNIT_GRAVITY, World
+from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
 # approach speeds below this do not bounce: as the teacher, 3 g dt / 240

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .elementary import Floats
-from .jit import compiled, in_place
+from ..kernels.elementary import Floats
+from ..kernels.jit import compiled, in_place
 
 # contacts that a layer takes at once, so that what it reads stays near
 _BLOCK = 128

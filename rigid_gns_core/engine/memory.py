@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .impulses import Impulses, no_impulses
-from .jit import compiled, entry
-from .neighbours import Flags, Indices
-from .vector import put, row
+from ..kernels.jit import compiled, entry
+from ..kernels.neighbours import Flags, Indices
+from ..kernels.vector import put, row
 
 
 class Memory(NamedTuple):

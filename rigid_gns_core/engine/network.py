@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contacts import Contacts
-from .elementary import asinh_all, exp, Floats, log_all, tanh_all
-from .jit import compiled, in_place
 from .law import Law
 from .layers import layer, mlp
-from .neighbours import Indices
-from .vector import dot, length, minus, row, times, Vector
 from .world import UNIT_GRAVITY, World
+from ..kernels.elementary import asinh_all, exp, Floats, log_all, tanh_all
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import dot, length, minus, row, times, Vector
 from ..scenes.state import Array
 
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles

@@ -20,9 +20,9 @@ import numpy as np
 
 from .candidates import find_candidates
 from .contacts import Contacts, find_contacts, gap_of
-from .jit import compiled, entry
-from .vector import add_to, put, row, times
 from .world import World
+from ..kernels.jit import compiled, entry
+from ..kernels.vector import add_to, put, row, times
 from ..scenes.state import Array
 
 # sweeps that push out what still overlaps at the end of a substep

@@ -23,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contacts import Contacts
-from .elementary import Floats
 from .impulses import Bodies, Impulses, own_slip, parting_of, slip_now, slip_of
-from .jit import compiled, in_place
 from .law import Aim, aim_of, Law
-from .neighbours import Indices
 from .network import describe, encode, Weights
-from .vector import across, dot, minus, put, row, times, Vector
 from .world import UNIT_GRAVITY, World
+from ..kernels.elementary import Floats
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import across, dot, minus, put, row, times, Vector
 from ..models.configs import CONTACT_FEATURES
 from ..scenes.state import Array
 

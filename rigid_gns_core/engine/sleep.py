@@ -22,11 +22,11 @@ import numpy as np
 
 from .candidates import Candidates, find_candidates
 from .islands import groups_of, Islands
-from .jit import compiled
-from .neighbours import Flags, Indices
 from .spheres import Spheres
-from .vector import length, minus, put, row
 from .world import World
+from ..kernels.jit import compiled
+from ..kernels.neighbours import Flags, Indices
+from ..kernels.vector import length, minus, put, row
 from ..scenes.state import Array
 
 # a sphere is quiet below this speed [sqrt(g r)], also at its surface ..

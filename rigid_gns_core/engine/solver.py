@@ -26,15 +26,15 @@ import numpy as np
 
 from .contacts import Contacts
 from .impulses import begin, Bodies, Impulses, own_slip, slip_now
-from .jit import compiled, in_place
 from .law import Law
 from .layers import turn_over
-from .neighbours import Indices
 from .network import gather_latents, plain, read_round, tune, Weights
 from .rounds import compare, look_ahead, new_rounds, Rounds, slip_of_others
 from .steps import press, resist_rolling, resist_slip
-from .vector import add_to, length, minus, plus, put, row, times
 from .world import UNIT_GRAVITY, World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import add_to, length, minus, plus, put, row, times
 from ..models.configs import ROUND_FEATURES
 from ..scenes.state import Array
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import compiled, in_place
+from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
 

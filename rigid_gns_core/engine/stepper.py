@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from .frame import advance
 from .guard import hold
 from .islands import Islands
-from .jit import compiled, entry, is_compiled
 from .memory import Memory, no_memory
 from .network import no_weights, weights_of
 from .overlap import separate
@@ -34,6 +33,7 @@ from .sleep import all_awake, settle, Sleepers
 from .spheres import is_finite, Spheres, store
 from .substep import Settings
 from .world import World, world_of
+from ..kernels.jit import compiled, entry, is_compiled
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
 from ..stepper import Advance, state_at, Stepper

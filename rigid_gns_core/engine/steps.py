@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from .contacts import Contacts
 from .impulses import Bodies, Impulses, push, slip_now, spin
-from .jit import in_place
 from .law import Law
 from .rounds import Rounds
-from .vector import across, add_to, clip, cross, dot, length, minus, plus, put, row, times
 from .world import World
+from ..kernels.jit import in_place
+from ..kernels.vector import across, add_to, clip, cross, dot, length, minus, plus, put, row, times
 
 
 @in_place

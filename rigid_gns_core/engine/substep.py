@@ -24,14 +24,14 @@ from .candidates import Candidates
 from .contacts import Contacts, find_contacts
 from .impulses import Bodies, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
-from .jit import compiled, in_place
 from .law import law_of
-from .neighbours import counting_sort, Flags, Indices
 from .network import Weights
 from .overlap import push_out
 from .solver import solve
-from .vector import put, row
 from .world import UNIT_GRAVITY, World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import counting_sort, Flags, Indices
+from ..kernels.vector import put, row
 from ..scenes.state import Array
 
 # islands whose last round still changed a contact by this part of g h get so many more of the law,

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import compiled
+from ..kernels.jit import compiled
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.engine.vector import length, minus, row
+from rigid_gns_core.kernels.vector import length, minus, row
 from rigid_gns_core.scenes.state import Array
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from rigid_gns_core.engine.vector import across, dot, length, minus, put, row, times, Vector
+from rigid_gns_core.kernels.vector import across, dot, length, minus, put, row, times, Vector
 from rigid_gns_core.scenes.state import Array
 
 from .frames import Window

@@ -20,8 +20,8 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.engine.quaternions import turn
-from rigid_gns_core.engine.vector import dot, minus, plus, put, row, times
+from rigid_gns_core.kernels.quaternions import turn
+from rigid_gns_core.kernels.vector import dot, minus, plus, put, row, times
 from rigid_gns_core.scenes.state import Array
 
 from .collisions import exchange, meeting, NONE_NEAR, Pairs, pairs_near

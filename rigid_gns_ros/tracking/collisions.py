@@ -20,8 +20,8 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.engine.neighbours import find_pairs
-from rigid_gns_core.engine.vector import dot, length, minus, row, times, Vector
+from rigid_gns_core.kernels.neighbours import find_pairs
+from rigid_gns_core.kernels.vector import dot, length, minus, row, times, Vector
 from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place

@@ -16,8 +16,8 @@
 
 from __future__ import annotations
 
-from rigid_gns_core.engine.quaternions import turn
-from rigid_gns_core.engine.vector import plus, put, row, times, Vector
+from rigid_gns_core.kernels.quaternions import turn
+from rigid_gns_core.kernels.vector import plus, put, row, times, Vector
 from rigid_gns_core.scenes.state import Array
 
 from .carried import take_carried

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rigid_gns_core.engine.vector import (
+from rigid_gns_core.kernels.vector import (
     across,
     cross,
     dot,

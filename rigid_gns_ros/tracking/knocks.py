@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.engine.vector import length, minus, plus, put, row, times, Vector
+from rigid_gns_core.kernels.vector import length, minus, plus, put, row, times, Vector
 from rigid_gns_core.scenes.state import Array
 
 from .collisions import exchange, meeting, Pairs, within

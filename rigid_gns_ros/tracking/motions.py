@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.engine.vector import plus, put, Vector
+from rigid_gns_core.kernels.vector import plus, put, Vector
 from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rigid_gns_core.engine.vector import across, dot, length, minus, plus, row, times, Vector
+from rigid_gns_core.kernels.vector import across, dot, length, minus, plus, row, times, Vector
 from rigid_gns_core.scenes.state import Array
 
 from .frames import Window

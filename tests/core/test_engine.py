@@ -19,7 +19,7 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene
-from rigid_gns_core.engine.neighbours import find_pairs
+from rigid_gns_core.kernels.neighbours import find_pairs
 from rigid_gns_core.scenes.state import State
 
 # One step in float32 arithmetic is good to 1e-6; solving contacts loses another digit.

@@ -57,7 +57,7 @@ def test_ros_is_asked_for_its_middleware(collected: dict[str, Any]) -> None:
 
 
 def test_engine_tells_whether_it_is_compiled(collected: dict[str, Any]) -> None:
-    from rigid_gns_core.engine.jit import is_compiled
+    from rigid_gns_core.kernels.jit import is_compiled
 
     assert collected['engine']['compiled'] == is_compiled()
 

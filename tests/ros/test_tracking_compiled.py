@@ -21,7 +21,7 @@ from types import ModuleType
 from numba.core.dispatcher import Dispatcher
 import numpy as np
 import pytest
-from rigid_gns_core.engine import neighbours
+from rigid_gns_core.kernels import neighbours
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_ros.messages import PoseArrayFrame

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..machine_code import Function, MachineCode
+from .machine_code import Function, MachineCode
 
 # sums may be fused (FMA), never reordered: the same seed gives the same bytes
 _CODE = MachineCode('engine', Path(__file__).parent, fastmath={'contract'})
