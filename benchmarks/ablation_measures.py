@@ -27,7 +27,7 @@ import numpy as np
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.metrics import horizon_metrics
-from rigid_gns_core.rollout import load_simulator, Rollout
+from rigid_gns_core.rollout.rollout import load_simulator, Rollout
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State
 from rigid_gns_core.simulators import ContactSimulator

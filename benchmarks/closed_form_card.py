@@ -35,7 +35,7 @@ import numpy as np
 from rigid_gns_core.bounce import Simulate
 from rigid_gns_core.closed_form_checks import Check, GROUPS, run_checks
 from rigid_gns_core.files.strict_json import write_json
-from rigid_gns_core.rollout import load_simulator, Simulator
+from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory

@@ -28,7 +28,7 @@ from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.hard_cases.case import Case
 from rigid_gns_core.hard_cases.checks import measure_laws
 from rigid_gns_core.metrics import sphere_penetration, surface_penetration
-from rigid_gns_core.rollout import Rollout, Simulator
+from rigid_gns_core.rollout.rollout import Rollout, Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.similarity import Similarity
 from rigid_gns_core.scenes.state import State, Trajectory

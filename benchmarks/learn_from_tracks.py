@@ -40,7 +40,7 @@ from rigid_gns_core.calibrate import calibrate
 from rigid_gns_core.dataset import Dataset, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.fine_tune import StartingPoint
-from rigid_gns_core.rollout import load_simulator, Simulator
+from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory
 from rigid_gns_core.train import load_recipe, Trainer

@@ -23,7 +23,7 @@ from .scenes.scene import Plane, Scene
 from .scenes.state import State, Trajectory
 
 if TYPE_CHECKING:
-    from .rollout import load_simulator, Rollout, Simulator
+    from .rollout.rollout import load_simulator, Rollout, Simulator
 
 __all__ = ['Plane', 'Rollout', 'Scene', 'Simulator', 'State', 'Trajectory', 'load_simulator']
 

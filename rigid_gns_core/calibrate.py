@@ -36,7 +36,7 @@ from .completion import completes, shipped_models
 from .dataset import Dataset, Record
 from .files.config import positive
 from .material_fit import MaterialFit, MATERIALS, most_evaluations
-from .rollout import load_simulator, Simulator
+from .rollout.rollout import load_simulator, Simulator
 from .running.progress import Progress
 from .scenes.scene import Scene
 

@@ -24,7 +24,7 @@ import warnings
 import numpy as np
 
 from .dataset import Record
-from .rollout import Simulator
+from .rollout.rollout import Simulator
 from .scenes.scene import Scene
 from .scenes.state import Array, rotation_between, State
 from .tracked_motion import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts

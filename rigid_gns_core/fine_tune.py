@@ -30,7 +30,7 @@ import numpy as np
 from .dataset import Record
 from .files.checkpoint import CheckpointError, find_model, Tensors
 from .files.config import to_mapping
-from .rollout import load_simulator
+from .rollout.rollout import load_simulator
 from .scenes.similarity import ModelUnits, Similarity
 from .scenes.state import Trajectory
 

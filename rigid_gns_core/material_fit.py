@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .calibration_windows import residuals, Window
-from .rollout import Simulator
+from .rollout.rollout import Simulator
 from .running.progress import Progress
 from .scenes.state import Array
 

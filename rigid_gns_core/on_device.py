@@ -21,8 +21,8 @@ from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
-from .outcome import Outcome, Recording
-from .rollout import Rollout
+from .rollout.outcome import Outcome, Recording
+from .rollout.rollout import Rollout
 from .scenes.state import Array
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ import numpy as np
 from .completion import completes, configs, shipped_models
 from .dataset import Record, write_record
 from .files.config import positive
-from .rollout import load_simulator
+from .rollout.rollout import load_simulator
 from .running.progress import Progress
 from .scenes.sampling import load_scene, sample_start
 from .scenes.state import Array, State, Trajectory

@@ -32,11 +32,11 @@ from .models.features import Features
 from .models.stepping import GNSStepper
 from .on_device import known_device, run_on_device
 from .options import ContactOptions, known_backend
-from .outcome import Outcome
-from .rollout import Rollout, Simulator
+from .rollout.outcome import Outcome
+from .rollout.rollout import Rollout, Simulator
+from .rollout.stepper import Stepper
 from .scenes.scene import Scene
 from .scenes.state import Array, State
-from .stepper import Stepper
 
 if TYPE_CHECKING:
     from torch.nn import Module

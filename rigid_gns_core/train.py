@@ -39,7 +39,7 @@ from .fine_tune import StartingPoint
 from .learner import Schedule
 from .learners import device_of, load_recipe, make_learner
 from .metrics import chamfer
-from .rollout import Simulator
+from .rollout.rollout import Simulator
 from .running.interrupt import stop_on_signal
 from .running.progress import Progress
 from .simulators import KINDS

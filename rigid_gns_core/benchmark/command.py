@@ -32,7 +32,7 @@ from .scenes import bench_scenes, BenchScene, FRAME, SCENES
 from ..completion import completes
 from ..files.strict_json import write_json
 from ..hard_cases.references import References
-from ..rollout import load_simulator
+from ..rollout.rollout import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
 from ..teacher import load_pybullet

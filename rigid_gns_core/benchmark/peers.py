@@ -27,7 +27,7 @@ import numpy as np
 from .bullet_engine import BulletSpheres
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
 from .scenes import FRAME
-from ..rollout import load_simulator, Simulator
+from ..rollout.rollout import load_simulator, Simulator
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 from ..teacher import load_pybullet

@@ -34,9 +34,9 @@ from .spheres import is_finite, Spheres, store
 from .substep import Settings
 from .world import World, world_of
 from ..kernels.jit import compiled, entry, is_compiled
+from ..rollout.stepper import Advance, state_at, Stepper
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
-from ..stepper import Advance, state_at, Stepper
 
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'
 

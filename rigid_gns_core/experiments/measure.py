@@ -27,7 +27,7 @@ from ..evaluate import evaluate, Velocities
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
 from ..metrics import LAW_KEYS
-from ..rollout import Simulator
+from ..rollout.rollout import Simulator
 from ..scenes.state import Trajectory
 
 HORIZONS = (10, 30, 50, 100)

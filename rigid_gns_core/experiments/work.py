@@ -100,7 +100,7 @@ def device_for(cell: Cell, devices: Devices | None) -> torch.device:
 
 def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dict[str, Any]:
     """Train, then roll out on the test set and on the scenes unlike the training set."""
-    from ..rollout import load_simulator
+    from ..rollout.rollout import load_simulator
     from ..train import Trainer
 
     config = cell.budget.training(cell.changes, cell.seed)

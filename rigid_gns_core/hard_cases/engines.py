@@ -33,7 +33,7 @@ from ..teacher import simulate as bullet
 from ..teacher_settings import TeacherSettings
 
 if TYPE_CHECKING:
-    from ..rollout import Simulator
+    from ..rollout.rollout import Simulator
 
 TEACHER = 'teacher'
 """Name by which `--model` takes the teacher itself."""
@@ -96,7 +96,7 @@ def load_engine(name: str, velocities: Velocities | None, settings: TeacherSetti
     """Return a model by name or path, or the teacher; `velocities` None: as it says itself."""
     if name == TEACHER:
         return teacher_engine(settings)
-    from ..rollout import load_simulator
+    from ..rollout.rollout import load_simulator
 
     simulator = load_simulator(name)
 

@@ -34,9 +34,9 @@ from .device_graph import DeviceScenes, Links, links_of, padded
 from .gns import GNBlock, GNS
 from .rotations import rotate_quaternions
 from .stepping import backward_velocities
+from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
-from ..stepper import Stepper
 
 # steps between two copies to the host
 BLOCK = 64

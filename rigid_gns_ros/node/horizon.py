@@ -28,13 +28,13 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rigid_gns_core.outcome import Recording
+from rigid_gns_core.rollout.outcome import Recording
 from rigid_gns_core.scenes.state import Array
 
 from ..encoding.trajectory_message import encode_trajectory
 
 if TYPE_CHECKING:
-    from rigid_gns_core.rollout import Rollout
+    from rigid_gns_core.rollout.rollout import Rollout
 
 
 # steps are taken together for about so long, after which a job that was cancelled ends [s]

@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 from rigid_gns_core.benchmark.peers import all_peers, LearnedSpheres, Run
 from rigid_gns_core.benchmark.scenes import FRAME
-from rigid_gns_core.rollout import load_simulator
+from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State

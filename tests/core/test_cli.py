@@ -37,7 +37,7 @@ import warnings
 
 import pytest
 from rigid_gns_core import cli
-from rigid_gns_core.rollout import Simulator
+from rigid_gns_core.rollout.rollout import Simulator
 
 PROGRAM = [sys.executable, '-m', 'rigid_gns_core.cli']
 

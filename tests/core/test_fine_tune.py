@@ -31,7 +31,7 @@ from rigid_gns_core.files.config import ConfigError, from_mapping  # noqa: E402
 from rigid_gns_core.fine_tune import StartingPoint  # noqa: E402
 from rigid_gns_core.learners import load_recipe, make_learner  # noqa: E402
 from rigid_gns_core.recipe import DataRecipe, recipe_hash  # noqa: E402
-from rigid_gns_core.rollout import load_simulator  # noqa: E402
+from rigid_gns_core.rollout.rollout import load_simulator  # noqa: E402
 from rigid_gns_core.scenes.scene import Scene  # noqa: E402
 from rigid_gns_core.scenes.state import Trajectory  # noqa: E402
 from rigid_gns_core.train import Trainer  # noqa: E402

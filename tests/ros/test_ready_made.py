@@ -78,7 +78,7 @@ def test_scenes_can_be_predicted(name: str, radius: float, hertz: float) -> None
 
 def test_a_ball_rises_as_the_laws_of_table_tennis_say() -> None:
     scene, _ = load_scene('table_tennis')
-    from rigid_gns_core.rollout import load_simulator
+    from rigid_gns_core.rollout.rollout import load_simulator
 
     steps = 60
     heights = (
@@ -91,7 +91,7 @@ def test_a_ball_rises_as_the_laws_of_table_tennis_say() -> None:
 
 def test_a_billiard_ball_slows_down_as_its_rolling_resistance_says() -> None:
     scene, _ = load_scene('billiards')
-    from rigid_gns_core.rollout import load_simulator
+    from rigid_gns_core.rollout.rollout import load_simulator
 
     speed, radius = 0.5, 0.028575
     trajectory = load_simulator().rollout(

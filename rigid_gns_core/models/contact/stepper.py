@@ -32,9 +32,9 @@ from .sleep import Sleepers
 from .step import frame, Motion
 from .world import World
 from ..configs import ContactConfig
+from ...rollout.stepper import Stepper
 from ...scenes.scene import Scene
 from ...scenes.state import Array, rotate_quaternions, State
-from ...stepper import Stepper
 
 
 class ContactStepper(Stepper):

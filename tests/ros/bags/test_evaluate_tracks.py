@@ -25,7 +25,7 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.files.strict_json import read_json
-from rigid_gns_core.rollout import load_simulator
+from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_ros.bag import BagWriter

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_core.rollout import load_simulator
+from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.sampling import load_scene
 
 T0 = 1_000_123_456_789  # [ns]; digits that a float32 or a rounded float64 would lose

@@ -19,7 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from .scenes.state import stacked, State
+from ..scenes.state import stacked, State
 
 
 class Advance(NamedTuple):

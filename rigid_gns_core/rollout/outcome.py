@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .scenes.state import State, Trajectory
+from ..scenes.state import State, Trajectory
 
 
 class Outcome(NamedTuple):

@@ -26,14 +26,14 @@ import warnings
 
 from numpy.typing import ArrayLike, NDArray
 
-from .files.checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
-from .files.config import from_mapping
 from .outcome import Outcome, Recording
-from .running.threads import in_threads, paired, usable_cores
-from .scenes.scene import Scene
-from .scenes.similarity import in_units, ModelUnits, Similarity
-from .scenes.state import State, Trajectory
 from .stepper import Advance, state_at, Stepper
+from ..files.checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
+from ..files.config import from_mapping
+from ..running.threads import in_threads, paired, usable_cores
+from ..scenes.scene import Scene
+from ..scenes.similarity import in_units, ModelUnits, Similarity
+from ..scenes.state import State, Trajectory
 
 # steps are taken together for about so long, after which Ctrl-C is heard [s]
 _BLOCK = 0.1
@@ -281,7 +281,7 @@ def load_simulator(
         CheckpointError: There is no such model, or its files are damaged or of another version.
         ValueError: The model has no such dtype or option.
     """
-    from .simulators import KINDS  # here, since they build on this module
+    from ..simulators import KINDS  # here, since they build on this module
 
     path = find_model(name_or_path)
     card = load_card(path)
