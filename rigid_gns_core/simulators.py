@@ -25,13 +25,13 @@ import warnings
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from .engine.options import ContactOptions, known_backend
 from .files.checkpoint import Tensors
 from .files.config import from_mapping
 from .models.configs import ContactConfig, GNSConfig
 from .models.features import Features
 from .models.stepping import GNSStepper
 from .on_device import known_device, run_on_device
-from .options import ContactOptions, known_backend
 from .rollout.outcome import Outcome
 from .rollout.rollout import Rollout, Simulator
 from .rollout.stepper import Stepper
