@@ -41,13 +41,13 @@ import numba
 import numpy as np
 from rigid_gns_core import load_simulator
 from rigid_gns_core.engine.contacts import Contacts
-from rigid_gns_core.engine.gns import GNSEngine
 from rigid_gns_core.engine.layers import turn_over
 from rigid_gns_core.engine.network import encode, gather_latents, read_round, tune, weights_of
+from rigid_gns_core.gns.features import Features, features_of
+from rigid_gns_core.gns.network import GNS, GraphInput
+from rigid_gns_core.gns.numpy_network import GNSEngine
+from rigid_gns_core.gns.stepper import GNSStepper
 from rigid_gns_core.models.contact.network import ContactNetwork, Feel
-from rigid_gns_core.models.features import Features, features_of
-from rigid_gns_core.models.gns import GNS, GraphInput
-from rigid_gns_core.models.stepping import GNSStepper
 from rigid_gns_core.running.machine import cpu_name, load_average
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.simulators import ContactSimulator, GNSSimulator

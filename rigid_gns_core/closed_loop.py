@@ -28,10 +28,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .graph import build_graph
-from .models.configs import GNSConfig
-from .models.gns import GNS
-from .models.tensor_features import tensor_features, TensorGraph, TensorMotion
+from .gns.config import GNSConfig
+from .gns.graph import build_graph
+from .gns.network import GNS
+from .gns.tensor_features import tensor_features, TensorGraph, TensorMotion
 from .windows import angles_of, Batch, Draw, owners, rotate_batch, Source, turned
 
 # radii from the truth beyond which a sphere is lost to chaos and teaches nothing any more

@@ -26,8 +26,8 @@ from torch import Tensor
 from .dataset import Record
 from .distributed import Mean
 from .files.config import check_least, check_positive
+from .gns.config import ContactConfig
 from .learner import Learner, Schedule
-from .models.configs import ContactConfig
 from .models.contact.candidates import Candidates, find_candidates, join
 from .models.contact.geometry import find_contacts
 from .models.contact.memory import Memory

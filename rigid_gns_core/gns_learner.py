@@ -27,9 +27,9 @@ from .closed_loop import connector, roll_out, stack_windows
 from .dataset import Record
 from .distributed import Mean
 from .files.config import check_least
+from .gns.config import GNSConfig
+from .gns.network import GNS
 from .learner import Learner, Schedule
-from .models.configs import GNSConfig
-from .models.gns import GNS
 from .resident import Resident
 from .scenes.similarity import ModelUnits
 from .training_set import common_scene

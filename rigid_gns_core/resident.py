@@ -24,11 +24,11 @@ import torch
 from torch import Tensor
 
 from .closed_loop import Connect, Windows
-from .models.configs import GNSConfig
-from .models.device_graph import DeviceScenes
-from .models.rotations import rotate_quaternions, rotation_between
-from .models.tensor_features import TensorGraph, TensorMotion
-from .models.tensor_graph import connect, Spheres
+from .gns.config import GNSConfig
+from .gns.device_graph import DeviceScenes
+from .gns.rotations import rotate_quaternions, rotation_between
+from .gns.tensor_features import TensorGraph, TensorMotion
+from .gns.tensor_graph import connect, Spheres
 from .windows import angles_of, Draw, Source
 
 Index = NDArray[np.int64]

@@ -28,9 +28,9 @@ from threadpoolctl import threadpool_limits
 from .engine.options import ContactOptions, known_backend
 from .files.checkpoint import Tensors
 from .files.config import from_mapping
-from .models.configs import ContactConfig, GNSConfig
-from .models.features import Features
-from .models.stepping import GNSStepper
+from .gns.config import ContactConfig, GNSConfig
+from .gns.features import Features
+from .gns.stepper import GNSStepper
 from .on_device import known_device, run_on_device
 from .rollout.outcome import Outcome
 from .rollout.rollout import Rollout, Simulator
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from torch.nn import Module
 
     from .engine.substep import Settings
+    from .gns.network import GNS
     from .models.contact.network import ContactNetwork
-    from .models.gns import GNS
 
 N = TypeVar('N', bound='Module')
 
@@ -121,7 +121,7 @@ class GNSSimulator(Simulator):
         if self.device is not None:
             import torch
 
-            from .models.device_stepper import DeviceStepper
+            from .gns.device_stepper import DeviceStepper
 
             torch.set_num_threads(self.threads)
             return DeviceStepper(self.network, [scene], [state], self.units.dt, self.device)
@@ -140,7 +140,7 @@ class GNSSimulator(Simulator):
     @cached_property
     def network(self) -> GNS:
         """The network as a torch module, for the backend 'torch'."""
-        from .models.gns import GNS
+        from .gns.network import GNS
 
         return _filled(GNS(self.config), self.tensors)
 
@@ -151,7 +151,7 @@ class GNSSimulator(Simulator):
 
             torch.set_num_threads(self.threads)
             return self.network.predict
-        from .engine.gns import GNSEngine
+        from .gns.numpy_network import GNSEngine
 
         return GNSEngine(self.tensors, self.config, self.threads)
 

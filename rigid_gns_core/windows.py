@@ -24,10 +24,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .models.configs import GNSConfig
-from .models.features import Motion
-from .models.gns import graph_input, GraphInput, side_by_side
-from .models.stepping import backward_velocities, difference
+from .gns.config import GNSConfig
+from .gns.features import Motion
+from .gns.network import graph_input, GraphInput, side_by_side
+from .gns.stepper import backward_velocities, difference
 from .scenes.scene import Scene
 from .scenes.state import Array, rotate_quaternions, Trajectory
 

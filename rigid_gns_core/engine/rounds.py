@@ -27,11 +27,11 @@ from .impulses import Bodies, Impulses, own_slip, parting_of, slip_now, slip_of
 from .law import Aim, aim_of, Law
 from .network import describe, encode, Weights
 from .world import UNIT_GRAVITY, World
+from ..gns.config import CONTACT_FEATURES
 from ..kernels.elementary import Floats
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
 from ..kernels.vector import across, dot, minus, put, row, times, Vector
-from ..models.configs import CONTACT_FEATURES
 from ..scenes.state import Array
 
 # contacts with this part of the force of a body's strongest count half

@@ -32,10 +32,10 @@ from .network import gather_latents, plain, read_round, tune, Weights
 from .rounds import compare, look_ahead, new_rounds, Rounds, slip_of_others
 from .steps import press, resist_rolling, resist_slip
 from .world import UNIT_GRAVITY, World
+from ..gns.config import ROUND_FEATURES
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
 from ..kernels.vector import add_to, length, minus, plus, put, row, times
-from ..models.configs import ROUND_FEATURES
 from ..scenes.state import Array
 
 

@@ -27,7 +27,7 @@ from .cell import Cell
 from .measure import describe
 from ..dataset import Record
 from ..files.config import to_mapping
-from ..graph import build_graph
+from ..gns.graph import build_graph
 from ..running.machine import cpu_name, load_average
 from ..simulators import GNSSimulator
 from ..training_set import common_scene
@@ -49,8 +49,8 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
     from threadpoolctl import threadpool_limits
     import torch
 
-    from ..models.features import Motion
-    from ..models.gns import GNS
+    from ..gns.features import Motion
+    from ..gns.network import GNS
     from ..windows import Source
 
     model = cell.budget.training(cell.changes, cell.seed).model

@@ -23,8 +23,8 @@ import pytest
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.distributed import Processes, started_by_torchrun
+from rigid_gns_core.gns.config import ContactConfig, GNSConfig
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
-from rigid_gns_core.models.configs import ContactConfig, GNSConfig
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory

@@ -25,8 +25,8 @@ from rigid_gns_core.dataset import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.files.checkpoint import save_model, tensors_of
 from rigid_gns_core.files.config import ConfigError, to_mapping
+from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.gns_learner import GNSTrainConfig
-from rigid_gns_core.models.configs import ContactConfig
 from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.simulators import ContactSimulator

@@ -19,12 +19,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_gns_core.closed_loop import connector, stack_windows
+from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.device_graph import DeviceScenes
+from rigid_gns_core.gns.graph import build_graph
+from rigid_gns_core.gns.tensor_features import tensor_features, TensorGraph
+from rigid_gns_core.gns.tensor_graph import connect, Spheres
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
-from rigid_gns_core.graph import build_graph
-from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.device_graph import DeviceScenes
-from rigid_gns_core.models.tensor_features import tensor_features, TensorGraph
-from rigid_gns_core.models.tensor_graph import connect, Spheres
 from rigid_gns_core.resident import Resident
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits

@@ -23,8 +23,8 @@ import numpy as np
 import pytest
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.files.config import ConfigError, from_mapping, to_mapping
+from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
-from rigid_gns_core.models.configs import GNSConfig
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits

@@ -16,9 +16,9 @@
 
 import numpy as np
 import pytest
-from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.gns import GNS
-from rigid_gns_core.models.stepping import backward_velocities, difference, integrate
+from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.network import GNS
+from rigid_gns_core.gns.stepper import backward_velocities, difference, integrate
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.windows import Draw, draw_windows, Noise, one_step_batch, rotate_batch, Source

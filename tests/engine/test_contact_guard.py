@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 from rigid_gns_core import closed_form, Plane, Scene, State
-from rigid_gns_core.models.configs import ContactConfig
+from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.candidates import find_candidates
 from rigid_gns_core.models.contact.geometry import find_contacts
 from rigid_gns_core.models.contact.guard import Guard

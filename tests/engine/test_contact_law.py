@@ -21,7 +21,7 @@ import pytest
 from rigid_gns_core import closed_form, load_simulator, Plane, Scene
 from rigid_gns_core.closed_form_checks import GROUPS, run_checks
 from rigid_gns_core.files.checkpoint import save_model
-from rigid_gns_core.models.configs import ContactConfig
+from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.geometry import Contacts
 from rigid_gns_core.models.contact.law import aim_of, Law
 from rigid_gns_core.models.contact.network import ContactNetwork

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import closed_form, load_simulator, Plane, Scene
 from rigid_gns_core.files.checkpoint import save_model
-from rigid_gns_core.models.configs import ContactConfig
+from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.candidates import Candidates, find_candidates, join
 from rigid_gns_core.models.contact.memory import Memory
 from rigid_gns_core.models.contact.network import ContactNetwork

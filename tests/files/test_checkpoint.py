@@ -19,8 +19,8 @@ import json
 import pytest
 from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card, save_model
 from rigid_gns_core.files.config import to_mapping
-from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.gns import GNS
+from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.network import GNS
 from rigid_gns_core.rollout.rollout import load_simulator
 import torch
 

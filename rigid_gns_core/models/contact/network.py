@@ -26,8 +26,8 @@ from typing import NamedTuple
 import torch
 from torch import nn, Tensor
 
-from ..configs import CONTACT_FEATURES, ContactConfig, ROUND_FEATURES
-from ..layers import MLP
+from ...gns.config import CONTACT_FEATURES, ContactConfig, ROUND_FEATURES
+from ...gns.layers import MLP
 
 # share of a round's step that the next one repeats, without a network: halves the rounds of piles
 MOMENTUM = 0.5

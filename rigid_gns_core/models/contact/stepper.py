@@ -31,7 +31,7 @@ from .overlap import separate
 from .sleep import Sleepers
 from .step import frame, Motion
 from .world import World
-from ..configs import ContactConfig
+from ...gns.config import ContactConfig
 from ...rollout.stepper import Stepper
 from ...scenes.scene import Scene
 from ...scenes.state import Array, rotate_quaternions, State

@@ -27,11 +27,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .configs import GNSConfig
+from .config import GNSConfig
 from .features import Motion
-from .gns import GraphInput
+from .graph import Graph
+from .network import GraphInput
 from .rotations import rotate_quaternions
-from ..graph import Graph
 from ..scenes.scene import Scene
 
 

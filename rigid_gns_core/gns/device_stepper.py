@@ -29,11 +29,11 @@ from numpy.typing import NDArray
 import torch
 from torch import Tensor
 
-from .configs import GNSConfig
+from .config import GNSConfig
 from .device_graph import DeviceScenes, Links, links_of, padded
-from .gns import GNBlock, GNS
+from .network import GNBlock, GNS
 from .rotations import rotate_quaternions
-from .stepping import backward_velocities
+from .stepper import backward_velocities
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State

@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .graph import Connectivity, Reach
 from ..files.checkpoint import Shapes
 from ..files.config import check_least
-from ..graph import Connectivity, Reach
 
 # what a contact and a round tell the contact model's network
 CONTACT_FEATURES = 17
@@ -79,7 +79,7 @@ class GNSConfig:
         message_passing_steps: M, each with weights of its own.
         history: H previous velocities beside the current one.
         width: Latent and hidden size h.
-        connectivity: Graph construction, see `rigid_gns_core.graph.Reach`.
+        connectivity: Graph construction, see `rigid_gns_core.gns.graph.Reach`.
         epsilon: Reach of `epsilon` connectivity [radii].
         margin: Added to the reach of the others [radii].
         ground_edge: Permanent edge to the ground.

@@ -20,13 +20,13 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene, State
-from rigid_gns_core.graph import build_graph, Reach
-from rigid_gns_core.models import device_stepper
-from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.device_graph import DeviceScenes, links_of, padded
-from rigid_gns_core.models.device_stepper import DeviceStepper, diverged
-from rigid_gns_core.models.gns import GNS
-from rigid_gns_core.models.stepping import GNSStepper
+from rigid_gns_core.gns import device_stepper
+from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.device_graph import DeviceScenes, links_of, padded
+from rigid_gns_core.gns.device_stepper import DeviceStepper, diverged
+from rigid_gns_core.gns.graph import build_graph, Reach
+from rigid_gns_core.gns.network import GNS
+from rigid_gns_core.gns.stepper import GNSStepper
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten

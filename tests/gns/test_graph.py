@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from rigid_gns_core.graph import build_graph, Reach, swept_distance
+from rigid_gns_core.gns.graph import build_graph, Reach, swept_distance
 from rigid_gns_core.scenes.scene import Plane, Scene
 
 DT = 0.1

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.models.features import Motion
+from rigid_gns_core.gns.features import Motion
 
 
 def random_motion(seed: int, count: int = 20, history: int = 2) -> Motion:

@@ -37,10 +37,10 @@ from numpy.typing import NDArray
 import torch
 from torch import nn, Tensor
 
-from .configs import GNSConfig
+from .config import GNSConfig
 from .features import Features, features_of, Motion
+from .graph import Graph
 from .layers import MLP, Normaliser
-from ..graph import Graph
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 

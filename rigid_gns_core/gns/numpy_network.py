@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from threadpoolctl import ThreadpoolController
 
+from .config import GNSConfig
+from .features import Features
+from .graph import Indices
 from ..files.checkpoint import Tensors
-from ..graph import Indices
-from ..models.configs import GNSConfig
-from ..models.features import Features
 from ..scenes.state import Array
 
 Floats = NDArray[np.float32]

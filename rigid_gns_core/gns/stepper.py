@@ -20,9 +20,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .configs import GNSConfig
+from .config import GNSConfig
 from .features import Features, features_of, Motion
-from ..graph import build_graph, Reach
+from .graph import build_graph, Reach
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotate_quaternions, rotation_between, State

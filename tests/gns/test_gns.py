@@ -18,10 +18,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.graph import build_graph
-from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.features import Motion
-from rigid_gns_core.models.gns import GNBlock, GNS, graph_input, side_by_side
+from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.features import Motion
+from rigid_gns_core.gns.graph import build_graph
+from rigid_gns_core.gns.network import GNBlock, GNS, graph_input, side_by_side
 from rigid_gns_core.scenes.scene import Plane, Scene
 import torch
 

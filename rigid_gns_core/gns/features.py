@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .configs import GNSConfig
-from ..graph import build_graph, Graph, Indices
+from .config import GNSConfig
+from .graph import build_graph, Graph, Indices
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 

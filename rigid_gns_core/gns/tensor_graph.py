@@ -26,8 +26,8 @@ import torch
 from torch import Tensor
 
 from .device_graph import DeviceScenes, near_spheres, near_surfaces
+from .graph import Reach
 from .tensor_features import TensorGraph
-from ..graph import Reach
 
 
 class Spheres(NamedTuple):

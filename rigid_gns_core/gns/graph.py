@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from .scenes.plane import closest_points, Plane
-from .scenes.scene import Scene
-from .scenes.state import Array
+from ..scenes.plane import closest_points, Plane
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 Connectivity = Literal['epsilon', 'vmax', 'vi', 'swept']
 Indices = NDArray[np.int64]

@@ -18,11 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.graph import build_graph
-from rigid_gns_core.models.configs import GNSConfig
-from rigid_gns_core.models.features import features_of
-from rigid_gns_core.models.rotations import rotation_between
-from rigid_gns_core.models.tensor_features import tensor_features, TensorGraph, TensorMotion
+from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.features import features_of
+from rigid_gns_core.gns.graph import build_graph
+from rigid_gns_core.gns.rotations import rotation_between
+from rigid_gns_core.gns.tensor_features import tensor_features, TensorGraph, TensorMotion
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotation_between as rotation_between_arrays
 import torch
