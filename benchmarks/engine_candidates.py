@@ -48,9 +48,9 @@ from rigid_gns_core.gns.network import GNS, GraphInput
 from rigid_gns_core.gns.numpy_network import GNSEngine
 from rigid_gns_core.gns.stepper import GNSStepper
 from rigid_gns_core.models.contact.network import ContactNetwork, Feel
+from rigid_gns_core.prediction.simulators import ContactSimulator, GNSSimulator
 from rigid_gns_core.running.machine import cpu_name, load_average
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
-from rigid_gns_core.simulators import ContactSimulator, GNSSimulator
 import torch
 from torch import nn, Tensor
 

@@ -39,10 +39,10 @@ from .fine_tune import StartingPoint
 from .learner import Schedule
 from .learners import device_of, load_recipe, make_learner
 from .metrics import chamfer
+from .prediction.simulators import KINDS
 from .rollout.rollout import Simulator
 from .running.interrupt import stop_on_signal
 from .running.progress import Progress
-from .simulators import KINDS
 from .training_set import fingerprint
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'

@@ -28,8 +28,8 @@ from .measure import describe
 from ..dataset import Record
 from ..files.config import to_mapping
 from ..gns.graph import build_graph
+from ..prediction.simulators import GNSSimulator
 from ..running.machine import cpu_name, load_average
-from ..simulators import GNSSimulator
 from ..training_set import common_scene
 
 REPEATS = 3

@@ -281,7 +281,7 @@ def load_simulator(
         CheckpointError: There is no such model, or its files are damaged or of another version.
         ValueError: The model has no such dtype or option.
     """
-    from ..simulators import KINDS  # here, since they build on this module
+    from ..prediction.simulators import KINDS  # here, since they build on this module
 
     path = find_model(name_or_path)
     card = load_card(path)

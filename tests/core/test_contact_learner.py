@@ -29,7 +29,7 @@ from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.gns_learner import GNSTrainConfig
 from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.stepper import ContactStepper
-from rigid_gns_core.simulators import ContactSimulator
+from rigid_gns_core.prediction.simulators import ContactSimulator
 from rigid_gns_core.train import load_recipe, Trainer
 import torch
 

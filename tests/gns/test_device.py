@@ -245,7 +245,7 @@ def test_batches_are_the_rollouts_alone(on_device):
 
 def test_memory_bounds_a_batch(on_device, monkeypatch):
     whole = on_device.rollout_batch(SCENES, STARTS, steps=2)
-    monkeypatch.setattr('rigid_gns_core.on_device._PAIRS', 1)
+    monkeypatch.setattr('rigid_gns_core.prediction.on_device._PAIRS', 1)
     one_by_one = on_device.rollout_batch(SCENES, STARTS, steps=2)
     for one, other in zip(whole, one_by_one, strict=True):
         np.testing.assert_allclose(one.positions, other.positions, rtol=0, atol=1e-3)

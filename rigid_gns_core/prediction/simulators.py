@@ -25,25 +25,25 @@ import warnings
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from .engine.options import ContactOptions, known_backend
-from .files.checkpoint import Tensors
-from .files.config import from_mapping
-from .gns.config import ContactConfig, GNSConfig
-from .gns.features import Features
-from .gns.stepper import GNSStepper
 from .on_device import known_device, run_on_device
-from .rollout.outcome import Outcome
-from .rollout.rollout import Rollout, Simulator
-from .rollout.stepper import Stepper
-from .scenes.scene import Scene
-from .scenes.state import Array, State
+from ..engine.options import ContactOptions, known_backend
+from ..files.checkpoint import Tensors
+from ..files.config import from_mapping
+from ..gns.config import ContactConfig, GNSConfig
+from ..gns.features import Features
+from ..gns.stepper import GNSStepper
+from ..rollout.outcome import Outcome
+from ..rollout.rollout import Rollout, Simulator
+from ..rollout.stepper import Stepper
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
     from torch.nn import Module
 
-    from .engine.substep import Settings
-    from .gns.network import GNS
-    from .models.contact.network import ContactNetwork
+    from ..engine.substep import Settings
+    from ..gns.network import GNS
+    from ..models.contact.network import ContactNetwork
 
 N = TypeVar('N', bound='Module')
 
@@ -121,7 +121,7 @@ class GNSSimulator(Simulator):
         if self.device is not None:
             import torch
 
-            from .gns.device_stepper import DeviceStepper
+            from ..gns.device_stepper import DeviceStepper
 
             torch.set_num_threads(self.threads)
             return DeviceStepper(self.network, [scene], [state], self.units.dt, self.device)
@@ -140,7 +140,7 @@ class GNSSimulator(Simulator):
     @cached_property
     def network(self) -> GNS:
         """The network as a torch module, for the backend 'torch'."""
-        from .gns.network import GNS
+        from ..gns.network import GNS
 
         return _filled(GNS(self.config), self.tensors)
 
@@ -151,7 +151,7 @@ class GNSSimulator(Simulator):
 
             torch.set_num_threads(self.threads)
             return self.network.predict
-        from .gns.numpy_network import GNSEngine
+        from ..gns.numpy_network import GNSEngine
 
         return GNSEngine(self.tensors, self.config, self.threads)
 
@@ -219,7 +219,7 @@ class ContactSimulator(Simulator):
         if self.backend == 'torch':
             import torch
 
-            from .models.contact.stepper import ContactStepper
+            from ..models.contact.stepper import ContactStepper
 
             torch.set_num_threads(options.threads)
             network = self.network if options.network else None
@@ -227,7 +227,7 @@ class ContactSimulator(Simulator):
             return ContactStepper(
                 network, config, scene, state, self.units.dt, dtype=dtype, **switches
             )
-        from .engine.stepper import EngineStepper
+        from ..engine.stepper import EngineStepper
 
         return EngineStepper(self._settings, scene, state, self.units.dt, **switches)
 
@@ -237,13 +237,13 @@ class ContactSimulator(Simulator):
     @cached_property
     def network(self) -> ContactNetwork:
         """The network as a torch module, for the backend 'torch'."""
-        from .models.contact.network import ContactNetwork
+        from ..models.contact.network import ContactNetwork
 
         return _filled(ContactNetwork(self.trained), self.tensors)
 
     @cached_property
     def _settings(self) -> Settings:
-        from .engine.stepper import settings_of
+        from ..engine.stepper import settings_of
 
         config = self.config
         tensors = self.tensors if config.network else None

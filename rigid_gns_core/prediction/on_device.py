@@ -21,14 +21,14 @@ from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
-from .rollout.outcome import Outcome, Recording
-from .rollout.rollout import Rollout
-from .scenes.state import Array
+from ..rollout.outcome import Outcome, Recording
+from ..rollout.rollout import Rollout
+from ..scenes.state import Array
 
 if TYPE_CHECKING:
     import torch
 
-    from .gns.device_stepper import DeviceStepper
+    from ..gns.device_stepper import DeviceStepper
 
 # pairs of spheres in one batch, to bound its memory on the device
 _PAIRS = 2**22
@@ -65,7 +65,7 @@ def known_device(name: str, backend: str) -> torch.device:
 
 def run_on_device(rollouts: Sequence[Rollout], steps: int) -> list[Outcome]:
     """Outcomes of rollouts that have just begun, whose steppers are `DeviceStepper`."""
-    from .gns.device_stepper import blocks, side_by_side
+    from ..gns.device_stepper import blocks, side_by_side
 
     outcomes: list[Outcome] = []
     for some in _batches(rollouts):
@@ -95,7 +95,7 @@ def _batches(rollouts: Sequence[Rollout]) -> Iterator[list[Rollout]]:
 
 def _outcome(rollout: Rollout, rows: Array, steps: int) -> Outcome:
     """Of [p, q, v, omega] in the model's units, shape (up to steps, n, 13)."""
-    from .gns.device_stepper import DIVERGED, diverged, state_of
+    from ..gns.device_stepper import DIVERGED, diverged, state_of
 
     bad = diverged(rows)
     sound = int(np.argmax(bad)) if bad.any() else len(rows)
