@@ -32,8 +32,8 @@ import sys
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.bounce import Simulate
-from rigid_gns_core.closed_form_checks import Check, GROUPS, run_checks
+from rigid_gns_core.closed_form import Check, GROUPS, run_checks
+from rigid_gns_core.closed_form.bounces import Simulate
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress

@@ -22,7 +22,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .closed_form_checks import Check, GROUPS, run_checks
+from .closed_form import Check, GROUPS, run_checks
 from .running.progress import Progress
 
 

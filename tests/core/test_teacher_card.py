@@ -20,10 +20,9 @@ import json
 
 import numpy as np
 import pytest
-from rigid_gns_core import closed_form
-from rigid_gns_core.bounce import bounces
 from rigid_gns_core.cli import main
-from rigid_gns_core.closed_form_checks import Check, GROUPS, run_checks
+from rigid_gns_core.closed_form import Check, closed_form, GROUPS, run_checks
+from rigid_gns_core.closed_form.bounces import bounces
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.teacher_card import table

@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from rigid_gns_core import closed_form, Plane, Scene, State
+from rigid_gns_core.closed_form import closed_form, Plane, Scene, State
 from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.candidates import find_candidates
 from rigid_gns_core.models.contact.geometry import find_contacts

@@ -18,8 +18,14 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from rigid_gns_core import closed_form, load_simulator, Plane, Scene
-from rigid_gns_core.closed_form_checks import GROUPS, run_checks
+from rigid_gns_core.closed_form import (
+    closed_form,
+    GROUPS,
+    load_simulator,
+    Plane,
+    run_checks,
+    Scene,
+)
 from rigid_gns_core.files.checkpoint import save_model
 from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.geometry import Contacts

@@ -18,7 +18,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from rigid_gns_core import closed_form, load_simulator, Plane, Scene
+from rigid_gns_core.closed_form import closed_form, load_simulator, Plane, Scene
 from rigid_gns_core.files.checkpoint import save_model
 from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.candidates import Candidates, find_candidates, join

@@ -20,9 +20,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from . import closed_form
+from .bounces import GRAVITY, Simulate
 from .check import Check, check
-from .. import closed_form
-from ..bounce import GRAVITY, Simulate
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State

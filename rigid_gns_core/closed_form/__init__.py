@@ -22,10 +22,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from .bounces import Simulate
 from .check import Check
 from .many_spheres import collision_checks, pile_checks
 from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
-from ..bounce import Simulate
 
 __all__ = ['GROUPS', 'Check', 'run_checks']
 

@@ -20,9 +20,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from . import closed_form
+from .bounces import bounces, GRAVITY, Simulate
 from .check import Check, check, worst
-from .. import closed_form
-from ..bounce import bounces, GRAVITY, Simulate
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import State

@@ -20,8 +20,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .scenes.scene import Plane, Scene
-from .scenes.state import Array, State, Trajectory
+from ..scenes.scene import Plane, Scene
+from ..scenes.state import Array, State, Trajectory
 
 Simulate = Callable[[Scene, State, int, float], Trajectory]
 GRAVITY = 9.81

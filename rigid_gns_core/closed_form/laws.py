@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .scenes.state import Array
+from ..scenes.state import Array
 
 
 def incline_acceleration(
