@@ -39,8 +39,8 @@ from rigid_gns_core.metrics import chamfer, position_mse
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import State, Trajectory
-from rigid_gns_core.teacher import simulate
-from rigid_gns_core.teacher_settings import TeacherSettings
+from rigid_gns_core.teacher.bullet import simulate
+from rigid_gns_core.teacher.settings import TeacherSettings
 
 MOVED = 1e-3  # m
 

@@ -34,8 +34,8 @@ from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.teacher import simulate
-from rigid_gns_core.teacher_settings import TeacherSettings
+from rigid_gns_core.teacher.bullet import simulate
+from rigid_gns_core.teacher.settings import TeacherSettings
 
 VARIANTS = {'half': 0.5, 'twice': 2.0}
 

@@ -24,8 +24,8 @@ import numpy as np
 from rigid_gns_core.recipe import DataRecipe
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, rotate_quaternions, Trajectory
-from rigid_gns_core.teacher import simulate
-from rigid_gns_core.teacher_settings import TeacherSettings
+from rigid_gns_core.teacher.bullet import simulate
+from rigid_gns_core.teacher.settings import TeacherSettings
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.messages import encode_string, PoseArrayCodec
 

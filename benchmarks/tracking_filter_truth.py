@@ -24,8 +24,8 @@ from rigid_gns_core.dataset import demo_record
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory
-from rigid_gns_core.teacher import Teacher
-from rigid_gns_core.teacher_settings import TeacherSettings
+from rigid_gns_core.teacher.bullet import Teacher
+from rigid_gns_core.teacher.settings import TeacherSettings
 
 BALLS = 12  # of the table
 

@@ -121,8 +121,8 @@ def generate_scene(
         ConfigError: No such scene, or a value of it is wrong.
         SamplingError: The spheres do not fit.
     """
-    from .teacher import simulate
-    from .teacher_settings import TeacherSettings
+    from .teacher.bullet import simulate
+    from .teacher.settings import TeacherSettings
 
     scene, recipe = load_scene(name)
     settings = TeacherSettings() if substeps is None else TeacherSettings(substeps=substeps)
@@ -231,7 +231,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def resolve(recipe: DataRecipe) -> DataRecipe:
     """Recipe with every setting of the teacher, so that a changed default counts as a change."""
-    from .teacher_settings import TeacherSettings
+    from .teacher.settings import TeacherSettings
 
     settings = from_mapping(TeacherSettings, recipe.teacher, 'teacher')
     return replace(recipe, teacher=asdict(settings))
@@ -274,8 +274,8 @@ def _is_whole(path: Path, recipe: DataRecipe) -> bool:
 
 def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, int, float]:
     """Make a trajectory; returns its index, the number of spheres and the time it took [s]."""
-    from .teacher import simulate
-    from .teacher_settings import TeacherSettings
+    from .teacher.bullet import simulate
+    from .teacher.settings import TeacherSettings
 
     begin = time.monotonic()
     try:

@@ -54,9 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the card; 1 where a check is out of bounds."""
-    from .teacher import load_pybullet
-    from .teacher import simulate as bullet
-    from .teacher_settings import TeacherSettings
+    from .teacher.bullet import load_pybullet
+    from .teacher.bullet import simulate as bullet
+    from .teacher.settings import TeacherSettings
 
     load_pybullet()
     settings = TeacherSettings()

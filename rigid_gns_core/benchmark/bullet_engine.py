@@ -20,8 +20,8 @@ import numpy as np
 
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
-from ..teacher import Teacher
-from ..teacher_settings import TeacherSettings
+from ..teacher.bullet import Teacher
+from ..teacher.settings import TeacherSettings
 
 
 class BulletSpheres(Teacher):

@@ -35,8 +35,8 @@ from ..hard_cases.references import References
 from ..rollout.rollout import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
-from ..teacher import load_pybullet
-from ..teacher_settings import TeacherSettings
+from ..teacher.bullet import load_pybullet
+from ..teacher.settings import TeacherSettings
 
 REFERENCE_SUBSTEPS = 384
 QUICK_REFERENCE_SUBSTEPS = 24

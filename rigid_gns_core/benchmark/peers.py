@@ -30,8 +30,8 @@ from .scenes import FRAME
 from ..rollout.rollout import load_simulator, Simulator
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
-from ..teacher import load_pybullet
-from ..teacher_settings import TeacherSettings
+from ..teacher.bullet import load_pybullet
+from ..teacher.settings import TeacherSettings
 
 BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
 MUJOCO_SUBSTEPS = (6, 12, 24, 48)

@@ -32,8 +32,8 @@ from ..completion import completes, shipped_models
 from ..files.strict_json import write_json
 from ..installation.versions import PACKAGE, version_of
 from ..running.progress import Progress
-from ..teacher import load_pybullet
-from ..teacher_settings import TeacherSettings
+from ..teacher.bullet import load_pybullet
+from ..teacher.settings import TeacherSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

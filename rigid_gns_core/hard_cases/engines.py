@@ -29,8 +29,8 @@ from .references import References
 from ..evaluate import Velocities
 from ..scenes.scene import Scene
 from ..scenes.state import State, Trajectory
-from ..teacher import simulate as bullet
-from ..teacher_settings import TeacherSettings
+from ..teacher.bullet import simulate as bullet
+from ..teacher.settings import TeacherSettings
 
 if TYPE_CHECKING:
     from ..rollout.rollout import Simulator

@@ -28,8 +28,8 @@ from .case import Case
 from .checks import HORIZONS
 from ..files.atomic_file import whole_file
 from ..scenes.state import Trajectory
-from ..teacher import simulate as bullet
-from ..teacher_settings import TeacherError, TeacherSettings
+from ..teacher.bullet import simulate as bullet
+from ..teacher.settings import TeacherError, TeacherSettings
 
 _FORMAT = 1  # counts up where files in the cache no longer mean the same
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')

@@ -82,8 +82,8 @@ class Live:
     """
 
     def __init__(self, scene_name: str) -> None:
-        from rigid_gns_core.teacher import Teacher
-        from rigid_gns_core.teacher_settings import TeacherSettings
+        from rigid_gns_core.teacher.bullet import Teacher
+        from rigid_gns_core.teacher.settings import TeacherSettings
 
         scene, recipe = load_scene(scene_name)
         start = sample_start(scene, recipe)

@@ -38,7 +38,7 @@ TOSSED = State(
 def bullet(scene: Scene, start: State, substeps: int = 2) -> Run:
     pytest.importorskip('pybullet')
     from rigid_gns_core.benchmark.bullet_engine import BulletSpheres
-    from rigid_gns_core.teacher_settings import TeacherSettings
+    from rigid_gns_core.teacher.settings import TeacherSettings
 
     settings = TeacherSettings(substeps=substeps, rolling_updates=0)
     return BulletSpheres(scene, start, FRAME, settings)
@@ -103,7 +103,7 @@ def test_mujoco_refuses_what_it_cannot_say() -> None:
 def test_bullet_peer_has_no_rolling_friction_in_python() -> None:
     pytest.importorskip('pybullet')
     from rigid_gns_core.benchmark.bullet_engine import BulletSpheres
-    from rigid_gns_core.teacher_settings import TeacherSettings
+    from rigid_gns_core.teacher.settings import TeacherSettings
 
     with pytest.raises(ValueError, match='rolling_updates is 12, expected 0'):
         BulletSpheres(Scene(), TOSSED, FRAME, TeacherSettings())

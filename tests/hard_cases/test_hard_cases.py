@@ -289,7 +289,7 @@ def test_the_teacher_is_kept_in_the_cache(tmp_path, monkeypatch) -> None:
     from rigid_gns_core.hard_cases import references as module
     from rigid_gns_core.hard_cases.engines import teacher_engine
     from rigid_gns_core.hard_cases.references import References
-    from rigid_gns_core.teacher_settings import TeacherSettings
+    from rigid_gns_core.teacher.settings import TeacherSettings
 
     settings = TeacherSettings(substeps=12)
     engines = [teacher_engine(settings), Engine('frozen', frozen, 'given')]

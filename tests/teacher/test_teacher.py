@@ -22,11 +22,11 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.dataset import demo_record
-from rigid_gns_core.rolling import resist_rolling
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State
-from rigid_gns_core.teacher import load_pybullet, simulate, Teacher
-from rigid_gns_core.teacher_settings import TeacherError, TeacherSettings
+from rigid_gns_core.teacher.bullet import load_pybullet, simulate, Teacher
+from rigid_gns_core.teacher.rolling import resist_rolling
+from rigid_gns_core.teacher.settings import TeacherError, TeacherSettings
 
 GRAVITY = 9.81
 

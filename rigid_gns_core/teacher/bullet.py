@@ -29,11 +29,11 @@ from typing import Any
 
 import numpy as np
 
-from .installation.extras import missing
 from .rolling import RollingFriction
-from .scenes.scene import Plane, Scene
-from .scenes.state import Array, State, Trajectory
-from .teacher_settings import TeacherError, TeacherSettings
+from .settings import TeacherError, TeacherSettings
+from ..installation.extras import missing
+from ..scenes.scene import Plane, Scene
+from ..scenes.state import Array, State, Trajectory
 
 # Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it
 _MASS = 1e-6

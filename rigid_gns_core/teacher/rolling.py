@@ -30,8 +30,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from .scenes.scene import Scene
-from .scenes.state import Array
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 @dataclass(frozen=True)

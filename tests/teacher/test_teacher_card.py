@@ -120,7 +120,7 @@ def test_closed_forms_conserve() -> None:
 @pytest.mark.parametrize('group', GROUPS)
 def test_bullet_passes(group: str) -> None:
     pytest.importorskip('pybullet', reason='pybullet is not installed (extra: teacher)')
-    from rigid_gns_core.teacher import simulate
+    from rigid_gns_core.teacher.bullet import simulate
 
     failed = [c for c in run_checks(simulate, quick=True, groups=(group,)) if not c.passed]
     assert not failed, table(failed)
