@@ -26,11 +26,11 @@ from ablations import Change, USUAL
 import numpy as np
 from rigid_gns_core.dataset import Record
 from rigid_gns_core.engine.stepper import EngineStepper
-from rigid_gns_core.metrics import horizon_metrics
 from rigid_gns_core.prediction.simulators import ContactSimulator
 from rigid_gns_core.rollout.rollout import load_simulator, Rollout
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State
+from rigid_gns_core.scoring import horizon_metrics
 
 HORIZON = 30  # steps at which errors are taken
 

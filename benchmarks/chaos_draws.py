@@ -35,10 +35,10 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.dataset import read_record, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
-from rigid_gns_core.metrics import chamfer, position_mse
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import State, Trajectory
+from rigid_gns_core.scoring import chamfer, position_mse
 from rigid_gns_core.teacher.bullet import simulate
 from rigid_gns_core.teacher.settings import TeacherSettings
 

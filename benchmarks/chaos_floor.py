@@ -30,10 +30,10 @@ import sys
 from typing import Any
 
 from rigid_gns_core.dataset import read_records, Record
-from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.scoring.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.teacher.bullet import simulate
 from rigid_gns_core.teacher.settings import TeacherSettings
 

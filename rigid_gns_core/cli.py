@@ -35,7 +35,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'render': ('rigid_gns_core.render.command', 'a moving picture of a rollout or a bag'),
     'view': ('rigid_gns_core.view', 'a rollout or a bag in the viewer Rerun'),
-    'evaluate': ('rigid_gns_core.evaluate', 'score predictions on data or a recorded bag'),
+    'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
     'import': (
         'rigid_gns_ros.learning.import_bag',
         'make a data set of the tracked poses in bags',

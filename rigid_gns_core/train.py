@@ -38,11 +38,11 @@ from .files.config import ConfigError, load_yaml, to_mapping
 from .fine_tune import StartingPoint
 from .learner import Schedule
 from .learners import device_of, load_recipe, make_learner
-from .metrics import chamfer
 from .prediction.simulators import KINDS
 from .rollout.rollout import Simulator
 from .running.interrupt import stop_on_signal
 from .running.progress import Progress
+from .scoring import chamfer
 from .training_set import fingerprint
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'

@@ -23,10 +23,10 @@ import sys
 import textwrap
 from typing import Any
 
-from rigid_gns_core.evaluate import format_table
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scoring.evaluate import format_table
 
 from .bag_reader import Bag, BagError, read_bag
 from .evaluation.horizon_errors import format_horizons
@@ -73,7 +73,7 @@ def evaluate_bag(
         figure: PNG to draw. None: none.
 
     Returns:
-        What `rigid_gns_core.evaluate.evaluate` returns, and `recording` (what was compared),
+        What `rigid_gns_core.scoring.evaluate.evaluate` returns, and `recording` (what was compared),
         `frames` (counts), `horizon_errors` and `future_errors` (by time since a start, of
         predictions and of whole futures, see `HorizonErrors.report`),
         `timing` (of messages and of model steps) and `notes` (sentences that a reader of the

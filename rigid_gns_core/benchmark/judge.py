@@ -23,9 +23,9 @@ import numpy as np
 
 from .race import Lane
 from .scenes import BenchScene, FRAME
-from ..metrics import chamfer, passed_through
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
+from ..scoring import chamfer, passed_through
 
 HORIZONS = (30, 50, 100)
 """Frames after which errors are reported."""

@@ -24,8 +24,8 @@ import numpy as np
 
 from .points import Panel, panels_of, Point, printed_numbers
 from .text import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
-from ..figure import clean_axes, GRID, INK
-from ..metrics.table import LAWS
+from ..scoring.figure import clean_axes, GRID, INK
+from ..scoring.table import LAWS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

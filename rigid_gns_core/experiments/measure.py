@@ -23,12 +23,12 @@ import warnings
 import numpy as np
 
 from ..dataset import Record
-from ..evaluate import evaluate, Velocities
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
-from ..metrics import LAW_KEYS
 from ..rollout.rollout import Simulator
 from ..scenes.state import Trajectory
+from ..scoring import LAW_KEYS
+from ..scoring.evaluate import evaluate, Velocities
 
 HORIZONS = (10, 30, 50, 100)
 # errors that are read beside the floor, and the floor's exponent of a radius

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ..metrics.table import LAWS
+from ..scoring.table import LAWS
 
 SET_NAMES = {'test': 'test set', 'ood': 'unseen scenes'}
 # key: head of its column; a unit in brackets

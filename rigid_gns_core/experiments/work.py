@@ -32,8 +32,8 @@ from .speed import measure_speed
 from .store import commit
 from .tally import Tally
 from ..dataset import Record
-from ..evaluate import Velocities
-from ..metrics import LAW_KEYS
+from ..scoring import LAW_KEYS
+from ..scoring.evaluate import Velocities
 from ..training_set import fingerprint
 
 if TYPE_CHECKING:

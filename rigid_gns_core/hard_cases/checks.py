@@ -24,10 +24,10 @@ import numpy as np
 
 from .case import Case
 from .cases import DRIFT, ENERGY_RISE
-from ..evaluate import Velocities
-from ..metrics import divergence, energy, passed_through, sphere_penetration, surface_penetration
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
+from ..scoring import divergence, energy, passed_through, sphere_penetration, surface_penetration
+from ..scoring.evaluate import Velocities
 
 HORIZONS = (10, 30, 100)
 """Steps at which errors against the teacher are reported."""

@@ -26,9 +26,9 @@ import numpy as np
 from .case import Case
 from .checks import failures, measure_errors, measure_laws, measure_precision
 from .references import References
-from ..evaluate import Velocities
 from ..scenes.scene import Scene
 from ..scenes.state import State, Trajectory
+from ..scoring.evaluate import Velocities
 from ..teacher.bullet import simulate as bullet
 from ..teacher.settings import TeacherSettings
 

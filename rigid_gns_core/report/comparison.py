@@ -26,11 +26,11 @@ import numpy as np
 
 from ..completion import completes, configs
 from ..dataset import read_record, Record
-from ..evaluate import evaluate, Velocities
-from ..metrics import divergence, law_metrics
-from ..metrics.error import check_comparable
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
+from ..scoring import divergence, law_metrics
+from ..scoring.error import check_comparable
+from ..scoring.evaluate import evaluate, Velocities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Comparison:
         predicted: The prediction.
         reference: The reference, as long as the prediction; None where there is none.
         names: What to call the two.
-        evaluation: What `rigid_gns_core.evaluate.evaluate` returns, or its laws alone; of a bag
+        evaluation: What `rigid_gns_core.scoring.evaluate.evaluate` returns, or its laws alone; of a bag
             with its counts and times.
         floors: Other simulations of the reference's start, by name: how far the teacher gets from
             itself.

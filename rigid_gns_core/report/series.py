@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from .comparison import Comparison, position_errors
-from ..metrics import angular_momentum, energy, linear_momentum
-from ..metrics.penetration import sphere_penetration, surface_penetration
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
+from ..scoring import angular_momentum, energy, linear_momentum
+from ..scoring.penetration import sphere_penetration, surface_penetration
 
 # error curves are logarithmic: below this part of a radius they are drawn at it
 LEAST_ERROR = 1e-6

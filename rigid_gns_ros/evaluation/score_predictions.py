@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scoring.evaluate import evaluate
 
 from .alignment import (
     align,
@@ -120,7 +120,7 @@ def score_predictions(
     )
     report['notes'] = _notes(bag, report, dropped, every)
     if figure is not None:
-        from rigid_gns_core.figure import write_figure
+        from rigid_gns_core.scoring.figure import write_figure
 
         title = f'{bag.path.name}: {count} spheres, model {report["recording"]["model"]}'
         write_figure(figure, ours, reference, scene, title=title, names=('predicted', 'tracked'))

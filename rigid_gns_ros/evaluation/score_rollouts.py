@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.evaluate import evaluate
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, Trajectory
+from rigid_gns_core.scoring.evaluate import evaluate
 
 from .alignment import AlignmentError, decode_topic
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
@@ -176,7 +176,7 @@ def score_rollouts(
     report['timing'] = lateness('tracked_lateness', decoded)
     report['notes'] = _notes(parts.cuts, refused, sorted(set(notes)), options) + list(bag.warnings)
     if figure is not None:
-        from rigid_gns_core.figure import write_figure
+        from rigid_gns_core.scoring.figure import write_figure
 
         title = f'{bag.path.name}: {drawn[0].count} spheres, model {model.simulator.name}'
         write_figure(figure, *drawn, scene, title=title, names=('predicted', 'tracked'))

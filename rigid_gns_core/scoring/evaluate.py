@@ -27,13 +27,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .completion import completes, configs, shipped_models
-from .files.strict_json import write_json
-from .metrics import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
-from .metrics.error import check_comparable
-from .metrics.table import format_table
-from .scenes.scene import Scene
-from .scenes.state import Trajectory
+from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
+from .error import check_comparable
+from .table import format_table
+from ..completion import completes, configs, shipped_models
+from ..files.strict_json import write_json
+from ..scenes.scene import Scene
+from ..scenes.state import Trajectory
 
 __all__ = ['evaluate', 'format_table', 'summarise']
 
@@ -212,9 +212,9 @@ def _run_bag(arguments: argparse.Namespace) -> int:
 def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.steps is not None and arguments.steps < 1:
         raise ValueError(f'--steps is {arguments.steps}, expected at least 1')
-    from .dataset import read_records
-    from .rollout.rollout import load_simulator
-    from .running.progress import Progress
+    from ..dataset import read_records
+    from ..rollout.rollout import load_simulator
+    from ..running.progress import Progress
 
     simulator = load_simulator(arguments.model)
     records = read_records(arguments.data)

@@ -24,10 +24,10 @@ import numpy as np
 import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.dataset import Record, write_record
-from rigid_gns_core.evaluate import evaluate, format_table, summarise
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.scoring.evaluate import evaluate, format_table, summarise
 
 SCENE = Scene(
     surfaces=Plane.box(20.0, 20.0), restitution=0.7746, friction=0.5, rolling_friction=0.03
@@ -160,7 +160,7 @@ def test_bad_input_is_one_line(
 @pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (0.0, -5.0, -5.0)])
 def test_figure_is_drawn_for_any_scene(tmp_path: Path, gravity: tuple[float, float, float]):
     pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
-    from rigid_gns_core.figure import write_figure
+    from rigid_gns_core.scoring.figure import write_figure
 
     ramp = Plane((0, 0, 5), (1, 0, 2), None, 8.0, 4.0)
     scene = Scene(surfaces=(Plane(), ramp), gravity=gravity)
@@ -172,7 +172,7 @@ def test_figure_is_drawn_for_any_scene(tmp_path: Path, gravity: tuple[float, flo
 
 def test_figure_stops_where_the_prediction_diverges(tmp_path: Path):
     pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
-    from rigid_gns_core.figure import write_figure
+    from rigid_gns_core.scoring.figure import write_figure
 
     positions = falling().positions.copy()
     positions[5:] = np.nan

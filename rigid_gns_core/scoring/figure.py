@@ -21,10 +21,10 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .metrics import divergence, Energy, energy
-from .metrics.error import check_comparable
-from .scenes.scene import Plane, Scene
-from .scenes.state import Array, Trajectory
+from . import divergence, Energy, energy
+from .error import check_comparable
+from ..scenes.scene import Plane, Scene
+from ..scenes.state import Array, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

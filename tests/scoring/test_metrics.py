@@ -20,7 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.metrics import (
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.scoring import (
     angular_momentum,
     chamfer,
     divergence,
@@ -36,8 +38,6 @@ from rigid_gns_core.metrics import (
     surface_penetration,
     time_to_rest,
 )
-from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.state import Trajectory
 
 G = 9.81
 DT = 0.1
