@@ -24,7 +24,7 @@ from typing import Any, cast
 from ablation_starts import Start
 from ablations import Change, USUAL
 import numpy as np
-from rigid_gns_core.dataset import Record
+from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.prediction.simulators import ContactSimulator
 from rigid_gns_core.rollout.rollout import load_simulator, Rollout

@@ -33,7 +33,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.dataset import read_record, Record
+from rigid_gns_core.data.records import read_record, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress

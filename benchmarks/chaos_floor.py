@@ -29,7 +29,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from rigid_gns_core.dataset import read_records, Record
+from rigid_gns_core.data.records import read_records, Record
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import Trajectory

@@ -22,7 +22,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.dataset import Record
+from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.hard_cases.case import Case
 from rigid_gns_core.hard_cases.checks import measure_laws

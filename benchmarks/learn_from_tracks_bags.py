@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from rigid_gns_core.recipe import DataRecipe
+from rigid_gns_core.data.recipe import DataRecipe
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, rotate_quaternions, Trajectory
 from rigid_gns_core.teacher.bullet import simulate

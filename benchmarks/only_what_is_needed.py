@@ -38,7 +38,7 @@ from ablation_page import format_table, page
 from ablation_starts import make_starts
 from ablations import ROWS
 import numba
-from rigid_gns_core.dataset import Dataset
+from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.running.progress import Progress

@@ -33,7 +33,7 @@ import yaml
 
 from .calibration_windows import deviations, noise_of, Window, windows_of, with_materials
 from .completion import completes, shipped_models
-from .dataset import Dataset, Record
+from .data.records import Dataset, Record
 from .files.config import positive
 from .material_fit import MaterialFit, MATERIALS, most_evaluations
 from .rollout.rollout import load_simulator, Simulator

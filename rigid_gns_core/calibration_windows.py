@@ -23,7 +23,7 @@ import warnings
 
 import numpy as np
 
-from .dataset import Record
+from .data.records import Record
 from .rollout.rollout import Simulator
 from .scenes.scene import Scene
 from .scenes.state import Array, rotation_between, State

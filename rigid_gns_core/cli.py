@@ -42,7 +42,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
     'generate': (
-        'rigid_gns_core.generate',
+        'rigid_gns_core.data.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
     ),
     'train': ('rigid_gns_core.train_command', 'train a simulator from a YAML recipe'),

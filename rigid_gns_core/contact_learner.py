@@ -23,7 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .dataset import Record
+from .data.records import Record
 from .distributed import Mean
 from .files.config import check_least, check_positive
 from .gns.config import ContactConfig

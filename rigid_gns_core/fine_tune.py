@@ -27,7 +27,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .dataset import Record
+from .data.records import Record
 from .files.checkpoint import CheckpointError, find_model, Tensors
 from .files.config import to_mapping
 from .rollout.rollout import load_simulator

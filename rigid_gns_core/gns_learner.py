@@ -24,7 +24,8 @@ import torch
 from torch import Tensor
 
 from .closed_loop import connector, roll_out, stack_windows
-from .dataset import Record
+from .data.common_scene import common_scene
+from .data.records import Record
 from .distributed import Mean
 from .files.config import check_least
 from .gns.config import GNSConfig
@@ -32,7 +33,6 @@ from .gns.network import GNS
 from .learner import Learner, Schedule
 from .resident import Resident
 from .scenes.similarity import ModelUnits
-from .training_set import common_scene
 from .windows import Batch, Draw, draw_windows, Noise, one_step_batch, Source
 
 # windows whose statistics normalise features, and a step number no training step has

@@ -26,7 +26,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import torch
 from torch import nn, Tensor
 
-from .dataset import Record
+from .data.records import Record
 from .distributed import Mean, Processes
 from .files.checkpoint import CheckpointError
 from .files.config import check_least, check_positive

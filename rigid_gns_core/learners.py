@@ -23,7 +23,7 @@ from typing import Any
 import torch
 
 from .contact_learner import ContactLearner, ContactTrainConfig
-from .dataset import Record
+from .data.records import Record
 from .distributed import find_device
 from .files.config import ConfigError, find_config, from_mapping, load_yaml
 from .gns_learner import GNSLearner, GNSTrainConfig

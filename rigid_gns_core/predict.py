@@ -30,7 +30,7 @@ import warnings
 import numpy as np
 
 from .completion import completes, configs, shipped_models
-from .dataset import Record, write_record
+from .data.records import Record, write_record
 from .files.config import positive
 from .rollout.rollout import load_simulator
 from .running.progress import Progress

@@ -31,7 +31,8 @@ import numpy as np
 import torch
 import yaml
 
-from .dataset import Dataset, Record
+from .data.common_scene import fingerprint
+from .data.records import Dataset, Record
 from .distributed import started_by_torchrun
 from .files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from .files.config import ConfigError, load_yaml, to_mapping
@@ -43,7 +44,6 @@ from .rollout.rollout import Simulator
 from .running.interrupt import stop_on_signal
 from .running.progress import Progress
 from .scoring import chamfer
-from .training_set import fingerprint
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
 SAVE_EVERY = 60.0

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..data.recipe import load_recipe
 from ..hard_cases.case import Case
-from ..recipe import load_recipe
 from ..scenes.plane import Plane
 from ..scenes.sampling import load_scene, sample_start
 from ..scenes.scene import Scene

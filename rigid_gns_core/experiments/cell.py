@@ -25,8 +25,8 @@ from typing import Any
 
 from .budget import Budget
 from .study import Experiment, Kind, Variant
-from ..generate import resolve
-from ..recipe import load_recipe, recipe_hash
+from ..data.generate import resolve
+from ..data.recipe import load_recipe, recipe_hash
 from ..scenes.sampling import load_scene
 
 VERSION = 1

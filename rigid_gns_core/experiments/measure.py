@@ -22,7 +22,7 @@ import warnings
 
 import numpy as np
 
-from ..dataset import Record
+from ..data.records import Record
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
 from ..rollout.rollout import Simulator

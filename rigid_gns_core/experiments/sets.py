@@ -23,7 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from .budget import Budget, Data, short
-from ..dataset import (
+from ..data.generate import generate, generate_scene, resolve
+from ..data.recipe import DataRecipe, load_recipe, recipe_hash
+from ..data.records import (
     Dataset,
     DatasetError,
     read_recipe,
@@ -32,8 +34,6 @@ from ..dataset import (
     Record,
     record_path,
 )
-from ..generate import generate, generate_scene, resolve
-from ..recipe import DataRecipe, load_recipe, recipe_hash
 from ..running.workers import Workers
 from ..scenes.sampling import load_scene, sample_start
 from ..scenes.scene import Scene

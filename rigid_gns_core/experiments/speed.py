@@ -25,12 +25,12 @@ import numpy as np
 
 from .cell import Cell
 from .measure import describe
-from ..dataset import Record
+from ..data.common_scene import common_scene
+from ..data.records import Record
 from ..files.config import to_mapping
 from ..gns.graph import build_graph
 from ..prediction.simulators import GNSSimulator
 from ..running.machine import cpu_name, load_average
-from ..training_set import common_scene
 
 REPEATS = 3
 

@@ -31,10 +31,10 @@ from .sets import references, training_set
 from .speed import measure_speed
 from .store import commit
 from .tally import Tally
-from ..dataset import Record
+from ..data.common_scene import fingerprint
+from ..data.records import Record
 from ..scoring import LAW_KEYS
 from ..scoring.evaluate import Velocities
-from ..training_set import fingerprint
 
 if TYPE_CHECKING:
     import torch

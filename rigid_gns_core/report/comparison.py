@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from ..completion import completes, configs
-from ..dataset import read_record, Record
+from ..data.records import read_record, Record
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
 from ..scoring import divergence, law_metrics

@@ -29,7 +29,9 @@ from typing import Any
 
 import numpy as np
 from rigid_gns_core.completion import completes, configs, shipped_models
-from rigid_gns_core.dataset import (
+from rigid_gns_core.data.common_scene import fingerprint
+from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
+from rigid_gns_core.data.records import (
     DatasetError,
     RECIPE_NAME,
     Record,
@@ -38,9 +40,7 @@ from rigid_gns_core.dataset import (
     write_record,
 )
 from rigid_gns_core.files.config import from_mapping
-from rigid_gns_core.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.running.progress import Progress
-from rigid_gns_core.training_set import fingerprint
 
 from .tracks import ImportOptions, read_tracks
 

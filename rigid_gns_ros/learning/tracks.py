@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.dataset import Record
+from rigid_gns_core.data.records import Record
 from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.files.config import from_mapping
 from rigid_gns_core.scenes.sampling import load_scene

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseArray
 import numpy as np
-from rigid_gns_core.dataset import demo_record, read_record, Record
+from rigid_gns_core.data.records import demo_record, read_record, Record
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.scenes.state import Array
 

@@ -21,7 +21,7 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
-from rigid_gns_core.dataset import Record
+from rigid_gns_core.data.records import Record
 from rigid_gns_core.distributed import Processes, started_by_torchrun
 from rigid_gns_core.gns.config import ContactConfig, GNSConfig
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig

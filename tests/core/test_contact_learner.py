@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene
 from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
-from rigid_gns_core.dataset import Record
+from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.files.checkpoint import save_model, tensors_of
 from rigid_gns_core.files.config import ConfigError, to_mapping

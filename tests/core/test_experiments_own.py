@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.dataset import DatasetError, read_record
+from rigid_gns_core.data.records import DatasetError, read_record
 from rigid_gns_core.experiments.budget import Data, load_budget
 from rigid_gns_core.experiments.cell import Cell
 from rigid_gns_core.experiments.sets import make_sets, ood_path, references

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rigid_gns_core import cli, Plane, Scene
-from rigid_gns_core.dataset import Record, write_record
+from rigid_gns_core.data.records import Record, write_record
 from rigid_gns_core.report import Comparison, write_report
 from rigid_gns_core.report.comparison import cut
 from rigid_gns_core.report.packing import pack_positions, pack_quaternions, unpack

@@ -21,7 +21,8 @@ import signal
 
 import numpy as np
 import pytest
-from rigid_gns_core.dataset import Record
+from rigid_gns_core.data.common_scene import common_scene
+from rigid_gns_core.data.records import Record
 from rigid_gns_core.files.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
@@ -30,7 +31,6 @@ from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.train import load_recipe, Trainer
-from rigid_gns_core.training_set import common_scene
 from rigid_gns_core.windows import Noise, Source
 import torch
 

@@ -21,7 +21,7 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core import cli, load_simulator, Plane, Scene, State, Trajectory
-from rigid_gns_core.dataset import read_record
+from rigid_gns_core.data.records import read_record
 from rigid_gns_core.predict import position_spread
 from rigid_gns_core.running.threads import in_threads
 

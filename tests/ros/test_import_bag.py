@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.dataset import Dataset
+from rigid_gns_core.data.common_scene import common_scene
+from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between
-from rigid_gns_core.training_set import common_scene
 from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluation.alignment import interpolate
 from rigid_gns_ros.learning.import_bag import import_bags

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.dataset import Dataset
+from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotation_between, Trajectory

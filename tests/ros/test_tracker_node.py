@@ -26,7 +26,7 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import qos_profile_sensor_data, QoSReliabilityPolicy
-from rigid_gns_core.dataset import demo_record, Record, write_record
+from rigid_gns_core.data.records import demo_record, Record, write_record
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_ros.messages import decode_pose_array, PoseArrayFrame
@@ -95,7 +95,7 @@ def test_frames_come_with_stamps_of_equal_distance(bench: Any, record: Path) -> 
 
 
 def demo_trajectory(path: Path) -> Trajectory:
-    from rigid_gns_core.dataset import read_record
+    from rigid_gns_core.data.records import read_record
 
     return read_record(path).trajectory
 

@@ -27,7 +27,7 @@ import sys
 from joblib import delayed
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.dataset import record_path
+from rigid_gns_core.data.records import record_path
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.running.workers import Workers
 
@@ -113,7 +113,7 @@ def test_in_turns_calls_are_taken_as_they_are_needed(monkeypatch: pytest.MonkeyP
 
 def test_no_cluster_is_needed_to_import_this() -> None:
     code = (
-        'import sys, rigid_gns_core.generate, rigid_gns_core.running.workers\n'
+        'import sys, rigid_gns_core.data.generate, rigid_gns_core.running.workers\n'
         "print({'joblib', 'distributed', 'dask', 'ray'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)

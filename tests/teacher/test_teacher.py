@@ -21,7 +21,7 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core.dataset import demo_record
+from rigid_gns_core.data.records import demo_record
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State
 from rigid_gns_core.teacher.bullet import load_pybullet, simulate, Teacher

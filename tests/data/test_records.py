@@ -22,8 +22,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from rigid_gns_core import dataset
-from rigid_gns_core.dataset import (
+from rigid_gns_core.data import dataset
+from rigid_gns_core.data.recipe import DataRecipe, recipe_difference, recipe_hash
+from rigid_gns_core.data.records import (
     Dataset,
     DatasetError,
     read_record,
@@ -33,7 +34,6 @@ from rigid_gns_core.dataset import (
     write_recipe,
     write_record,
 )
-from rigid_gns_core.recipe import DataRecipe, recipe_difference, recipe_hash
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 

@@ -28,9 +28,9 @@ import time
 import numpy as np
 import pytest
 from rigid_gns_core.cli import main
-from rigid_gns_core.dataset import Dataset, DatasetError, read_record, record_path
-from rigid_gns_core.generate import generate, GenerateError
-from rigid_gns_core.recipe import DataRecipe
+from rigid_gns_core.data.generate import generate, GenerateError
+from rigid_gns_core.data.recipe import DataRecipe
+from rigid_gns_core.data.records import Dataset, DatasetError, read_record, record_path
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 
@@ -121,8 +121,8 @@ def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
     script = tmp_path / 'kill.py'
     script.write_text(
         'import multiprocessing, os, signal, sys, threading, time\n'
-        'from rigid_gns_core.generate import generate\n'
-        'from rigid_gns_core.recipe import load_recipe\n'
+        'from rigid_gns_core.data.generate import generate\n'
+        'from rigid_gns_core.data.recipe import load_recipe\n'
         'def kill():\n'
         '    while not multiprocessing.active_children():\n'
         '        time.sleep(0.05)\n'

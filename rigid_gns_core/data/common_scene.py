@@ -22,8 +22,8 @@ import json
 
 import numpy as np
 
-from .dataset import Record
-from .scenes.similarity import ModelUnits
+from .records import Record
+from ..scenes.similarity import ModelUnits
 
 MATERIALS = ('restitution', 'friction', 'rolling_friction')
 

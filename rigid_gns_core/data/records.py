@@ -30,11 +30,11 @@ import h5py
 import numpy as np
 import yaml
 
-from .files.atomic_file import whole_file
-from .files.config import ConfigError, from_mapping, load_yaml
 from .recipe import DataRecipe, recipe_hash
-from .scenes.scene import Scene
-from .scenes.state import Array, Trajectory
+from ..files.atomic_file import whole_file
+from ..files.config import ConfigError, from_mapping, load_yaml
+from ..scenes.scene import Scene
+from ..scenes.state import Array, Trajectory
 
 FORMAT_VERSION = 1
 RECIPE_NAME = 'recipe.yaml'

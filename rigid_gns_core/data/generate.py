@@ -26,8 +26,8 @@ import sys
 import time
 from typing import Any
 
-from .completion import completes, configs
-from .dataset import (
+from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
+from .records import (
     check_membership,
     Contents,
     DatasetError,
@@ -40,11 +40,11 @@ from .dataset import (
     write_recipe,
     write_record,
 )
-from .files.config import from_mapping
-from .recipe import DataRecipe, load_recipe, recipe_difference, recipe_hash
-from .running.progress import Progress
-from .running.workers import add_worker_arguments, chosen_workers, WorkerDied, Workers
-from .scenes.sampling import load_scene, sample_start
+from ..completion import completes, configs
+from ..files.config import from_mapping
+from ..running.progress import Progress
+from ..running.workers import add_worker_arguments, chosen_workers, WorkerDied, Workers
+from ..scenes.sampling import load_scene, sample_start
 
 EXAMPLE = """examples:
   rigid-gns generate --config smoke --out data/smoke
@@ -121,8 +121,8 @@ def generate_scene(
         ConfigError: No such scene, or a value of it is wrong.
         SamplingError: The spheres do not fit.
     """
-    from .teacher.bullet import simulate
-    from .teacher.settings import TeacherSettings
+    from ..teacher.bullet import simulate
+    from ..teacher.settings import TeacherSettings
 
     scene, recipe = load_scene(name)
     settings = TeacherSettings() if substeps is None else TeacherSettings(substeps=substeps)
@@ -231,7 +231,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def resolve(recipe: DataRecipe) -> DataRecipe:
     """Recipe with every setting of the teacher, so that a changed default counts as a change."""
-    from .teacher.settings import TeacherSettings
+    from ..teacher.settings import TeacherSettings
 
     settings = from_mapping(TeacherSettings, recipe.teacher, 'teacher')
     return replace(recipe, teacher=asdict(settings))
@@ -274,8 +274,8 @@ def _is_whole(path: Path, recipe: DataRecipe) -> bool:
 
 def _make(recipe: DataRecipe, folder: Path, index: int) -> tuple[int, int, float]:
     """Make a trajectory; returns its index, the number of spheres and the time it took [s]."""
-    from .teacher.bullet import simulate
-    from .teacher.settings import TeacherSettings
+    from ..teacher.bullet import simulate
+    from ..teacher.settings import TeacherSettings
 
     begin = time.monotonic()
     try:

@@ -24,10 +24,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .files.config import ConfigError, find_config, from_mapping, load_yaml
-from .scenes.sampling import check_range, Layout, sample_start, StartRecipe
-from .scenes.scene import Plane, Scene
-from .scenes.state import State
+from ..files.config import ConfigError, find_config, from_mapping, load_yaml
+from ..scenes.sampling import check_range, Layout, sample_start, StartRecipe
+from ..scenes.scene import Plane, Scene
+from ..scenes.state import State
 
 Range = float | tuple[float, float]  # a number, or a range to draw from
 # keys that came after the first data sets; their hashes must not change

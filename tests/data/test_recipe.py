@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_gns_core.data.recipe import DataRecipe, load_recipe, recipe_hash
 from rigid_gns_core.files.config import config_folder, ConfigError
-from rigid_gns_core.recipe import DataRecipe, load_recipe, recipe_hash
 from rigid_gns_core.scenes.scene import Plane
 
 from ..scenes.apart import assert_apart, gaps
