@@ -22,12 +22,12 @@ from pathlib import Path
 
 import numpy as np
 from rigid_gns_core.data.recipe import DataRecipe
+from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, rotate_quaternions, Trajectory
 from rigid_gns_core.teacher.bullet import simulate
 from rigid_gns_core.teacher.settings import TeacherSettings
 from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.messages import encode_string, PoseArrayCodec
 
 STAMP = 1_700_000_000_000_000_000
 TOPIC = '/lab/tracked_poses'

@@ -24,7 +24,7 @@ from typing import Any
 from mcap.records import Channel, Message
 from node_benchmark_peers import stamp_of
 import numpy as np
-from rigid_gns_ros.messages import decode_float64
+from rigid_gns_core.messages.poses import decode_float64
 from rigid_gns_ros.recording.mcap_records import read_records
 import yaml
 

@@ -38,7 +38,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from rigid_gns_ros.messages import PoseArrayCodec
+from rigid_gns_core.messages.poses import PoseArrayCodec
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 TOPICS = {'predicted_poses': PoseArray, 'predicted_trajectory': MultiDOFJointTrajectory}

@@ -41,8 +41,8 @@ import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.running.machine import cpu_name
-from rigid_gns_ros.messages import PoseArrayCodec
 
 TOPIC = 'benchmark_poses'
 BOUND_MS = 0.2  # of 300 poses through bytes

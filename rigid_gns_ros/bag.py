@@ -29,7 +29,8 @@ import sys
 import threading
 import time
 
-from .encoding.definitions import type_hash
+from rigid_gns_core.messages.definitions import type_hash
+
 from .recording.bag_metadata import Qos, qos_profiles, RecordedTopic
 from .recording.bag_splits import SplitBag
 

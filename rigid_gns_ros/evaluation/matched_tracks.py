@@ -22,13 +22,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from rigid_gns_core.messages.poses import PoseArrayFrame
 
 from .alignment import Decoded
 from .identified import assigned
 from .recorded_model import tracking_window
 from .short_gaps import fill_short_gaps
 from ..learning.tracked_segments import Cut, cut
-from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecaster
 from ..tracking.window import RejectedFrame, TrackingWindow
 

@@ -24,6 +24,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from rigid_gns_core.messages.poses import (
+    decode_pose_array,
+    MessageError,
+    PoseArrayCodec,
+    PoseArrayFrame,
+)
 from rigid_gns_core.scenes.scene import Scene
 
 from .alignment import decode_topic, Decoded
@@ -32,7 +38,6 @@ from .prediction_runs import from_one_start
 from .recorded_model import find_recorded_model, forecaster, tracking_window
 from .replay import replayed
 from ..bag_reader import Bag, BagError, Topic
-from ..messages import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
 from ..prediction.forecast import Forecast, Forecaster
 from ..recording.bag_topics import Topics
 from ..tracking.window import RejectedFrame, seconds

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
+from rigid_gns_core.messages.poses import decode_float64
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scoring.evaluate import evaluate
 
@@ -39,7 +40,6 @@ from .prediction_runs import longest_run
 from .recorded_futures import recorded_futures
 from .score_timing import lateness, quantiles
 from ..bag_reader import Bag
-from ..messages import decode_float64
 from ..pose_interpolation import Stamps
 from ..recording.bag_topics import Topics
 

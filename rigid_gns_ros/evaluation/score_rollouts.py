@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, Trajectory
 from rigid_gns_core.scoring.evaluate import evaluate
@@ -35,7 +36,6 @@ from .score_timing import lateness
 from ..bag_reader import Bag, Topic
 from ..learning.resample import resample
 from ..learning.tracked_segments import cut, MATCH_REMEDY, Segment
-from ..messages import PoseArrayFrame
 from ..prediction.forecast import Forecast, Forecaster
 
 # frames further apart than so many of the tracker's intervals are not joined

@@ -22,11 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracked_motion import estimate_noise, PoseNoise
 
 from ..bag_reader import Bag, BagError, Topic
-from ..messages import PoseArrayFrame
 from ..recording.bag_topics import listing
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'

@@ -20,9 +20,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rigid_gns_core.messages.markers import (
+    Color,
+    encode_markers,
+    Marker,
+    path_markers,
+    sphere_markers,
+)
 from rigid_gns_core.scenes.state import Array
-
-from ..encoding.markers import Color, encode_markers, Marker, path_markers, sphere_markers
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher

@@ -23,7 +23,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..encoding.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
+from rigid_gns_core.messages.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
+
 from ..prediction.schedule import OVERLOAD_COUNT
 from ..tracking.window import seconds, TrackingWindow
 

@@ -28,10 +28,9 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rigid_gns_core.messages.trajectories import encode_trajectory
 from rigid_gns_core.rollout.outcome import Recording
 from rigid_gns_core.scenes.state import Array
-
-from ..encoding.trajectory_message import encode_trajectory
 
 if TYPE_CHECKING:
     from rigid_gns_core.rollout.rollout import Rollout

@@ -21,14 +21,20 @@ from collections.abc import Mapping, Sequence
 import time
 from typing import Any, TYPE_CHECKING
 
+from rigid_gns_core.messages.diagnostics import encode_diagnostics
+from rigid_gns_core.messages.poses import (
+    decode_pose_array,
+    encode_float64,
+    encode_string,
+    PoseArrayCodec,
+)
+
 from .alarm import Alarm
 from .channels import Channels
 from .drawing import Drawing
 from .futures import Futures
 from .health import Health, Setting
 from .set_clock import SetClock
-from ..encoding.diagnostics import encode_diagnostics
-from ..messages import decode_pose_array, encode_float64, encode_string, PoseArrayCodec
 from ..prediction.forecast import Forecaster, Prediction
 from ..prediction.predictor import PredictionError, Predictor, Resync
 from ..prediction.starts import Reason, Start

@@ -21,13 +21,13 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
+from rigid_gns_core.messages.poses import encode_string
 from std_srvs.srv import SetBool, Trigger
 
 from .closing_node import ClosingNode, log_end
 from .set_clock import on_jump
 from .simulation import Simulation
 from .threads import bound_threads, switch_often
-from ..messages import encode_string
 from ..parameters import declare, SIMULATOR
 from ..prediction.forecast import Forecaster
 from ..tracking.window import seconds

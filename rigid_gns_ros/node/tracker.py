@@ -21,6 +21,7 @@ from typing import Any, Protocol
 from geometry_msgs.msg import PoseArray
 import numpy as np
 from rigid_gns_core.data.records import demo_record, read_record, Record
+from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.scenes.state import Array
 
@@ -28,7 +29,6 @@ from .alarm import Alarm
 from .channels import overridable, sensor_data
 from .closing_node import ClosingNode, log_end
 from .set_clock import on_jump
-from ..messages import PoseArrayCodec
 from ..parameters import declare, TRACKER
 from ..process import Finished
 from ..tracking.window import seconds

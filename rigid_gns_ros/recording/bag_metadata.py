@@ -20,9 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from rigid_gns_core.messages.definitions import type_hash
 import yaml
-
-from ..encoding.definitions import type_hash
 
 Qos = Literal['reliable', 'sensor_data', 'latched']
 # kind: (depth, reliability, durability)

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
 
 from .admission import ADMIT_FRAMES, first_seen
@@ -35,7 +36,6 @@ from .motions import FLIGHT, Motion
 from .surroundings import Surroundings
 from .tracker_noise import Heard, KEPT, third_differences
 from .velocity import estimate_motion
-from ..messages import PoseArrayFrame
 
 # frames before noise can be told
 _NOISE_FRAMES = 4

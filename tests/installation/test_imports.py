@@ -98,7 +98,10 @@ print(trajectory.positions.shape, set(Absent.names) & set(sys.modules))
 
 
 def test_bags_are_read_without_ros() -> None:
-    run('import rigid_gns_ros.messages, rigid_gns_ros.bag, rigid_gns_ros.evaluate_bag', ABSENT)
+    run(
+        'import rigid_gns_core.messages.poses, rigid_gns_ros.bag, rigid_gns_ros.evaluate_bag',
+        ABSENT,
+    )
 
 
 def modules() -> list[Path]:

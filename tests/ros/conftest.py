@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_ros.messages import decode_pose_array, PoseArrayCodec, PoseArrayFrame
+from rigid_gns_core.messages.poses import decode_pose_array, PoseArrayCodec, PoseArrayFrame
 
 PATIENCE = 120.0  # [s], for a machine that is busy with other things; nothing waits that long
 ROOT = Path(__file__).resolve().parents[2]

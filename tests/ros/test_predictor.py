@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from rigid_gns_ros.messages import PoseArrayFrame
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.prediction.predictor import Predictor, Resync
 from rigid_gns_ros.tracking.window import TrackingWindow

@@ -27,9 +27,9 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import qos_profile_sensor_data, QoSReliabilityPolicy
 from rigid_gns_core.data.records import demo_record, Record, write_record
+from rigid_gns_core.messages.poses import decode_pose_array, PoseArrayFrame
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_ros.messages import decode_pose_array, PoseArrayFrame
 from rigid_gns_ros.node.tracker import TrackerNode
 from rigid_gns_ros.process import Finished
 

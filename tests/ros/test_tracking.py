@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.tracking.tracked_set import TrackedSet
 from rigid_gns_ros.tracking.window import RejectedFrame, RESTART_FRAMES, TrackingWindow
 

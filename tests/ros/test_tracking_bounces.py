@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.tracking.window import TrackingWindow
 
 DT = 100_000_000  # [ns]

@@ -22,9 +22,9 @@ from numba.core.dispatcher import Dispatcher
 import numpy as np
 import pytest
 from rigid_gns_core.kernels import neighbours
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_ros.messages import PoseArrayFrame
 from rigid_gns_ros.tracking import association, coasting, fit, frames
 from rigid_gns_ros.tracking.surroundings import Surroundings
 from rigid_gns_ros.tracking.velocity import estimate_motion

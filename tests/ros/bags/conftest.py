@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.messages import encode_float64, encode_string, PoseArrayCodec
 
 START = 1_700_000_000_000_000_001  # log time of the first message [ns]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'

@@ -24,7 +24,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from rigid_gns_ros.messages import PoseArrayCodec
+from rigid_gns_core.messages.poses import PoseArrayCodec
 from std_srvs.srv import SetBool, Trigger
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py

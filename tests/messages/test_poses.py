@@ -19,7 +19,7 @@ import struct
 
 import numpy as np
 import pytest
-from rigid_gns_ros.messages import (
+from rigid_gns_core.messages.poses import (
     decode_float64,
     decode_pose_array,
     decode_string,

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_ros.encoding.cdr import MessageError
-from rigid_gns_ros.encoding.diagnostics import (
+from rigid_gns_core.messages.cdr import MessageError
+from rigid_gns_core.messages.diagnostics import (
     decode_diagnostics,
     encode_diagnostics,
     ERROR,
@@ -30,8 +30,8 @@ from rigid_gns_ros.encoding.diagnostics import (
     Status,
     WARN,
 )
-from rigid_gns_ros.encoding.markers import encode_markers, path_markers, sphere_markers
-from rigid_gns_ros.encoding.trajectory_message import decode_trajectory, encode_trajectory
+from rigid_gns_core.messages.markers import encode_markers, path_markers, sphere_markers
+from rigid_gns_core.messages.trajectories import decode_trajectory, encode_trajectory
 
 # every residue of the length modulo 8, since padding depends on it; empty; UTF-8
 FRAMES = ['', 'w', 'wo', 'wor', 'worl', 'world', 'world_', 'worlds_', 'Kugeln_äöü']

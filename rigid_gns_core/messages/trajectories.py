@@ -25,9 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rigid_gns_core.scenes.state import Array
 
 from .cdr import MessageError, Reader, split_stamp, Writer
+from ..scenes.state import Array
 
 
 @dataclass(frozen=True)

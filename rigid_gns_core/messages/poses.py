@@ -26,9 +26,9 @@ import struct
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rigid_gns_core.scenes.state import Array
 
-from .encoding.cdr import encode_text, LITTLE_ENDIAN, MessageError, Reader, split_stamp
+from .cdr import encode_text, LITTLE_ENDIAN, MessageError, Reader, split_stamp
+from ..scenes.state import Array
 
 __all__ = [
     'MessageError',

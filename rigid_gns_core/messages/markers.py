@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rigid_gns_core.scenes.state import Array
 
 from .cdr import Writer
+from ..scenes.state import Array
 
 LINE_STRIP, SPHERE_LIST = 4, 7  # visualization_msgs/Marker
 Color = tuple[float, float, float, float]  # red, green, blue, opacity; 0 to 1
