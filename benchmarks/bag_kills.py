@@ -40,12 +40,12 @@ import tempfile
 import time
 
 import numpy as np
+from rigid_gns_core.bags.reader import read_bag
+from rigid_gns_core.bags.writer import BagWriter, FLUSH_PERIOD
 from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_ros.bag import BagWriter, FLUSH_PERIOD
-from rigid_gns_ros.bag_reader import read_bag
 
 SPHERES, RATE = 154, 100.0  # [Hz]
 LONGEST = 6.0  # a kill comes at most so long after the recording began [s]

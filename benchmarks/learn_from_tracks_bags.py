@@ -21,13 +21,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.data.recipe import DataRecipe
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, rotate_quaternions, Trajectory
 from rigid_gns_core.teacher.bullet import simulate
 from rigid_gns_core.teacher.settings import TeacherSettings
-from rigid_gns_ros.bag import BagWriter
 
 STAMP = 1_700_000_000_000_000_000
 TOPIC = '/lab/tracked_poses'

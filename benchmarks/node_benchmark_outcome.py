@@ -24,8 +24,8 @@ from typing import Any
 from mcap.records import Channel, Message
 from node_benchmark_peers import stamp_of
 import numpy as np
+from rigid_gns_core.bags.mcap_records import read_records
 from rigid_gns_core.messages.poses import decode_float64
-from rigid_gns_ros.recording.mcap_records import read_records
 import yaml
 
 COUNTS = re.compile(r'stopped: (\d+) published, (\d+) late, (\d+) skipped, (\d+) rejected')

@@ -23,23 +23,23 @@ import sys
 import textwrap
 from typing import Any
 
-from rigid_gns_core.files.strict_json import write_json
-from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scoring.evaluate import format_table
-
-from .bag_reader import Bag, BagError, read_bag
-from .evaluation.horizon_errors import format_horizons
-from .evaluation.score_predictions import score_predictions
-from .learning.tracked_segments import find_tracked
-from .parameters import SIMULATOR
-from .recording.bag_topics import (
+from rigid_gns_core.bags.reader import Bag, BagError, read_bag
+from rigid_gns_core.bags.topics import (
     find_topics,
     holds_predictions,
     listing,
     recorded_scenes,
     said_names,
 )
+from rigid_gns_core.files.strict_json import write_json
+from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scoring.evaluate import format_table
+
+from .evaluation.horizon_errors import format_horizons
+from .evaluation.score_predictions import score_predictions
+from .learning.tracked_segments import find_tracked
+from .parameters import SIMULATOR
 
 _BY_HORIZON = {
     'horizon_errors': 'Position error since a start [m]',

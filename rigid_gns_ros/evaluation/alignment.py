@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.bags.reader import Topic
 from rigid_gns_core.messages.poses import decode_pose_array, MessageError, PoseArrayFrame
 from rigid_gns_core.scenes.state import Trajectory
 
 from .prediction_runs import AlignmentError, longest_run, Run
-from ..bag_reader import Topic
 from ..pose_interpolation import interpolate, Stamps
 from ..tracking.window import RESTART_FRAMES
 

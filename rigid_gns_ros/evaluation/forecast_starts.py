@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import json
 
 import numpy as np
+from rigid_gns_core.bags.reader import BagError, Topic
 from rigid_gns_core.messages.poses import decode_string, MessageError, PoseArrayFrame
 
 from .prediction_runs import from_one_start, median_period
-from ..bag_reader import BagError, Topic
 from ..pose_interpolation import Stamps
 
 

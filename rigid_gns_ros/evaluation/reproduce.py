@@ -24,6 +24,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from rigid_gns_core.bags.reader import Bag, BagError, Topic
+from rigid_gns_core.bags.topics import Topics
 from rigid_gns_core.messages.poses import (
     decode_pose_array,
     MessageError,
@@ -37,9 +39,7 @@ from .forecast_starts import recorded_starts, Start, starts_of
 from .prediction_runs import from_one_start
 from .recorded_model import find_recorded_model, forecaster, tracking_window
 from .replay import replayed
-from ..bag_reader import Bag, BagError, Topic
 from ..prediction.forecast import Forecast, Forecaster
-from ..recording.bag_topics import Topics
 from ..tracking.window import RejectedFrame, seconds
 
 

@@ -21,6 +21,8 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
+from rigid_gns_core.bags.reader import Bag
+from rigid_gns_core.bags.topics import Topics
 from rigid_gns_core.messages.poses import decode_float64
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scoring.evaluate import evaluate
@@ -39,9 +41,7 @@ from .horizon_errors import add_forecast, HorizonErrors
 from .prediction_runs import longest_run
 from .recorded_futures import recorded_futures
 from .score_timing import lateness, quantiles
-from ..bag_reader import Bag
 from ..pose_interpolation import Stamps
-from ..recording.bag_topics import Topics
 
 if TYPE_CHECKING:
     from .identified import IdentifiedFrames

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rigid_gns_core.bags.reader import Bag, Topic
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, Trajectory
@@ -33,7 +34,6 @@ from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
 from .matched_tracks import cut_matched
 from .recorded_model import forecaster, tracking_window
 from .score_timing import lateness
-from ..bag_reader import Bag, Topic
 from ..learning.resample import resample
 from ..learning.tracked_segments import cut, MATCH_REMEDY, Segment
 from ..prediction.forecast import Forecast, Forecaster

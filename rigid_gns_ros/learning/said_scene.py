@@ -20,10 +20,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rigid_gns_core.bags.reader import Bag, BagError
+from rigid_gns_core.bags.topics import listing, recorded_scenes, said_names, scene_topics
 from rigid_gns_core.scenes.scene import Scene
-
-from ..bag_reader import Bag, BagError
-from ..recording.bag_topics import listing, recorded_scenes, said_names, scene_topics
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.bags.reader import Bag, BagError, Topic
+from rigid_gns_core.bags.topics import listing
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracked_motion import estimate_noise, PoseNoise
-
-from ..bag_reader import Bag, BagError, Topic
-from ..recording.bag_topics import listing
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 # stamps that fall by more are of a tracker begun anew, and not merely late [ns]

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.files.config import from_mapping
@@ -35,7 +36,6 @@ from .kept_places import places_kept, PlacesKept
 from .resample import resample
 from .said_scene import SaidScenes
 from .tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
-from ..bag_reader import read_bag
 from ..evaluation.alignment import decode_topic, Decoded
 from ..prediction.forecast import scene_of
 from ..tracking.refusal import seconds

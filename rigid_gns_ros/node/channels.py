@@ -28,12 +28,11 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rigid_gns_core.bags.metadata import Qos
+from rigid_gns_core.bags.writer import BagWriter
 from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
-
-from ..bag import BagWriter
-from ..recording.bag_metadata import Qos
 
 # what a user may change of each topic, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (

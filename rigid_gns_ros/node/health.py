@@ -29,7 +29,8 @@ from ..prediction.schedule import OVERLOAD_COUNT
 from ..tracking.window import seconds, TrackingWindow
 
 if TYPE_CHECKING:
-    from ..bag import BagWriter
+    from rigid_gns_core.bags.writer import BagWriter
+
     from ..prediction.predictor import Predictor
 
 LATE_SHARE = 0.5  # of a period, of the 99th percentile of lateness

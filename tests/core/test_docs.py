@@ -24,8 +24,8 @@ import shutil
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Scene
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
-from rigid_gns_ros.bag import BagWriter
 from snippets import check_options, check_printed, mentioned, PAGES, quick, Reader, ROOT, snippets
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'

@@ -22,13 +22,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.cli import main
 from rigid_gns_core.data.common_scene import common_scene
 from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between
-from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluation.alignment import interpolate
 from rigid_gns_ros.learning.import_bag import import_bags
 from rigid_gns_ros.learning.tracks import ImportOptions

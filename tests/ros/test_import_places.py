@@ -22,13 +22,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.cli import main
 from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotation_between, Trajectory
-from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.learning.import_bag import format_report, import_bags
 from rigid_gns_ros.learning.tracks import ImportOptions
 

@@ -29,7 +29,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from rigid_gns_ros.bag_reader import read_bag
+from rigid_gns_core.bags.reader import read_bag
 
 SIMULATOR = 'rigid_gns_ros.simulator_node'
 STAMP = 12_000_000_000

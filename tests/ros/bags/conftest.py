@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
-from rigid_gns_ros.bag import BagWriter
 
 START = 1_700_000_000_000_000_001  # log time of the first message [ns]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'

@@ -21,8 +21,8 @@ import subprocess
 import sys
 import time
 
+from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.messages.poses import encode_float64
-from rigid_gns_ros.bag_reader import read_bag
 
 ROOT = Path(__file__).parents[3]
 

@@ -22,11 +22,11 @@ import sys
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
-from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
 
 ROOT = Path(__file__).parents[3]

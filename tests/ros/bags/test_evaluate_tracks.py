@@ -24,12 +24,12 @@ import sys
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_ros.bag import BagWriter
 from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
 
 START = 1_700_000_000_123_456_789

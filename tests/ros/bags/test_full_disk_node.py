@@ -27,7 +27,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from rigid_gns_ros.bag_reader import read_bag
+from rigid_gns_core.bags.reader import read_bag
 
 STAMP = 12_000_000_000
 LIMIT = 30_000  # [bytes]

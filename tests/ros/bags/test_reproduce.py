@@ -21,16 +21,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.reader import read_bag
+from rigid_gns_core.bags.topics import find_topics
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.evaluate_bag import main
 from rigid_gns_ros.evaluation.recorded_model import tracking_window
 from rigid_gns_ros.evaluation.reproduce import reproduce, Reproduction
 from rigid_gns_ros.prediction.forecast import Forecaster
-from rigid_gns_ros.recording.bag_topics import find_topics
 
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns], the shipped model's at radius 1 m

@@ -23,11 +23,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from rigid_gns_ros.bag_reader import read_bag
+from rigid_gns_core.bags.reader import read_bag
+from rigid_gns_core.bags.topics import find_topics
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 from rigid_gns_ros.evaluation.reproduce import reproduce
 from rigid_gns_ros.node.simulator import SimulatorNode
-from rigid_gns_ros.recording.bag_topics import find_topics
 from std_srvs.srv import Trigger
 
 T0 = 1_000_123_456_789  # [ns]

@@ -29,9 +29,9 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from geometry_msgs.msg import PoseArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.messages.poses import decode_pose_array
 from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_ros.bag_reader import read_bag
 from rigid_gns_ros.node.simulator import SimulatorNode
 from std_msgs.msg import String
 

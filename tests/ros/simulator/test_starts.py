@@ -26,8 +26,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
+from rigid_gns_core.bags.reader import Bag, read_bag
 from rigid_gns_core.messages.poses import decode_pose_array, decode_string, PoseArrayCodec
-from rigid_gns_ros.bag_reader import Bag, read_bag
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.prediction.window_setup import window_of
 from std_srvs.srv import SetBool, Trigger

@@ -19,9 +19,9 @@ from pathlib import Path
 from mcap.reader import make_reader
 import numpy as np
 import pytest
+from rigid_gns_core.bags.reader import read_bag
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string
-from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.bag_reader import read_bag
 import yaml
 
 START = 1_700_000_000_000_000_001  # as in conftest.py

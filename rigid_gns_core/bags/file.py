@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
-from rigid_gns_core.messages.definitions import full_text, type_hash
 
-from .bag_metadata import qos_profiles, RecordedFile, RecordedTopic, to_yaml
+from .metadata import qos_profiles, RecordedFile, RecordedTopic, to_yaml
+from ..messages.definitions import full_text, type_hash
 
 LIBRARY = 'rigid_gns_ros'  # in the header: its sequence numbers count messages without a gap
 _CHUNK_SIZE = 768 * 1024  # rosbag2's

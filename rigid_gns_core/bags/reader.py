@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 import yaml
 
-from .recording.bag_file import LIBRARY
-from .recording.mcap_records import BagError, read_records, zstd_decompress
+from .file import LIBRARY
+from .mcap_records import BagError, read_records, zstd_decompress
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
 

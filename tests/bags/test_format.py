@@ -21,8 +21,8 @@ import sys
 from mcap.reader import make_reader
 import numpy as np
 import pytest
+from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.messages import definitions
-from rigid_gns_ros.bag_reader import read_bag
 import yaml
 
 ROOT = Path(__file__).parents[3]

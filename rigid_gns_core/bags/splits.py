@@ -20,8 +20,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from .bag_file import BagFile
-from .bag_metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
+from .file import BagFile
+from .metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
 
 
 class SplitBag:

@@ -18,9 +18,9 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 import pytest
+from rigid_gns_core.bags.reader import BagError, read_bag
+from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import decode_float64, encode_float64, encode_string
-from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.bag_reader import BagError, read_bag
 import yaml
 
 ROOT = Path(__file__).parents[3]

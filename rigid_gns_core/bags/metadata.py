@@ -20,8 +20,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from rigid_gns_core.messages.definitions import type_hash
 import yaml
+
+from ..messages.definitions import type_hash
 
 Qos = Literal['reliable', 'sensor_data', 'latched']
 # kind: (depth, reliability, durability)

@@ -29,10 +29,9 @@ import sys
 import threading
 import time
 
-from rigid_gns_core.messages.definitions import type_hash
-
-from .recording.bag_metadata import Qos, qos_profiles, RecordedTopic
-from .recording.bag_splits import SplitBag
+from .metadata import Qos, qos_profiles, RecordedTopic
+from .splits import SplitBag
+from ..messages.definitions import type_hash
 
 FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
 

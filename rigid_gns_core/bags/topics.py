@@ -20,9 +20,8 @@ from dataclasses import dataclass
 import json
 from typing import Any
 
-from rigid_gns_core.messages.poses import decode_string, MessageError
-
-from ..bag_reader import Bag, BagError, Topic
+from .reader import Bag, BagError, Topic
+from ..messages.poses import decode_string, MessageError
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 _STRING = 'std_msgs/msg/String'
