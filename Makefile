@@ -33,7 +33,7 @@ test: engine  ## run all tests (TESTS=tests/core for a part)
 
 engine: $(READY)  ## compile the engine once (a minute), so that nothing waits for it later
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.engine
-	@$(CLEAN) $(BIN)/python -m rigid_gns_ros.tracking
+	@$(CLEAN) $(BIN)/python -m rigid_gns_core.tracking
 
 lint: $(READY)  ## run what pre-commit runs: ruff, mypy, well-formed files, licence headers
 	@$(CLEAN) $(BIN)/ruff check .

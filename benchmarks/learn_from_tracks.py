@@ -43,9 +43,9 @@ from rigid_gns_core.fine_tune import StartingPoint
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory
+from rigid_gns_core.tracking.velocity import estimate_velocities
 from rigid_gns_core.train import load_recipe, Trainer
 from rigid_gns_ros.learning.import_bag import import_bags
-from rigid_gns_ros.tracking.velocity import estimate_velocities
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)  # s
 STARTS = (0.6, 1.6, 2.6)  # s, in each of the further bags

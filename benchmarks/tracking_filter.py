@@ -17,8 +17,8 @@
     python benchmarks/tracking_filter.py --json docs/model/tracking_filter.json
 
 Windows of 2 to 10 frames of three scenes with noise added are given to the estimator of
-rigid_gns_ros.tracking.velocity and to a plain fit; then whole runs with shuffled order, lost and
-false poses and late, lost and repeated frames go through rigid_gns_ros.tracking.window. Needs
+rigid_gns_core.tracking.velocity and to a plain fit; then whole runs with shuffled order, lost and
+false poses and late, lost and repeated frames go through rigid_gns_core.tracking.window. Needs
 pybullet. Prints the tables of docs/tracking.md.
 """
 
@@ -34,8 +34,8 @@ import numpy as np
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.scenes.state import Array
-from rigid_gns_ros.tracking.surroundings import Surroundings
-from rigid_gns_ros.tracking.velocity import estimate_motion
+from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.velocity import estimate_motion
 from tracking_filter_matching import cost_of_a_frame, follow
 from tracking_filter_plain import plain_fit
 from tracking_filter_truth import box, table, Truth

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
+from rigid_gns_core.tracking.window import TrackingWindow
 from scipy.optimize import linear_sum_assignment
 
 from .alignment import Decoded
@@ -28,7 +29,6 @@ from .forecast_starts import Start
 from .replay import replayed
 from .short_gaps import fill_short_gaps
 from ..prediction.forecast import Forecaster
-from ..tracking.window import TrackingWindow
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from rigid_gns_core.messages.poses import PoseArrayFrame
+from rigid_gns_core.tracking.window import RejectedFrame, TrackingWindow
 
 from .alignment import Decoded
 from .identified import assigned
@@ -30,7 +31,6 @@ from .recorded_model import tracking_window
 from .short_gaps import fill_short_gaps
 from ..learning.tracked_segments import Cut, cut
 from ..prediction.forecast import Forecaster
-from ..tracking.window import RejectedFrame, TrackingWindow
 
 Run = tuple[tuple[int, ...], list[PoseArrayFrame]]
 

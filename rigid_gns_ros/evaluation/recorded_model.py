@@ -23,12 +23,12 @@ from typing import Any
 
 from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.tracking.window import TrackingWindow
 import yaml
 
 from ..parameters import SIMULATOR
 from ..prediction.forecast import Forecaster
 from ..prediction.window_setup import window_of
-from ..tracking.window import TrackingWindow
 
 
 def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1) -> Forecaster:

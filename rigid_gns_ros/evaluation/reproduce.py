@@ -33,6 +33,7 @@ from rigid_gns_core.messages.poses import (
     PoseArrayFrame,
 )
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.tracking.window import RejectedFrame, seconds
 
 from .alignment import decode_topic, Decoded
 from .forecast_starts import recorded_starts, Start, starts_of
@@ -40,7 +41,6 @@ from .prediction_runs import from_one_start
 from .recorded_model import find_recorded_model, forecaster, tracking_window
 from .replay import replayed
 from ..prediction.forecast import Forecast, Forecaster
-from ..tracking.window import RejectedFrame, seconds
 
 
 @dataclass

@@ -30,7 +30,8 @@ from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.similarity import ModelUnits, Similarity
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.tracked_motion import PoseNoise
+from rigid_gns_core.tracking.refusal import seconds
+from rigid_gns_core.tracking.tracked_motion import PoseNoise
 
 from .kept_places import places_kept, PlacesKept
 from .resample import resample
@@ -38,7 +39,6 @@ from .said_scene import SaidScenes
 from .tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
 from ..evaluation.alignment import decode_topic, Decoded
 from ..prediction.forecast import scene_of
-from ..tracking.refusal import seconds
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rigid_gns_core.messages.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
+from rigid_gns_core.tracking.window import seconds, TrackingWindow
 
 from ..prediction.schedule import OVERLOAD_COUNT
-from ..tracking.window import seconds, TrackingWindow
 
 if TYPE_CHECKING:
     from rigid_gns_core.bags.writer import BagWriter

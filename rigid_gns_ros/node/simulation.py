@@ -28,6 +28,8 @@ from rigid_gns_core.messages.poses import (
     encode_string,
     PoseArrayCodec,
 )
+from rigid_gns_core.tracking.refusal import Throttle
+from rigid_gns_core.tracking.window import RejectedFrame, RESTART_FRAMES, seconds
 
 from .alarm import Alarm
 from .channels import Channels
@@ -39,8 +41,6 @@ from ..prediction.forecast import Forecaster, Prediction
 from ..prediction.predictor import PredictionError, Predictor, Resync
 from ..prediction.starts import Reason, Start
 from ..prediction.window_setup import longest_gap, window_of
-from ..tracking.refusal import Throttle
-from ..tracking.window import RejectedFrame, RESTART_FRAMES, seconds
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -22,6 +22,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rigid_gns_core.messages.poses import encode_string
+from rigid_gns_core.tracking.window import seconds
 from std_srvs.srv import SetBool, Trigger
 
 from .closing_node import ClosingNode, log_end
@@ -30,7 +31,6 @@ from .simulation import Simulation
 from .threads import bound_threads, switch_often
 from ..parameters import declare, SIMULATOR
 from ..prediction.forecast import Forecaster
-from ..tracking.window import seconds
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], of real time
 

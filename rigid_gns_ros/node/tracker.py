@@ -24,6 +24,7 @@ from rigid_gns_core.data.records import demo_record, read_record, Record
 from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.scenes.state import Array
+from rigid_gns_core.tracking.window import seconds
 
 from .alarm import Alarm
 from .channels import overridable, sensor_data
@@ -31,7 +32,6 @@ from .closing_node import ClosingNode, log_end
 from .set_clock import on_jump
 from ..parameters import declare, TRACKER
 from ..process import Finished
-from ..tracking.window import seconds
 
 WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]
 LIVE_SUBSTEPS = 48  # of the teacher per frame: what a slow core does in real time

@@ -122,7 +122,7 @@ def test_everything_is_installed(install: Path, prefix: Path) -> None:
 @pytest.fixture(scope='module')
 def compiled(install: Path) -> None:
     """Engine and filter of the copy: a minute of work, minutes beside other tests."""
-    modules = ('rigid_gns_core.engine', 'rigid_gns_ros.tracking')
+    modules = ('rigid_gns_core.engine', 'rigid_gns_core.tracking')
     output_in_workspace(install, ' && '.join(f'python3 -m {module}' for module in modules), 900)
 
 

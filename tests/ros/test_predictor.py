@@ -21,9 +21,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from rigid_gns_core.messages.poses import PoseArrayFrame
+from rigid_gns_core.tracking.window import TrackingWindow
 from rigid_gns_ros.prediction.forecast import Forecaster
 from rigid_gns_ros.prediction.predictor import Predictor, Resync
-from rigid_gns_ros.tracking.window import TrackingWindow
 
 PERIOD = 100_000_000  # [ns]
 START = 1_000_000_000_000

@@ -22,10 +22,10 @@ nearest to each other from frame to frame, as they may be bouncing.
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.scenes.state import Array
 from scipy.spatial import cKDTree
 
 from .association import GATE_SIGMAS, Indices, match
+from ..scenes.state import Array
 
 ADMIT_FRAMES = 3
 # three loose poses agree with one motion up to so many radii, beside the noise

@@ -19,20 +19,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rigid_gns_core.kernels.vector import (
-    across,
-    cross,
-    dot,
-    length,
-    minus,
-    plus,
-    row,
-    times,
-    Vector,
-)
-from rigid_gns_core.scenes.state import Array
-
 from .jit import in_place
+from ..kernels.vector import across, cross, dot, length, minus, plus, row, times, Vector
+from ..scenes.state import Array
 
 
 class Surfaces(NamedTuple):

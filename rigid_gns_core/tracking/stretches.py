@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.vector import Vector
-from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place
+from ..kernels.vector import Vector
+from ..scenes.state import Array
 
 Flags = NDArray[np.bool_]
 

@@ -16,14 +16,13 @@
 
 from __future__ import annotations
 
-from rigid_gns_core.kernels.vector import across, dot, length, minus, put, row, times, Vector
-from rigid_gns_core.scenes.state import Array
-
 from .frames import Window
 from .impacts import Surfaces
 from .jit import in_place
 from .motions import Best, CARRIED, take_tail
 from .stretches import line_through, sum_up
+from ..kernels.vector import across, dot, length, minus, put, row, times, Vector
+from ..scenes.state import Array
 
 # what a surface that carries may do to the height of a sphere [radii]
 _HEIGHT = 5e-3

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigid_gns_core.scenes.state import Array
 
 from .coasting import coast
 from .collisions import NONE_NEAR, pairs_near
@@ -37,6 +36,7 @@ from .knocks import Meetings
 from .motions import Best, FLIGHT, Motion
 from .stretches import COLUMNS
 from .surroundings import Surroundings
+from ..scenes.state import Array
 
 # charge for being held by what the scene does not know
 _HELD = 9.0

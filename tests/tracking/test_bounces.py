@@ -21,7 +21,7 @@ import pytest
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_ros.tracking.window import TrackingWindow
+from rigid_gns_core.tracking.window import TrackingWindow
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)

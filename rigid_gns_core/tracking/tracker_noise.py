@@ -21,8 +21,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracked_motion import normal_spread
+
+from .tracked_motion import normal_spread
+from ..scenes.state import Array
 
 # newest third differences kept: their number gives the noise within some per cent
 KEPT = 1200

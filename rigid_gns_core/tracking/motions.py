@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.vector import plus, put, Vector
-from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place
 from .stretches import Flags, line_through
+from ..kernels.vector import plus, put, Vector
+from ..scenes.state import Array
 
 Indices = NDArray[np.int64]
 

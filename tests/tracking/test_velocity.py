@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rigid_gns_core.scenes.state import rotate_quaternions
-from rigid_gns_ros.tracking.velocity import estimate_velocities
+from rigid_gns_core.tracking.velocity import estimate_velocities
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 SPHERES = 4

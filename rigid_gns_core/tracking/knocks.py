@@ -24,8 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.vector import length, minus, plus, put, row, times, Vector
-from rigid_gns_core.scenes.state import Array
 
 from .collisions import exchange, meeting, Pairs, within
 from .frames import INTERVALS, Window
@@ -33,6 +31,8 @@ from .impacts import placed, Surfaces
 from .jit import in_place
 from .motions import AMONG, Best, Contact, FLIGHT, Found, Indices, take_contact
 from .rebound import after_contact, Before, before_contact, joined, MOST_SLACK, SLACK, variance_at
+from ..kernels.vector import length, minus, plus, put, row, times, Vector
+from ..scenes.state import Array
 
 # what is known of a collision before it is seen, as parts of the change of velocity
 _ALONG, _ACROSS = 0.1, 0.15

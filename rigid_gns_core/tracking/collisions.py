@@ -20,11 +20,11 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.neighbours import find_pairs
-from rigid_gns_core.kernels.vector import dot, length, minus, row, times, Vector
-from rigid_gns_core.scenes.state import Array
 
 from .jit import in_place
+from ..kernels.neighbours import find_pairs
+from ..kernels.vector import dot, length, minus, row, times, Vector
+from ..scenes.state import Array
 
 # first and second spheres of pairs, shape (m,) each
 Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]

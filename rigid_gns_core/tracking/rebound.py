@@ -24,14 +24,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rigid_gns_core.kernels.vector import across, dot, length, minus, plus, row, times, Vector
-from rigid_gns_core.scenes.state import Array
-
 from .frames import Window
 from .impacts import after_impact, first_impact, Surfaces
 from .jit import in_place
 from .motions import Best, Contact, FLIGHT, Found, LEFT_OUT, take_contact
 from .stretches import line_through
+from ..kernels.vector import across, dot, length, minus, plus, row, times, Vector
+from ..scenes.state import Array
 
 # what is known of a rebound before it is seen: parts of the changes that the law says
 _NORMAL, _TANGENT = 0.1, 0.3

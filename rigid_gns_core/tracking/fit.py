@@ -16,10 +16,6 @@
 
 from __future__ import annotations
 
-from rigid_gns_core.kernels.quaternions import turn
-from rigid_gns_core.kernels.vector import plus, put, row, times, Vector
-from rigid_gns_core.scenes.state import Array
-
 from .carried import take_carried
 from .collisions import Pairs, within
 from .frames import Window
@@ -29,6 +25,9 @@ from .knocks import Meetings, take_knocks
 from .motions import AMONG, Best, FLIGHT, take_tail
 from .rebound import spin_since, take_rebounds
 from .stretches import line_through, sum_up
+from ..kernels.quaternions import turn
+from ..kernels.vector import plus, put, row, times, Vector
+from ..scenes.state import Array
 
 # charge for flight beside a surface, which has two unknowns more than being carried by it
 _FREEDOM = 4.0

@@ -21,13 +21,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.vector import length, minus, row
-from rigid_gns_core.scenes.state import Array
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from .collisions import Pairs, pairs_near
 from .jit import entry, plain
+from ..kernels.vector import length, minus, row
+from ..scenes.state import Array
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]

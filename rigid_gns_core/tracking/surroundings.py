@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import Array
 
 from .impacts import Surfaces
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 @dataclass(frozen=True)

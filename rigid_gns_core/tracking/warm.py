@@ -20,13 +20,13 @@ from functools import cache
 import sys
 
 import numpy as np
-from rigid_gns_core.scenes.scene import Plane, Scene
 
 from .association import gates, match
 from .coasting import turn_on
 from .jit import is_compiled
 from .surroundings import Surroundings
 from .velocity import estimate_motion
+from ..scenes.scene import Plane, Scene
 
 
 @cache

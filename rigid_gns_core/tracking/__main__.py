@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compile the tracking filter, so that no node has to: `python -m rigid_gns_ros.tracking`."""
+"""Compile the tracking filter, so that no node has to: `python -m rigid_gns_core.tracking`."""
 
 from __future__ import annotations
 

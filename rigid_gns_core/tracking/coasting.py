@@ -20,15 +20,15 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.quaternions import turn
-from rigid_gns_core.kernels.vector import dot, minus, plus, put, row, times
-from rigid_gns_core.scenes.state import Array
 
 from .collisions import exchange, meeting, NONE_NEAR, Pairs, pairs_near
 from .impacts import after_impact, first_impact, placed, Surfaces
 from .jit import entry, in_place, plain
 from .stretches import Flags
 from .surroundings import Surroundings
+from ..kernels.quaternions import turn
+from ..kernels.vector import dot, minus, plus, put, row, times
+from ..scenes.state import Array
 
 # a contact may lie so many spans of the time back
 _BEHIND = 0.5

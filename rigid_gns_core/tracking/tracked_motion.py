@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenes.state import Array, rotation_between
+from ..scenes.state import Array, rotation_between
 
 # standard deviation of a third difference of values that have one of 1: 1, 3, 3, 1 squared
 _THIRD = float(np.sqrt(20.0))

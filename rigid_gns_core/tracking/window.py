@@ -20,9 +20,6 @@ from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import State
 
 from .refusal import check_poses
 from .refusal import RejectedFrame as RejectedFrame
@@ -30,6 +27,9 @@ from .refusal import seconds as seconds
 from .surroundings import Surroundings
 from .tracked_set import Following, TrackedSet
 from .warm import warm_up
+from ..messages.poses import PoseArrayFrame
+from ..scenes.scene import Scene
+from ..scenes.state import State
 
 # a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
 MAX_AHEAD_NS = 1_000_000_000

@@ -21,9 +21,9 @@ import pytest
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
-from rigid_gns_ros.tracking.motions import CARRIED, FLIGHT, Motion
-from rigid_gns_ros.tracking.surroundings import Surroundings
-from rigid_gns_ros.tracking.velocity import estimate_motion
+from rigid_gns_core.tracking.motions import CARRIED, FLIGHT, Motion
+from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.velocity import estimate_motion
 
 DT, RADIUS = 0.1, 1.0
 UP = {

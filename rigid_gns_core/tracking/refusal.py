@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.scenes.state import Array
+
+from ..scenes.state import Array
 
 
 class RejectedFrame(ValueError):

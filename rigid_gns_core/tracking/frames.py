@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.kernels.vector import length, minus, plus, put, row, times, Vector
-from rigid_gns_core.scenes.state import Array
 
 from .jit import entry, in_place
 from .stretches import COLUMNS, Flags, sum_up
+from ..kernels.vector import length, minus, plus, put, row, times, Vector
+from ..scenes.state import Array
 
 # a sphere within so many radii, and standard deviations of noise, of something may touch it
 _NEAR, _NEAR_SIGMAS = 0.02, 4.0

@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 import rigid_gns_core.engine
-from rigid_gns_core.kernels.machine_code import Function, MachineCode
-from rigid_gns_core.scenes.state import Array
+
+from ..kernels.machine_code import Function, MachineCode
+from ..scenes.state import Array
 
 _CODE = MachineCode('tracking', Path(__file__).parent, Path(rigid_gns_core.engine.__file__).parent)
 is_compiled = _CODE.exists

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rigid_gns_ros.tracking.admission import first_seen, triples
-from rigid_gns_ros.tracking.association import gates, match
-from rigid_gns_ros.tracking.coasting import coast
-from rigid_gns_ros.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.admission import first_seen, triples
+from rigid_gns_core.tracking.association import gates, match
+from rigid_gns_core.tracking.coasting import coast
+from rigid_gns_core.tracking.surroundings import Surroundings
 from scipy.optimize import linear_sum_assignment
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

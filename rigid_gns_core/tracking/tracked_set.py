@@ -26,8 +26,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.state import Array
 
 from .admission import ADMIT_FRAMES, first_seen
 from .association import gates, Indices, match
@@ -36,6 +34,8 @@ from .motions import FLIGHT, Motion
 from .surroundings import Surroundings
 from .tracker_noise import Heard, KEPT, third_differences
 from .velocity import estimate_motion
+from ..messages.poses import PoseArrayFrame
+from ..scenes.state import Array
 
 # frames before noise can be told
 _NOISE_FRAMES = 4

@@ -25,10 +25,10 @@ from rigid_gns_core.kernels import neighbours
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_ros.tracking import association, coasting, fit, frames
-from rigid_gns_ros.tracking.surroundings import Surroundings
-from rigid_gns_ros.tracking.velocity import estimate_motion
-from rigid_gns_ros.tracking.window import TrackingWindow
+from rigid_gns_core.tracking import association, coasting, fit, frames
+from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.velocity import estimate_motion
+from rigid_gns_core.tracking.window import TrackingWindow
 
 MODULES = association, coasting, fit, frames, neighbours
 
