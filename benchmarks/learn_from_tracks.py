@@ -36,10 +36,10 @@ import warnings
 
 from learn_from_tracks_bags import BELIEVED, FINE, Lab, STEP, TRACKED, tracked, TRUE, write_bag
 import numpy as np
-from rigid_gns_core.calibrate import calibrate
 from rigid_gns_core.data.records import Dataset, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.fine_tune import StartingPoint
+from rigid_gns_core.identification.calibrate import calibrate
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory

@@ -40,7 +40,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_ros.learning.import_bag',
         'make a data set of the tracked poses in bags',
     ),
-    'calibrate': ('rigid_gns_core.calibrate', 'fit materials to tracked poses'),
+    'calibrate': ('rigid_gns_core.identification.calibrate', 'fit materials to tracked poses'),
     'generate': (
         'rigid_gns_core.data.generate',
         'generate Bullet trajectories into a folder of HDF5 files',

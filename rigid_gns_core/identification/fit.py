@@ -21,10 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .calibration_windows import residuals, Window
-from .rollout.rollout import Simulator
-from .running.progress import Progress
-from .scenes.state import Array
+from .windows import residuals, Window
+from ..rollout.rollout import Simulator
+from ..running.progress import Progress
+from ..scenes.state import Array
 
 
 class Bounds(NamedTuple):

@@ -31,14 +31,14 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from .calibration_windows import deviations, noise_of, Window, windows_of, with_materials
-from .completion import completes, shipped_models
-from .data.records import Dataset, Record
-from .files.config import positive
-from .material_fit import MaterialFit, MATERIALS, most_evaluations
-from .rollout.rollout import load_simulator, Simulator
-from .running.progress import Progress
-from .scenes.scene import Scene
+from .fit import MaterialFit, MATERIALS, most_evaluations
+from .windows import deviations, noise_of, Window, windows_of, with_materials
+from ..completion import completes, shipped_models
+from ..data.records import Dataset, Record
+from ..files.config import positive
+from ..rollout.rollout import load_simulator, Simulator
+from ..running.progress import Progress
+from ..scenes.scene import Scene
 
 DEFAULT = ('restitution', 'friction', 'rolling_friction')
 # every so many windows are held out, to judge by
