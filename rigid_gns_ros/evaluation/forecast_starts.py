@@ -22,10 +22,10 @@ import json
 
 import numpy as np
 from rigid_gns_core.bags.reader import BagError, Topic
+from rigid_gns_core.forecasts.interpolation import Stamps
 from rigid_gns_core.messages.poses import decode_string, MessageError, PoseArrayFrame
 
 from .prediction_runs import from_one_start, median_period
-from ..pose_interpolation import Stamps
 
 
 @dataclass(frozen=True)

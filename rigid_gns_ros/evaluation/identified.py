@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.window import TrackingWindow
@@ -28,7 +29,6 @@ from .alignment import Decoded
 from .forecast_starts import Start
 from .replay import replayed
 from .short_gaps import fill_short_gaps
-from ..prediction.forecast import Forecaster
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,13 @@ import tempfile
 from typing import Any
 
 from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card
+from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.window_setup import window_of
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.tracking.window import TrackingWindow
 import yaml
 
 from ..parameters import SIMULATOR
-from ..prediction.forecast import Forecaster
-from ..prediction.window_setup import window_of
 
 
 def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1) -> Forecaster:

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.bags.reader import Bag, BagError, Topic
 from rigid_gns_core.bags.topics import Topics
+from rigid_gns_core.forecasts.forecaster import Forecast, Forecaster
 from rigid_gns_core.messages.poses import (
     decode_pose_array,
     MessageError,
@@ -40,7 +41,6 @@ from .forecast_starts import recorded_starts, Start, starts_of
 from .prediction_runs import from_one_start
 from .recorded_model import find_recorded_model, forecaster, tracking_window
 from .replay import replayed
-from ..prediction.forecast import Forecast, Forecaster
 
 
 @dataclass

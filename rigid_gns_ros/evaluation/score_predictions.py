@@ -23,6 +23,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from rigid_gns_core.bags.reader import Bag
 from rigid_gns_core.bags.topics import Topics
+from rigid_gns_core.forecasts.interpolation import Stamps
 from rigid_gns_core.messages.poses import decode_float64
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scoring.evaluate import evaluate
@@ -41,7 +42,6 @@ from .horizon_errors import add_forecast, HorizonErrors
 from .prediction_runs import longest_run
 from .recorded_futures import recorded_futures
 from .score_timing import lateness, quantiles
-from ..pose_interpolation import Stamps
 
 if TYPE_CHECKING:
     from .identified import IdentifiedFrames

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 from rigid_gns_core.bags.reader import Bag, Topic
+from rigid_gns_core.forecasts.forecaster import Forecast, Forecaster
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, Trajectory
@@ -36,7 +37,6 @@ from .recorded_model import forecaster, tracking_window
 from .score_timing import lateness
 from ..learning.resample import resample
 from ..learning.tracked_segments import cut, MATCH_REMEDY, Segment
-from ..prediction.forecast import Forecast, Forecaster
 
 # frames further apart than so many of the tracker's intervals are not joined
 GAP = 3.0

@@ -20,12 +20,12 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from rigid_gns_core.forecasts.interpolation import Stamps
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array
 
 from .alignment import MAX_GAP
 from ..learning.resample import resample
-from ..pose_interpolation import Stamps
 
 
 def fill_short_gaps(stamps: Stamps, poses: Array, scene: Scene, noise: float) -> int:

@@ -26,6 +26,7 @@ from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.files.config import from_mapping
+from rigid_gns_core.forecasts.forecaster import scene_of
 from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.similarity import ModelUnits, Similarity
@@ -38,7 +39,6 @@ from .resample import resample
 from .said_scene import SaidScenes
 from .tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
 from ..evaluation.alignment import decode_topic, Decoded
-from ..prediction.forecast import scene_of
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0

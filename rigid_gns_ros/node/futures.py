@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.tracking.window import TrackingWindow
 
 from .channels import Channels
 from .drawing import Drawing
 from .health import Health
 from .horizon import Future, Horizon, Job, steps_of
-from ..prediction.forecast import Forecaster
 
 if TYPE_CHECKING:
     from rclpy.node import Node

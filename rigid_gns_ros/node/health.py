@@ -23,15 +23,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rigid_gns_core.forecasts.schedule import OVERLOAD_COUNT
 from rigid_gns_core.messages.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
 from rigid_gns_core.tracking.window import seconds, TrackingWindow
 
-from ..prediction.schedule import OVERLOAD_COUNT
-
 if TYPE_CHECKING:
     from rigid_gns_core.bags.writer import BagWriter
-
-    from ..prediction.predictor import Predictor
+    from rigid_gns_core.forecasts.predictor import Predictor
 
 LATE_SHARE = 0.5  # of a period, of the 99th percentile of lateness
 

@@ -21,6 +21,10 @@ from collections.abc import Mapping, Sequence
 import time
 from typing import Any, TYPE_CHECKING
 
+from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
+from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
+from rigid_gns_core.forecasts.starts import Reason, Start
+from rigid_gns_core.forecasts.window_setup import longest_gap, window_of
 from rigid_gns_core.messages.diagnostics import encode_diagnostics
 from rigid_gns_core.messages.poses import (
     decode_pose_array,
@@ -37,10 +41,6 @@ from .drawing import Drawing
 from .futures import Futures
 from .health import Health, Setting
 from .set_clock import SetClock
-from ..prediction.forecast import Forecaster, Prediction
-from ..prediction.predictor import PredictionError, Predictor, Resync
-from ..prediction.starts import Reason, Start
-from ..prediction.window_setup import longest_gap, window_of
 
 if TYPE_CHECKING:
     from rclpy.node import Node

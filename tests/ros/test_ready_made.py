@@ -25,9 +25,9 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_ros.parameters import SIMULATOR
-from rigid_gns_ros.prediction.forecast import Forecaster
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

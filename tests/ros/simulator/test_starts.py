@@ -27,9 +27,9 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from rigid_gns_core.bags.reader import Bag, read_bag
+from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.window_setup import window_of
 from rigid_gns_core.messages.poses import decode_pose_array, decode_string, PoseArrayCodec
-from rigid_gns_ros.prediction.forecast import Forecaster
-from rigid_gns_ros.prediction.window_setup import window_of
 from std_srvs.srv import SetBool, Trigger
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py

@@ -19,7 +19,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from rigid_gns_ros.prediction.schedule import Grid, Pacer
+from rigid_gns_core.forecasts.schedule import Grid, Pacer
 
 ORIGIN = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns]

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rigid_gns_core.forecasts.interpolation import interpolate
 from rigid_gns_core.scenes.state import rotate_quaternions
-from rigid_gns_ros.pose_interpolation import interpolate
 
 START = 1_700_000_000_123_456_789
 

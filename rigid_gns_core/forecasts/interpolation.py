@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigid_gns_core.scenes.state import Array, rotate_quaternions, rotation_between
+
+from ..scenes.state import Array, rotate_quaternions, rotation_between
 
 Stamps = NDArray[np.int64]
 

@@ -19,9 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rigid_gns_core.tracking.window import TrackingWindow
-
-from .forecast import Forecaster
+from .forecaster import Forecaster
+from ..tracking.window import TrackingWindow
 
 # frames further apart than this many model steps, and than this time, are not fitted as one
 # flight; the frames of a tracker of 1 Hz come within this time of each other

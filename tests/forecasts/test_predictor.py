@@ -20,10 +20,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.predictor import Predictor, Resync
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.tracking.window import TrackingWindow
-from rigid_gns_ros.prediction.forecast import Forecaster
-from rigid_gns_ros.prediction.predictor import Predictor, Resync
 
 PERIOD = 100_000_000  # [ns]
 START = 1_000_000_000_000

@@ -24,15 +24,15 @@ from typing import Any, TYPE_CHECKING
 import warnings
 
 import numpy as np
-from rigid_gns_core.scenes.plane import RANGES
-from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import Array, State
 
-from ..pose_interpolation import between
+from .interpolation import between
+from ..scenes.plane import RANGES
+from ..scenes.sampling import load_scene
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
-    from rigid_gns_core.rollout.rollout import Rollout
+    from ..rollout.rollout import Rollout
 
 MEMORY = 1.0  # for how long a forecast remembers what it predicted [s]
 
@@ -142,7 +142,7 @@ class Forecaster:
         self.scene_name = scene
         self.scene = turned_gravity(load_scene(scene)[0], gravity_direction)
         # late, so that a node's signal handlers are in place while it loads and compiles
-        from rigid_gns_core.rollout.rollout import load_simulator
+        from ..rollout.rollout import load_simulator
 
         self.simulator = load_simulator(model or None, threads=threads)
         self.native_dt = self.simulator.native_dt(self.scene)

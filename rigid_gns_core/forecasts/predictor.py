@@ -20,11 +20,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from rigid_gns_core.tracking.window import seconds, TrackingWindow
 
-from .forecast import Forecast, Forecaster, Prediction
+from .forecaster import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
 from .starts import Reason, Start
+from ..tracking.window import seconds, TrackingWindow
 
 # a tracker whose clock is further off than this is followed on its own clock [ns]
 CLOCK_TOLERANCE_NS = 1_000_000_000
