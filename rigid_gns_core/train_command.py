@@ -62,6 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Train."""
-    from .train import run as train
+    from .training.train import run as train
 
     return train(arguments)

@@ -24,7 +24,7 @@ from typing import Any, Literal, TYPE_CHECKING
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 if TYPE_CHECKING:
-    from ..gns_learner import GNSTrainConfig
+    from ..training.gns.learner import GNSTrainConfig
 
 OOD_SCENES = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
 
@@ -125,7 +125,7 @@ class Budget:
         Raises:
             ConfigError: `changes` name an unknown key; the allowed ones are listed.
         """
-        from ..gns_learner import GNSTrainConfig
+        from ..training.gns.learner import GNSTrainConfig
 
         path = find_config('train', self.recipe)
         mapping = load_yaml(path)

@@ -51,7 +51,7 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
 
     from ..gns.features import Motion
     from ..gns.network import GNS
-    from ..windows import Source
+    from ..training.gns.windows import Source
 
     model = cell.budget.training(cell.changes, cell.seed).model
     model = replace(model, width=cell.budget.speed_width)

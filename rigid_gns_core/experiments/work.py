@@ -91,7 +91,7 @@ def device_for(cell: Cell, devices: Devices | None) -> torch.device:
     """Return where a cell is trained and rolled out by this process."""
     import torch
 
-    from ..learners import device_of
+    from ..training.recipes import device_of
 
     if devices is not None:
         return torch.device('cuda', devices.mine())
@@ -101,7 +101,7 @@ def device_for(cell: Cell, devices: Devices | None) -> torch.device:
 def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dict[str, Any]:
     """Train, then roll out on the test set and on the scenes unlike the training set."""
     from ..rollout.rollout import load_simulator
-    from ..train import Trainer
+    from ..training.train import Trainer
 
     config = cell.budget.training(cell.changes, cell.seed)
     device = device_for(cell, devices)

@@ -312,7 +312,7 @@ def test_the_extra_that_a_command_needs_is_named(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delitem(sys.modules, 'rigid_gns_core.train', raising=False)
+    monkeypatch.delitem(sys.modules, 'rigid_gns_core.training.train', raising=False)
     monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
     assert cli.main(line.split()) == cli.BAD_INPUT
     (message,) = [line for line in capsys.readouterr().err.splitlines() if 'error:' in line]

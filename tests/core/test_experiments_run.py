@@ -99,7 +99,7 @@ def test_tables_are_made_of_what_is_there(done: Path, tmp_path: Path) -> None:
 
 
 def test_a_cell_that_was_stopped_goes_on(done: Path, tmp_path: Path) -> None:
-    from rigid_gns_core.train import Trainer
+    from rigid_gns_core.training.train import Trainer
 
     cell = Cell('train', 'base', 0, BUDGET)
     store = Store(tmp_path / 'cells')

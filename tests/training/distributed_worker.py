@@ -20,15 +20,15 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
 from rigid_gns_core.data.records import Record
-from rigid_gns_core.distributed import Processes, started_by_torchrun
 from rigid_gns_core.gns.config import ContactConfig, GNSConfig
-from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.windows import Noise, Source
+from rigid_gns_core.training.contact import ContactLearner, ContactTrainConfig
+from rigid_gns_core.training.distributed import Processes, started_by_torchrun
+from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
+from rigid_gns_core.training.gns.windows import Noise, Source
 from safetensors.torch import save_file
 import torch
 

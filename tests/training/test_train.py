@@ -25,13 +25,13 @@ from rigid_gns_core.data.common_scene import common_scene
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.files.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.train import load_recipe, Trainer
-from rigid_gns_core.windows import Noise, Source
+from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
+from rigid_gns_core.training.gns.windows import Noise, Source
+from rigid_gns_core.training.train import load_recipe, Trainer
 import torch
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
@@ -166,7 +166,7 @@ def test_a_signal_within_a_step_leaves_whole_steps(tmp_path, number):
 
 
 def test_a_run_that_is_killed_loses_little(tmp_path, monkeypatch):
-    monkeypatch.setattr('rigid_gns_core.train.SAVE_EVERY', 0.0)  # after each step
+    monkeypatch.setattr('rigid_gns_core.training.train.SAVE_EVERY', 0.0)  # after each step
     Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'whole').run()
     trainer = Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'parts')
     advance = trainer.learner.advance

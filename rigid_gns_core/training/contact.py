@@ -23,19 +23,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .data.records import Record
 from .distributed import Mean
-from .files.config import check_least, check_positive
-from .gns.config import ContactConfig
 from .learner import Learner, Schedule
-from .models.contact.candidates import Candidates, find_candidates, join
-from .models.contact.geometry import find_contacts
-from .models.contact.memory import Memory
-from .models.contact.network import ContactNetwork
-from .models.contact.step import frame, Motion
-from .models.contact.world import UNIT_GRAVITY, World
-from .scenes.similarity import ModelUnits
-from .scenes.state import Array
+from ..data.records import Record
+from ..files.config import check_least, check_positive
+from ..gns.config import ContactConfig
+from ..models.contact.candidates import Candidates, find_candidates, join
+from ..models.contact.geometry import find_contacts
+from ..models.contact.memory import Memory
+from ..models.contact.network import ContactNetwork
+from ..models.contact.step import frame, Motion
+from ..models.contact.world import UNIT_GRAVITY, World
+from ..scenes.similarity import ModelUnits
+from ..scenes.state import Array
 
 # windows thrown until one holds a sphere with several contacts
 _THROWS = 20

@@ -26,10 +26,10 @@ import pytest
 from rigid_gns_core.cli import main
 from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.data.records import Dataset, Record, record_path, write_recipe, write_record
-from rigid_gns_core.distributed import find_device, Mean, Processes
 from rigid_gns_core.files.config import to_mapping
-from rigid_gns_core.learners import device_of
-from rigid_gns_core.train import Trainer
+from rigid_gns_core.training.distributed import find_device, Mean, Processes
+from rigid_gns_core.training.recipes import device_of
+from rigid_gns_core.training.train import Trainer
 from safetensors.torch import load_file
 import torch
 import yaml

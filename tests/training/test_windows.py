@@ -21,7 +21,14 @@ from rigid_gns_core.gns.network import GNS
 from rigid_gns_core.gns.stepper import backward_velocities, difference, integrate
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
-from rigid_gns_core.windows import Draw, draw_windows, Noise, one_step_batch, rotate_batch, Source
+from rigid_gns_core.training.gns.windows import (
+    Draw,
+    draw_windows,
+    Noise,
+    one_step_batch,
+    rotate_batch,
+    Source,
+)
 import torch
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)

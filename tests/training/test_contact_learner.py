@@ -20,17 +20,17 @@ import json
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene
-from rigid_gns_core.contact_learner import ContactLearner, ContactTrainConfig
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.files.checkpoint import save_model, tensors_of
 from rigid_gns_core.files.config import ConfigError, to_mapping
 from rigid_gns_core.gns.config import ContactConfig
-from rigid_gns_core.gns_learner import GNSTrainConfig
 from rigid_gns_core.models.contact.network import ContactNetwork
 from rigid_gns_core.models.contact.stepper import ContactStepper
 from rigid_gns_core.prediction.simulators import ContactSimulator
-from rigid_gns_core.train import load_recipe, Trainer
+from rigid_gns_core.training.contact import ContactLearner, ContactTrainConfig
+from rigid_gns_core.training.gns.learner import GNSTrainConfig
+from rigid_gns_core.training.train import load_recipe, Trainer
 import torch
 
 MODEL = ContactConfig(substeps=2, rounds=2, width=8)

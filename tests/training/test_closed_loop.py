@@ -18,15 +18,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_loop import connector, roll_out, stack_windows
 from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns.network import GNS
 from rigid_gns_core.gns.stepper import GNSStepper
-from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import State, Trajectory
-from rigid_gns_core.windows import Draw, Noise, Source
+from rigid_gns_core.training.gns.closed_loop import connector, roll_out, stack_windows
+from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
+from rigid_gns_core.training.gns.windows import Draw, Noise, Source
 import torch
 
 DT = 0.1

@@ -28,11 +28,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .gns.config import GNSConfig
-from .gns.graph import build_graph
-from .gns.network import GNS
-from .gns.tensor_features import tensor_features, TensorGraph, TensorMotion
 from .windows import angles_of, Batch, Draw, owners, rotate_batch, Source, turned
+from ...gns.config import GNSConfig
+from ...gns.graph import build_graph
+from ...gns.network import GNS
+from ...gns.tensor_features import tensor_features, TensorGraph, TensorMotion
 
 # radii from the truth beyond which a sphere is lost to chaos and teaches nothing any more
 LOST = 0.5

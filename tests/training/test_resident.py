@@ -18,18 +18,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_loop import connector, stack_windows
 from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns.device_graph import DeviceScenes
 from rigid_gns_core.gns.graph import build_graph
 from rigid_gns_core.gns.tensor_features import tensor_features, TensorGraph
 from rigid_gns_core.gns.tensor_graph import connect, Spheres
-from rigid_gns_core.gns_learner import GNSLearner, GNSTrainConfig
-from rigid_gns_core.resident import Resident
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
-from rigid_gns_core.windows import draw_windows, Noise, one_step_batch, Source
+from rigid_gns_core.training.gns.closed_loop import connector, stack_windows
+from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
+from rigid_gns_core.training.gns.resident import Resident
+from rigid_gns_core.training.gns.windows import draw_windows, Noise, one_step_batch, Source
 import torch
 
 DT = 0.1

@@ -24,16 +24,16 @@ import torch
 from torch import Tensor
 
 from .closed_loop import connector, roll_out, stack_windows
-from .data.common_scene import common_scene
-from .data.records import Record
-from .distributed import Mean
-from .files.config import check_least
-from .gns.config import GNSConfig
-from .gns.network import GNS
-from .learner import Learner, Schedule
 from .resident import Resident
-from .scenes.similarity import ModelUnits
 from .windows import Batch, Draw, draw_windows, Noise, one_step_batch, Source
+from ..distributed import Mean
+from ..learner import Learner, Schedule
+from ...data.common_scene import common_scene
+from ...data.records import Record
+from ...files.config import check_least
+from ...gns.config import GNSConfig
+from ...gns.network import GNS
+from ...scenes.similarity import ModelUnits
 
 # windows whose statistics normalise features, and a step number no training step has
 _STATISTICS_WINDOWS, _STATISTICS_STEP = 256, 2**31

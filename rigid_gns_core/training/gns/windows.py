@@ -24,12 +24,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .gns.config import GNSConfig
-from .gns.features import Motion
-from .gns.network import graph_input, GraphInput, side_by_side
-from .gns.stepper import backward_velocities, difference
-from .scenes.scene import Scene
-from .scenes.state import Array, rotate_quaternions, Trajectory
+from ...gns.config import GNSConfig
+from ...gns.features import Motion
+from ...gns.network import graph_input, GraphInput, side_by_side
+from ...gns.stepper import backward_velocities, difference
+from ...scenes.scene import Scene
+from ...scenes.state import Array, rotate_quaternions, Trajectory
 
 
 class Shifts(NamedTuple):

@@ -27,12 +27,12 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .data.records import Record
-from .files.checkpoint import CheckpointError, find_model, Tensors
-from .files.config import to_mapping
-from .rollout.rollout import load_simulator
-from .scenes.similarity import ModelUnits, Similarity
-from .scenes.state import Trajectory
+from ..data.records import Record
+from ..files.checkpoint import CheckpointError, find_model, Tensors
+from ..files.config import to_mapping
+from ..rollout.rollout import load_simulator
+from ..scenes.similarity import ModelUnits, Similarity
+from ..scenes.state import Trajectory
 
 if TYPE_CHECKING:
     from .learner import Learner

@@ -31,19 +31,19 @@ import numpy as np
 import torch
 import yaml
 
-from .data.common_scene import fingerprint
-from .data.records import Dataset, Record
 from .distributed import started_by_torchrun
-from .files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
-from .files.config import ConfigError, load_yaml, to_mapping
 from .fine_tune import StartingPoint
 from .learner import Schedule
-from .learners import device_of, load_recipe, make_learner
-from .prediction.simulators import KINDS
-from .rollout.rollout import Simulator
-from .running.interrupt import stop_on_signal
-from .running.progress import Progress
-from .scoring import chamfer
+from .recipes import device_of, load_recipe, make_learner
+from ..data.common_scene import fingerprint
+from ..data.records import Dataset, Record
+from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
+from ..files.config import ConfigError, load_yaml, to_mapping
+from ..prediction.simulators import KINDS
+from ..rollout.rollout import Simulator
+from ..running.interrupt import stop_on_signal
+from ..running.progress import Progress
+from ..scoring import chamfer
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
 SAVE_EVERY = 60.0

@@ -26,11 +26,11 @@ from typing import Any, ClassVar, Generic, TypeVar
 import torch
 from torch import nn, Tensor
 
-from .data.records import Record
 from .distributed import Mean, Processes
-from .files.checkpoint import CheckpointError
-from .files.config import check_least, check_positive
-from .scenes.similarity import ModelUnits
+from ..data.records import Record
+from ..files.checkpoint import CheckpointError
+from ..files.config import check_least, check_positive
+from ..scenes.similarity import ModelUnits
 
 N = TypeVar('N', bound=nn.Module)
 

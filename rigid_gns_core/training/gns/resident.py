@@ -24,12 +24,12 @@ import torch
 from torch import Tensor
 
 from .closed_loop import Connect, Windows
-from .gns.config import GNSConfig
-from .gns.device_graph import DeviceScenes
-from .gns.rotations import rotate_quaternions, rotation_between
-from .gns.tensor_features import TensorGraph, TensorMotion
-from .gns.tensor_graph import connect, Spheres
 from .windows import angles_of, Draw, Source
+from ...gns.config import GNSConfig
+from ...gns.device_graph import DeviceScenes
+from ...gns.rotations import rotate_quaternions, rotation_between
+from ...gns.tensor_features import TensorGraph, TensorMotion
+from ...gns.tensor_graph import connect, Spheres
 
 Index = NDArray[np.int64]
 

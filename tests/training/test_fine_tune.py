@@ -29,13 +29,13 @@ from rigid_gns_core.data.recipe import DataRecipe, recipe_hash  # noqa: E402
 from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record  # noqa: E402
 from rigid_gns_core.files.checkpoint import CheckpointError  # noqa: E402
 from rigid_gns_core.files.config import ConfigError, from_mapping  # noqa: E402
-from rigid_gns_core.fine_tune import StartingPoint  # noqa: E402
-from rigid_gns_core.learners import load_recipe, make_learner  # noqa: E402
 from rigid_gns_core.rollout.rollout import load_simulator  # noqa: E402
 from rigid_gns_core.scenes.scene import Scene  # noqa: E402
 from rigid_gns_core.scenes.state import Trajectory  # noqa: E402
-from rigid_gns_core.train import Trainer  # noqa: E402
-from rigid_gns_core.windows import Source  # noqa: E402
+from rigid_gns_core.training.fine_tune import StartingPoint  # noqa: E402
+from rigid_gns_core.training.gns.windows import Source  # noqa: E402
+from rigid_gns_core.training.recipes import load_recipe, make_learner  # noqa: E402
+from rigid_gns_core.training.train import Trainer  # noqa: E402
 
 STEPS = 12
 

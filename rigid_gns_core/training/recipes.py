@@ -22,12 +22,12 @@ from typing import Any
 
 import torch
 
-from .contact_learner import ContactLearner, ContactTrainConfig
-from .data.records import Record
+from .contact import ContactLearner, ContactTrainConfig
 from .distributed import find_device
-from .files.config import ConfigError, find_config, from_mapping, load_yaml
-from .gns_learner import GNSLearner, GNSTrainConfig
+from .gns.learner import GNSLearner, GNSTrainConfig
 from .learner import Learner, Schedule
+from ..data.records import Record
+from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig, 'contact': ContactTrainConfig}
 
