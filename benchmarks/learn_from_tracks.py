@@ -39,13 +39,13 @@ import numpy as np
 from rigid_gns_core.data.records import Dataset, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.identification.calibrate import calibrate
+from rigid_gns_core.recordings.importing.import_bags import import_bags
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory
 from rigid_gns_core.tracking.velocity import estimate_velocities
 from rigid_gns_core.training.fine_tune import StartingPoint
 from rigid_gns_core.training.train import load_recipe, Trainer
-from rigid_gns_ros.learning.import_bag import import_bags
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)  # s
 STARTS = (0.6, 1.6, 2.6)  # s, in each of the further bags

@@ -37,7 +37,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     'view': ('rigid_gns_core.view', 'a rollout or a bag in the viewer Rerun'),
     'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
     'import': (
-        'rigid_gns_ros.learning.import_bag',
+        'rigid_gns_core.recordings.importing.import_bags',
         'make a data set of the tracked poses in bags',
     ),
     'calibrate': ('rigid_gns_core.identification.calibrate', 'fit materials to tracked poses'),

@@ -32,13 +32,13 @@ from rigid_gns_core.bags.topics import (
     said_names,
 )
 from rigid_gns_core.files.strict_json import write_json
+from rigid_gns_core.recordings.scoring.horizon_errors import format_horizons
+from rigid_gns_core.recordings.scoring.predictions import score_predictions
+from rigid_gns_core.recordings.tracked_segments import find_tracked
 from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scoring.evaluate import format_table
 
-from .evaluation.horizon_errors import format_horizons
-from .evaluation.score_predictions import score_predictions
-from .learning.tracked_segments import find_tracked
 from .parameters import SIMULATOR
 
 _BY_HORIZON = {
@@ -87,7 +87,7 @@ def evaluate_bag(
         topics = find_topics(bag, tracked, predicted)
         return score_predictions(bag, topics, _scene(bag, topics.recorded, scene), figure)
     # late: a model need not be there to score predictions
-    from .evaluation.score_rollouts import RolloutOptions, score_rollouts
+    from rigid_gns_core.recordings.scoring.rollouts import RolloutOptions, score_rollouts
 
     scenes = [one for one in recorded_scenes(bag).values() if 'scene' in one]
     topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
@@ -218,7 +218,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, model: str | None) -> int:
-    from .evaluation.reproduce import reproduce
+    from rigid_gns_core.recordings.scoring.reproduce import reproduce
 
     bag = read_bag(arguments.bag)
     result = reproduce(bag, find_topics(bag, arguments.tracked, arguments.predicted), model)

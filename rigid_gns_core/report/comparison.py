@@ -134,7 +134,7 @@ def read_comparison(
             raise ValueError(
                 f'--reference goes with a record: the bag {source} holds tracked poses'
             )
-        from .bag_comparison import read_bag_comparison
+        from ..recordings.scoring.comparison import read_bag_comparison
 
         comparison = read_bag_comparison(
             source, scene=arguments.scene, tracked=arguments.tracked, predicted=arguments.predicted

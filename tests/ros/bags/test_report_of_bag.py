@@ -25,7 +25,7 @@ import pytest
 from rigid_gns_core import cli
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
-from rigid_gns_core.report.bag_comparison import read_bag_comparison
+from rigid_gns_core.recordings.scoring.comparison import read_bag_comparison
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_ros.evaluate_bag import evaluate_bag
 

@@ -20,9 +20,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rigid_gns_core.bags.reader import Bag, BagError
-from rigid_gns_core.bags.topics import listing, recorded_scenes, said_names, scene_topics
-from rigid_gns_core.scenes.scene import Scene
+from ..bags.reader import Bag, BagError
+from ..bags.topics import listing, recorded_scenes, said_names, scene_topics
+from ..scenes.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.forecasts.interpolation import interpolate
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.state import Array
 
-from .alignment import covered
-from .forecast_starts import Forecasted
+from ..alignment import covered
+from ..forecast_starts import Forecasted
+from ...forecasts.interpolation import interpolate
+from ...messages.poses import PoseArrayFrame
+from ...scenes.state import Array
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
 """Times after a start at which errors are reported [s]."""

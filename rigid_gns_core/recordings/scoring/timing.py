@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .alignment import Decoded
+from ..alignment import Decoded
 
 
 def lateness(name: str, frames: Decoded) -> dict[str, float]:

@@ -23,20 +23,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.bags.reader import Bag, Topic
-from rigid_gns_core.forecasts.forecaster import Forecast, Forecaster
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import Array, Trajectory
-from rigid_gns_core.scoring.evaluate import evaluate
 
-from .alignment import AlignmentError, decode_topic
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
-from .matched_tracks import cut_matched
-from .recorded_model import forecaster, tracking_window
-from .score_timing import lateness
-from ..learning.resample import resample
-from ..learning.tracked_segments import cut, MATCH_REMEDY, Segment
+from .timing import lateness
+from ..alignment import AlignmentError, decode_topic
+from ..matched_tracks import cut_matched
+from ..recorded_model import forecaster, tracking_window
+from ..resample import resample
+from ..tracked_segments import cut, MATCH_REMEDY, Segment
+from ...bags.reader import Bag, Topic
+from ...forecasts.forecaster import Forecast, Forecaster
+from ...messages.poses import PoseArrayFrame
+from ...scenes.scene import Scene
+from ...scenes.state import Array, Trajectory
+from ...scoring.evaluate import evaluate
 
 # frames further apart than so many of the tracker's intervals are not joined
 GAP = 3.0
@@ -176,7 +176,7 @@ def score_rollouts(
     report['timing'] = lateness('tracked_lateness', decoded)
     report['notes'] = _notes(parts.cuts, refused, sorted(set(notes)), options) + list(bag.warnings)
     if figure is not None:
-        from rigid_gns_core.scoring.figure import write_figure
+        from ...scoring.figure import write_figure
 
         title = f'{bag.path.name}: {drawn[0].count} spheres, model {model.simulator.name}'
         write_figure(figure, *drawn, scene, title=title, names=('predicted', 'tracked'))

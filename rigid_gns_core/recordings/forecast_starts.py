@@ -21,11 +21,11 @@ from dataclasses import dataclass
 import json
 
 import numpy as np
-from rigid_gns_core.bags.reader import BagError, Topic
-from rigid_gns_core.forecasts.interpolation import Stamps
-from rigid_gns_core.messages.poses import decode_string, MessageError, PoseArrayFrame
 
 from .prediction_runs import from_one_start, median_period
+from ..bags.reader import BagError, Topic
+from ..forecasts.interpolation import Stamps
+from ..messages.poses import decode_string, MessageError, PoseArrayFrame
 
 
 @dataclass(frozen=True)

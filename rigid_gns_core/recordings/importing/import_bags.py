@@ -28,10 +28,12 @@ import shutil
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.completion import completes, configs, shipped_models
-from rigid_gns_core.data.common_scene import fingerprint
-from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
-from rigid_gns_core.data.records import (
+
+from .tracks import ImportOptions, read_tracks
+from ...completion import completes, configs, shipped_models
+from ...data.common_scene import fingerprint
+from ...data.recipe import DataRecipe, recipe_hash
+from ...data.records import (
     DatasetError,
     RECIPE_NAME,
     Record,
@@ -39,10 +41,8 @@ from rigid_gns_core.data.records import (
     write_recipe,
     write_record,
 )
-from rigid_gns_core.files.config import from_mapping
-from rigid_gns_core.running.progress import Progress
-
-from .tracks import ImportOptions, read_tracks
+from ...files.config import from_mapping
+from ...running.progress import Progress
 
 
 def import_bags(

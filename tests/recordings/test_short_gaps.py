@@ -17,8 +17,8 @@
 from __future__ import annotations
 
 import numpy as np
+from rigid_gns_core.recordings.short_gaps import fill_short_gaps
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_ros.evaluation.short_gaps import fill_short_gaps
 
 SCENE = Scene(surfaces=(), radius=0.02)
 STAMPS = 1_700_000_000_000_000_000 + 20_000_000 * np.arange(40)  # 50 Hz

@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from rigid_gns_core.bags.reader import Topic
-from rigid_gns_core.messages.poses import MessageError, PoseArrayFrame
-from rigid_gns_core.messages.trajectories import decode_trajectory
 
 from .forecast_starts import Forecasted, Start
+from ..bags.reader import Topic
+from ..messages.poses import MessageError, PoseArrayFrame
+from ..messages.trajectories import decode_trajectory
 
 
 def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[Forecasted]:

@@ -24,23 +24,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.bags.reader import Bag, BagError, Topic
-from rigid_gns_core.bags.topics import Topics
-from rigid_gns_core.forecasts.forecaster import Forecast, Forecaster
-from rigid_gns_core.messages.poses import (
-    decode_pose_array,
-    MessageError,
-    PoseArrayCodec,
-    PoseArrayFrame,
-)
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.tracking.window import RejectedFrame, seconds
 
-from .alignment import decode_topic, Decoded
-from .forecast_starts import recorded_starts, Start, starts_of
-from .prediction_runs import from_one_start
-from .recorded_model import find_recorded_model, forecaster, tracking_window
-from .replay import replayed
+from ..alignment import decode_topic, Decoded
+from ..forecast_starts import recorded_starts, Start, starts_of
+from ..prediction_runs import from_one_start
+from ..recorded_model import find_recorded_model, forecaster, tracking_window
+from ..replay import replayed
+from ...bags.reader import Bag, BagError, Topic
+from ...bags.topics import Topics
+from ...forecasts.forecaster import Forecast, Forecaster
+from ...messages.poses import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
+from ...scenes.scene import Scene
+from ...tracking.window import RejectedFrame, seconds
 
 
 @dataclass

@@ -22,23 +22,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.bags.reader import read_bag
-from rigid_gns_core.data.records import Record
-from rigid_gns_core.files.checkpoint import find_model, load_card
-from rigid_gns_core.files.config import from_mapping
-from rigid_gns_core.forecasts.forecaster import scene_of
-from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.similarity import ModelUnits, Similarity
-from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.tracking.refusal import seconds
-from rigid_gns_core.tracking.tracked_motion import PoseNoise
 
 from .kept_places import places_kept, PlacesKept
-from .resample import resample
-from .said_scene import SaidScenes
-from .tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
-from ..evaluation.alignment import decode_topic, Decoded
+from ..alignment import decode_topic, Decoded
+from ..recorded_scenes import SaidScenes
+from ..resample import resample
+from ..tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
+from ...bags.reader import read_bag
+from ...data.records import Record
+from ...files.checkpoint import find_model, load_card
+from ...files.config import from_mapping
+from ...forecasts.forecaster import scene_of
+from ...scenes.sampling import load_scene
+from ...scenes.scene import Scene
+from ...scenes.similarity import ModelUnits, Similarity
+from ...scenes.state import Trajectory
+from ...tracking.refusal import seconds
+from ...tracking.tracked_motion import PoseNoise
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0
@@ -194,8 +194,8 @@ def _cut(
     if not why:
         return cut(decoded.frames, gap * 1e9), why
     # late: the model need not run otherwise
-    from ..evaluation.matched_tracks import cut_matched
-    from ..evaluation.recorded_model import forecaster
+    from ..matched_tracks import cut_matched
+    from ..recorded_model import forecaster
 
     model = forecaster(scene, options.model)
     return cut_matched(decoded, model, parameters or {}, gap * 1e9), why

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.scenes.state import Array
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from .tracked_segments import Segment
+from ..tracked_segments import Segment
+from ...scenes.state import Array
 
 # a step goes on from the one before up to so many radii; two that touch are two apart
 _SUDDEN = 1.5

@@ -21,14 +21,10 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from rigid_gns_core.bags.reader import Bag
-from rigid_gns_core.bags.topics import Topics
-from rigid_gns_core.forecasts.interpolation import Stamps
-from rigid_gns_core.messages.poses import decode_float64
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scoring.evaluate import evaluate
 
-from .alignment import (
+from .horizon_errors import add_forecast, HorizonErrors
+from .timing import lateness, quantiles
+from ..alignment import (
     align,
     AlignmentError,
     decode_topic,
@@ -37,14 +33,18 @@ from .alignment import (
     usable_frames,
     usable_passes,
 )
-from .forecast_starts import Forecasted, forecasts, recorded_starts, Start, starts_of
-from .horizon_errors import add_forecast, HorizonErrors
-from .prediction_runs import longest_run
-from .recorded_futures import recorded_futures
-from .score_timing import lateness, quantiles
+from ..forecast_starts import Forecasted, forecasts, recorded_starts, Start, starts_of
+from ..prediction_runs import longest_run
+from ..recorded_futures import recorded_futures
+from ...bags.reader import Bag
+from ...bags.topics import Topics
+from ...forecasts.interpolation import Stamps
+from ...messages.poses import decode_float64
+from ...scenes.scene import Scene
+from ...scoring.evaluate import evaluate
 
 if TYPE_CHECKING:
-    from .identified import IdentifiedFrames
+    from ..identified import IdentifiedFrames
 
 
 def score_predictions(
@@ -120,7 +120,7 @@ def score_predictions(
     )
     report['notes'] = _notes(bag, report, dropped, every)
     if figure is not None:
-        from rigid_gns_core.scoring.figure import write_figure
+        from ...scoring.figure import write_figure
 
         title = f'{bag.path.name}: {count} spheres, model {report["recording"]["model"]}'
         write_figure(figure, ours, reference, scene, title=title, names=('predicted', 'tracked'))
@@ -141,8 +141,8 @@ def _identified(
     if not parameters.get('match_spheres') or not starts:
         return None
     # late: the model, which gives the length of its steps, need not be there otherwise
-    from .identified import IdentifiedFrames
-    from .recorded_model import find_recorded_model, forecaster, tracking_window
+    from ..identified import IdentifiedFrames
+    from ..recorded_model import find_recorded_model, forecaster, tracking_window
 
     model = forecaster(scene, find_recorded_model(recorded, None, 'the bag'))
     return IdentifiedFrames(tracked, starts, tracking_window(model, parameters), model)

@@ -27,11 +27,11 @@ from rigid_gns_core.cli import main
 from rigid_gns_core.data.common_scene import common_scene
 from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
+from rigid_gns_core.recordings.alignment import interpolate
+from rigid_gns_core.recordings.importing.import_bags import import_bags
+from rigid_gns_core.recordings.importing.tracks import ImportOptions
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between
-from rigid_gns_ros.evaluation.alignment import interpolate
-from rigid_gns_ros.learning.import_bag import import_bags
-from rigid_gns_ros.learning.tracks import ImportOptions
 import yaml
 
 START = 1_700_000_000_123_456_789

@@ -22,15 +22,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.tracking.window import RejectedFrame, TrackingWindow
 
 from .alignment import Decoded
 from .identified import assigned
 from .recorded_model import tracking_window
 from .short_gaps import fill_short_gaps
-from ..learning.tracked_segments import Cut, cut
+from .tracked_segments import Cut, cut
+from ..forecasts.forecaster import Forecaster
+from ..messages.poses import PoseArrayFrame
+from ..tracking.window import RejectedFrame, TrackingWindow
 
 Run = tuple[tuple[int, ...], list[PoseArrayFrame]]
 

@@ -19,16 +19,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracking.window import TrackingWindow
 from scipy.optimize import linear_sum_assignment
 
 from .alignment import Decoded
 from .forecast_starts import Start
 from .replay import replayed
 from .short_gaps import fill_short_gaps
+from ..forecasts.forecaster import Forecaster
+from ..messages.poses import PoseArrayFrame
+from ..scenes.state import Array
+from ..tracking.window import TrackingWindow
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.bags.reader import Topic
-from rigid_gns_core.forecasts.interpolation import interpolate, Stamps
-from rigid_gns_core.messages.poses import decode_pose_array, MessageError, PoseArrayFrame
-from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.tracking.window import RESTART_FRAMES
 
 from .prediction_runs import AlignmentError, longest_run, Run
+from ..bags.reader import Topic
+from ..forecasts.interpolation import interpolate, Stamps
+from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
+from ..scenes.state import Trajectory
+from ..tracking.window import RESTART_FRAMES
 
 __all__ = [
     'AlignmentError',

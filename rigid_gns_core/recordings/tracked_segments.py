@@ -22,11 +22,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.bags.reader import Bag, BagError, Topic
-from rigid_gns_core.bags.topics import listing
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracking.tracked_motion import estimate_noise, PoseNoise
+
+from ..bags.reader import Bag, BagError, Topic
+from ..bags.topics import listing
+from ..messages.poses import PoseArrayFrame
+from ..scenes.state import Array
+from ..tracking.tracked_motion import estimate_noise, PoseNoise
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 # stamps that fall by more are of a tracker begun anew, and not merely late [ns]

@@ -21,9 +21,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.forecasts.interpolation import interpolate, Stamps
-from rigid_gns_core.messages.poses import PoseArrayFrame
-from rigid_gns_core.scenes.state import Array
+
+from ..forecasts.interpolation import interpolate, Stamps
+from ..messages.poses import PoseArrayFrame
+from ..scenes.state import Array
 
 # a stamp further off the grid than this part of a period belongs to another start
 RESTART_TOLERANCE = 0.01

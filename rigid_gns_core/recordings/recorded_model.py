@@ -21,14 +21,14 @@ from pathlib import Path
 import tempfile
 from typing import Any
 
-from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card
-from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.window_setup import window_of
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.tracking.window import TrackingWindow
+from rigid_gns_ros.parameters import SIMULATOR
 import yaml
 
-from ..parameters import SIMULATOR
+from ..files.checkpoint import CheckpointError, find_model, load_card
+from ..forecasts.forecaster import Forecaster
+from ..forecasts.window_setup import window_of
+from ..scenes.scene import Scene
+from ..tracking.window import TrackingWindow
 
 
 def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1) -> Forecaster:

@@ -27,9 +27,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import Array, rotate_quaternions, rotation_between
-from rigid_gns_core.tracking.tracked_motion import SIGMAS
+
+from ..scenes.scene import Scene
+from ..scenes.state import Array, rotate_quaternions, rotation_between
+from ..tracking.tracked_motion import SIGMAS
 
 # two stamps within this are one [s]
 _SAME = 1e-7

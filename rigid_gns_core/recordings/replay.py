@@ -20,10 +20,10 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import numpy as np
-from rigid_gns_core.tracking.window import RejectedFrame, seconds, TrackingWindow
 
 from .alignment import Decoded
 from .forecast_starts import Start
+from ..tracking.window import RejectedFrame, seconds, TrackingWindow
 
 # reasons of starts before which the node had forgotten all frames
 _FROM_NOTHING = ('first', 'reset', 'restart')

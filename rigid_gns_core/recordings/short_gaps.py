@@ -20,12 +20,12 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_gns_core.forecasts.interpolation import Stamps
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import Array
 
 from .alignment import MAX_GAP
-from ..learning.resample import resample
+from .resample import resample
+from ..forecasts.interpolation import Stamps
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 def fill_short_gaps(stamps: Stamps, poses: Array, scene: Scene, noise: float) -> int:

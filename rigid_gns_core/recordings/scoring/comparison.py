@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from .comparison import Comparison
-from ..scenes.scene import Scene
-from ..scenes.state import Array
+from ...report.comparison import Comparison
+from ...scenes.scene import Scene
+from ...scenes.state import Array
 
 
 def read_bag_comparison(
