@@ -24,14 +24,14 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
-from rigid_gns_core.hard_cases.case import Case
-from rigid_gns_core.hard_cases.checks import measure_laws
 from rigid_gns_core.rollout.rollout import Rollout, Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.similarity import Similarity
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.scoring import sphere_penetration, surface_penetration
 from rigid_gns_core.scoring.evaluate import evaluate
+from rigid_gns_core.studies.hard_cases.case import Case
+from rigid_gns_core.studies.hard_cases.checks import measure_laws
 
 REST = 0.01  # m/s: below it a sphere has come to rest
 LEAST_FLOOR = 0.25  # r^2: squared errors below half a radius are not told apart

@@ -22,8 +22,8 @@ try:
     from rigid_gns_core.studies.benchmark.scenes import bench_scenes
     from rigid_gns_core.studies.hard_cases.cases import hard_cases
 except ModuleNotFoundError:  # before the core had folders by stage
-    from rigid_gns_core.benchmark.scenes import bench_scenes
-    from rigid_gns_core.hard_cases.cases import hard_cases
+    from rigid_gns_core.studies.benchmark.scenes import bench_scenes
+    from rigid_gns_core.studies.hard_cases.cases import hard_cases
 from rigid_gns_core import load_simulator, Scene, State
 
 STEPS = 200

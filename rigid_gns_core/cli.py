@@ -47,15 +47,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'train': ('rigid_gns_core.train_command', 'train a simulator from a YAML recipe'),
     'benchmark': (
-        'rigid_gns_core.benchmark.command',
+        'rigid_gns_core.studies.benchmark.command',
         'speed against error, beside Bullet and MuJoCo',
     ),
     'hard-cases': (
-        'rigid_gns_core.hard_cases.command',
+        'rigid_gns_core.studies.hard_cases.command',
         'check the stability of simulators on hard cases',
     ),
     'experiment': (
-        'rigid_gns_core.experiments.command',
+        'rigid_gns_core.studies.thesis.command',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
     'teacher-card': (

@@ -21,20 +21,20 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from .busy_core import measure_busy_core
-from .fresh import first_prediction, memory_per_sphere
-from .judge import floor_of, result
-from .peers import all_peers, BULLET_ITERATIONS, Field, NOTES, Peer, warm_up
-from .race import BLOCK, race, timing
-from .report import COMPARED, format_processes, format_scaling, format_scene
-from .scaling import COUNTS, measure_scaling, QUICK_COUNTS
-from .scenes import bench_scenes, BenchScene, FRAME, SCENES
 from ..completion import completes
 from ..files.strict_json import write_json
-from ..hard_cases.references import References
 from ..rollout.rollout import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
+from ..studies.benchmark.busy_core import measure_busy_core
+from ..studies.benchmark.fresh import first_prediction, memory_per_sphere
+from ..studies.benchmark.judge import floor_of, result
+from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, Field, NOTES, Peer, warm_up
+from ..studies.benchmark.race import BLOCK, race, timing
+from ..studies.benchmark.report import COMPARED, format_processes, format_scaling, format_scene
+from ..studies.benchmark.scaling import COUNTS, measure_scaling, QUICK_COUNTS
+from ..studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
+from ..studies.hard_cases.references import References
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
 
@@ -234,7 +234,7 @@ def _run_processes(
 
 
 def _draw(folder: Path, entry: dict[str, Any], reference: str | None) -> None:
-    from .chart import write_charts
+    from ..studies.benchmark.chart import write_charts
 
     if reference is None:
         return

@@ -1,0 +1,59 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bullet as a peer: the teacher's world without what the teacher adds to Bullet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...scenes.scene import Scene
+from ...scenes.state import Array, State
+from ...teacher.bullet import Teacher
+from ...teacher.settings import TeacherSettings
+
+
+class BulletSpheres(Teacher):
+    """A live Bullet scene that is advanced frame by frame, with nothing in Python but one loop.
+
+    Maximal coordinates, solver and bounce threshold are the teacher's; rolling friction is
+    Bullet's own, and of the state the positions alone are read: the teacher's velocities cost as
+    much as a substep.
+
+    Args:
+        scene: Surfaces, sphere properties and materials.
+        start: State at time 0.
+        dt: Length of a frame [s].
+        settings: How Bullet is run; without the teacher's rolling friction.
+    """
+
+    def __init__(self, scene: Scene, start: State, dt: float, settings: TeacherSettings) -> None:
+        if settings.rolling_updates:
+            raise ValueError(
+                f'rolling_updates is {settings.rolling_updates}, expected 0: the rolling friction '
+                'of the teacher is Python and would slow Bullet'
+            )
+        super().__init__(scene, start, dt, settings)
+
+    def advance(self) -> Array:
+        """Advance by a frame; centres then [m], shape (n, 3)."""
+        step, read, client = (
+            self._bullet.stepSimulation,
+            self._bullet.getBasePositionAndOrientation,
+            self._client,
+        )
+        for _ in range(self.settings.substeps):
+            step(physicsClientId=client)
+        places = [read(body, physicsClientId=client)[0] for body in self._bodies]
+        return np.array(places) * self._length

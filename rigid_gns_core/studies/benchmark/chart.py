@@ -1,0 +1,262 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One chart per scene: speed against error, a line for each family of peers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from .scenes import FRAME
+from ...scoring.figure import clean_axes, GRID, INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Annotation
+    from matplotlib.transforms import Bbox
+
+LEAST = 1e-6
+"""Errors below this [m] are drawn here."""
+
+# Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
+STYLES = {
+    'contact': ('#0072b2', '^'),
+    'law': ('#56b4e9', 'v'),
+    'Bullet': ('#e69f00', 'o'),
+    'MuJoCo': ('#009e73', 's'),
+    'GNS': ('#cc79a7', 'D'),
+}
+LEGEND = {
+    'Bullet': 'Bullet, by substeps',
+    'MuJoCo': 'MuJoCo, by substeps',
+    'GNS': "thesis' network",
+    'contact': 'contact model, by substeps',
+    'law': 'its law without the network',
+}
+# where a label may be beside its point [points], the best first
+_PLACES = [(0, 9), (0, -9), (11, 0), (-11, 0), (9, 8), (-9, 8), (9, -8), (-9, -8)]
+_PLACES += [(0, 17), (0, -17), (18, 0), (-18, 0)]
+
+
+def write_charts(folder: str | Path, scene: Mapping[str, Any], reference: str) -> list[Path]:
+    """Draw a scene of a report of `command.run` into `benchmark_SCENE.png` and `.svg`.
+
+    Left the error after the first horizon, right after the last: where all peers lie on the dashed
+    line, the reference against itself, chaos has made them equal. No display is needed.
+
+    Args:
+        folder: Where; made if absent.
+        scene: With `peers`, their timing and errors.
+        reference: What the errors are against, in words.
+
+    Returns:
+        The files; none where no peer has an error.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    names = _horizons(scene)
+    if not names:
+        return []
+    figure = Figure(figsize=(5.6 * len(names) + 0.6, 5.2), layout='constrained', facecolor='white')
+    FigureCanvasAgg(figure)
+    panels: list[Axes] = list(np.atleast_1d(figure.subplots(1, len(names))))
+    for axes, name in zip(panels, names, strict=True):
+        _draw(axes, scene, name)
+    # a peer may be unstable in one panel alone, and each is named once
+    known = dict(pair for axes in panels for pair in zip(*_legend(axes), strict=True))
+    texts = sorted(known, key='unstable'.__eq__)
+    handles = [known[text] for text in texts]
+    figure.legend(
+        handles,
+        texts,
+        loc='outside lower center',
+        ncols=3 if len(names) > 1 else 2,
+        frameon=False,
+        fontsize=10,
+    )
+    figure.suptitle(
+        f'{scene["name"]}: {scene["text"]}\nerror against {reference}; one thread each',
+        fontsize=12,
+        color=INK,
+        x=0.01,
+        ha='left',
+    )
+    figure.draw_without_rendering()  # labels are placed where everything else will be
+    for axes in panels:
+        _place_labels(axes)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f'benchmark_{scene["name"]}.{suffix}' for suffix in ('png', 'svg')]
+    # the same numbers give the same file
+    with rc_context({'svg.hashsalt': 'rigid_gns', 'svg.fonttype': 'none'}):
+        for path in paths:
+            figure.savefig(path, dpi=130, metadata=_no_date(path))
+    return paths
+
+
+def _no_date(path: Path) -> dict[str, Any]:
+    return {'Date': None} if path.suffix == '.svg' else {'Software': None}
+
+
+def _horizons(scene: Mapping[str, Any]) -> list[str]:
+    """Return the first and the last of the position errors, without those in between."""
+    measured = [p['errors'] for p in scene['peers'] if p['errors'] and p['timing']]
+    names = [name for name in (measured[0] if measured else ()) if name.startswith('position')]
+    return list(dict.fromkeys([names[0], names[-1]])) if names else []
+
+
+def _draw(axes: Axes, scene: Mapping[str, Any], name: str) -> None:
+    axes.set_xscale('log')
+    axes.set_yscale('log')
+    values = [
+        max(LEAST, peer['errors'][name])
+        for peer in scene['peers']
+        if peer['errors'] and np.isfinite(peer['errors'][name])
+    ]
+    floor = None if scene['floor'] is None else scene['floor'][name]
+    if floor is not None:
+        values.append(max(LEAST, floor))
+    low, top = _limits(values)
+    for family, (colour, marker) in STYLES.items():
+        own = [p for p in scene['peers'] if p['family'] == family and p['timing'] and p['errors']]
+        if own:
+            _draw_family(axes, own, name, family, colour, marker, top)
+    if floor is not None:
+        style: dict[str, Any] = {'color': INK, 'linewidth': 1.0, 'linestyle': (0, (4, 3))}
+        axes.axhline(max(LEAST, floor), label='reference at half its substeps', zorder=1, **style)
+    axes.set_ylim(low, top)
+    axes.margins(x=0.12)
+    _number(axes)
+    frame = int(name.rsplit('_', 1)[1])
+    axes.set_title(
+        f'after {frame} frames, {frame * FRAME:g} s', loc='left', fontsize=11, color=INK
+    )
+    axes.set_xlabel('frames of 0.1 s per second of wall clock (faster: right)', color=INK)
+    axes.set_ylabel('mean position error [m] (better: down)', color=INK)
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    clean_axes(axes)
+
+
+def _draw_family(
+    axes: Axes,
+    peers: Sequence[Mapping[str, Any]],
+    name: str,
+    family: str,
+    colour: str,
+    marker: str,
+    top: float,
+) -> None:
+    from matplotlib.patheffects import withStroke
+
+    speed = np.array([peer['timing']['frames_per_second'] for peer in peers])
+    spread = [peer['timing']['seconds_per_frame'] for peer in peers]
+    around = [
+        [v - 1.0 / s['p90'] for v, s in zip(speed, spread, strict=True)],
+        [1.0 / s['p10'] - v for v, s in zip(speed, spread, strict=True)],
+    ]
+    # what is not finite has no place on the chart: on its upper edge
+    error = np.array([min(max(LEAST, peer['errors'][name]), 0.9 * top) for peer in peers])
+    axes.plot(
+        speed,
+        error,
+        color=colour,
+        linewidth=1.6,
+        marker=marker,
+        markersize=6.5,
+        markeredgecolor='white',
+        markeredgewidth=0.7,
+        label=LEGEND[family],
+        zorder=4 if family == 'contact' else 3,
+    )
+    axes.errorbar(speed, error, xerr=np.maximum(around, 0.0), fmt='none', ecolor=colour, zorder=2)
+    for peer, x, y in zip(peers, speed, error, strict=True):
+        if peer['status'] == 'unstable':
+            cross: dict[str, Any] = {'marker': 'x', 'markersize': 10, 'linestyle': 'none'}
+            axes.plot(x, y, color=INK, zorder=5, label='unstable', **cross)
+        if peer['label']:
+            axes.annotate(
+                peer['label'],
+                (x, y),
+                _PLACES[0],
+                textcoords='offset points',
+                ha='center',
+                va='center',
+                fontsize=8.5,
+                color=colour,
+                path_effects=[withStroke(linewidth=2.0, foreground='white')],
+                zorder=6,
+            )
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    """Of the errors' axis: two decades at least, so that small differences look small."""
+    if not values:
+        return LEAST, 1.0
+    low, high = 0.5 * min(values), 2.0 * max(values)
+    wider = max(1.0, float(np.sqrt(100.0 * low / high)))
+    return low / wider, high * wider
+
+
+def _number(axes: Axes) -> None:
+    """Plain numbers, with 2 and 5 between powers of ten where these are few."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        few = high / low < 2e3
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _legend(axes: Axes) -> tuple[list[str], list[Any]]:
+    handles, texts = axes.get_legend_handles_labels()
+    return texts, handles
+
+
+def _place_labels(axes: Axes) -> None:
+    """Move each label to the first place beside its point where it covers nothing."""
+    from matplotlib.text import Annotation
+    from matplotlib.transforms import Bbox
+
+    labels = [child for child in axes.texts if isinstance(child, Annotation)]
+    dot = axes.figure.dpi / 72.0
+    taken = []
+    for line in axes.lines:
+        points = line.get_transform().transform(line.get_xydata())
+        taken += [_square(Bbox, point, 4 * dot) for point in points]
+        for one, other in pairwise(points):
+            steps = np.linspace(0.0, 1.0, 40)[:, None]
+            taken += [_square(Bbox, point, dot) for point in one + steps * (other - one)]
+    for label in labels:
+        boxes = [(_moved(label, place), place) for place in _PLACES]
+        free = (place for box, place in boxes if not any(box.overlaps(other) for other in taken))
+        best = next(free, _PLACES[0])
+        taken.append(_moved(label, best))
+
+
+def _square(kind: type[Bbox], middle: Any, half: float) -> Bbox:
+    return kind.from_extents(*(np.asarray(middle) - half), *(np.asarray(middle) + half))
+
+
+def _moved(label: Annotation, place: tuple[int, int]) -> Bbox:
+    label.set_position(place)
+    return label.get_window_extent()

@@ -1,0 +1,113 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a fresh process costs: time to its first prediction, memory.
+
+`python -m rigid_gns_core.studies.benchmark.fresh first` or `... memory SPHERES` is that process; it prints
+one line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+SPHERES = 154
+"""Spheres of a first prediction."""
+
+
+def first_prediction(repeats: int, spheres: int = SPHERES) -> dict[str, Any]:
+    """Start processes that import, load the shipped model and predict one step, one by one.
+
+    Args:
+        repeats: Processes; the first may find the disk cold.
+        spheres: In the scene.
+
+    Returns:
+        `seconds` of the wall clock until the process has ended: `median`, `first`, `worst`;
+        `most_resident` memory [bytes] or None, `spheres`, `processes`.
+    """
+    walls, peaks = [], []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        answer = _ask('first', spheres)
+        walls.append(time.perf_counter() - begin)
+        peaks.append(answer['most_resident'])
+    return {
+        'spheres': spheres,
+        'processes': repeats,
+        'seconds': {'median': float(np.median(walls)), 'first': walls[0], 'worst': max(walls)},
+        'most_resident': None if None in peaks else max(peaks),
+    }
+
+
+def memory_per_sphere(spheres: int) -> dict[str, Any]:
+    """Resident memory that spheres of a bouncing box add to a process which has predicted before.
+
+    Returns:
+        `spheres`; `before` and `most_resident` [bytes], `per_sphere`, their difference over the
+        spheres; None each where there is no Linux.
+    """
+    return _ask('memory', spheres)
+
+
+def _ask(what: str, spheres: int) -> dict[str, Any]:
+    command = [sys.executable, '-m', __name__, what, str(spheres)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise OSError(f'a process to measure failed: {done.stderr.strip()[-500:]}')
+    report: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return report
+
+
+def _predict(spheres: int, steps: int) -> None:
+    from .scaling import bouncing_box
+    from ...rollout.rollout import load_simulator
+
+    scene, start = bouncing_box(spheres)
+    load_simulator().rollout(scene, start.positions, steps=steps)
+
+
+def _first(spheres: int) -> dict[str, Any]:
+    from ...running.machine import resident_bytes
+
+    _predict(spheres, 1)
+    return {'most_resident': resident_bytes('VmHWM')}
+
+
+def _memory(spheres: int) -> dict[str, Any]:
+    from ...running.machine import resident_bytes
+
+    _predict(10, 3)  # code and weights are there now
+    before = resident_bytes()
+    _predict(spheres, 3)
+    most = resident_bytes('VmHWM')
+    each = None if before is None or most is None else (most - before) / spheres
+    return {'spheres': spheres, 'before': before, 'most_resident': most, 'per_sphere': each}
+
+
+def main(what: str, spheres: str) -> int:
+    """Be the fresh process."""
+    answer = {'first': _first, 'memory': _memory}[what](int(spheres))
+    print(json.dumps(answer))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,139 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How far a peer is from the reference, and whether it blew up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .race import Lane
+from .scenes import BenchScene, FRAME
+from ...scenes.scene import Scene
+from ...scenes.state import Array, Trajectory
+from ...scoring import chamfer, passed_through
+
+HORIZONS = (30, 50, 100)
+"""Frames after which errors are reported."""
+ENERGY_RISE = 0.05
+"""A peer whose energy, as told by its positions, is over that of the start by more blew up."""
+
+
+def position_errors(positions: Array, reference: Array) -> dict[str, float]:
+    """Errors of centres [m], shape (frames + 1, n, 3), against those of the reference.
+
+    Returns:
+        `position_error_H` [m], the mean over spheres of the distance after H frames, for each of
+        `HORIZONS` within the reference, and `chamfer` [m^2] over all frames: infinite where
+        `positions` ended before or are not finite.
+    """
+    last = len(reference) - 1
+    errors: dict[str, float] = {}
+    for frame in (horizon for horizon in HORIZONS if horizon <= last):
+        there = len(positions) > frame and bool(np.isfinite(positions[: frame + 1]).all())
+        apart = positions[frame] - reference[frame] if there else None
+        errors[f'position_error_{frame}'] = (
+            float('inf') if apart is None else float(np.linalg.norm(apart, axis=1).mean())
+        )
+    whole = positions.shape == reference.shape and bool(np.isfinite(positions).all())
+    errors['chamfer'] = chamfer(positions, reference) if whole else float('inf')
+    return errors
+
+
+def faults(scene: BenchScene, lane: Lane) -> tuple[list[str], list[str]]:
+    """Return what went wrong in a lane: what makes it count as unstable, and what does not.
+
+    Unstable: it stopped, its energy rose, or spheres are behind a surface at the end. Those whose
+    centres were behind one and came back are told, no more.
+    """
+    if lane.stopped is not None:
+        return [lane.stopped], []
+    positions, count = np.stack(lane.positions), len(scene.start)
+    through = passed_through(positions, scene.scene.radius, scene.scene.surfaces)
+    lost = np.zeros(count, dtype=bool)
+    for plane in scene.scene.surfaces:
+        lost |= (positions[-1] - plane.point) @ np.asarray(plane.normal) < 0.0
+    lost &= through
+    grave, slight = [], []
+    if (rise := energy_rise(scene, positions)) > ENERGY_RISE:
+        grave.append(f'energy rose by {100.0 * rise:.2g} %')
+    if lost.any():
+        grave.append(f'{int(lost.sum())} of {count} spheres are lost behind a surface')
+    if back := int((through & ~lost).sum()):
+        slight.append(f'{back} of {count} centres were behind a surface, and came back')
+    return grave, slight
+
+
+def energy_rise(scene: BenchScene, positions: Array) -> float:
+    """Largest part by which the energy is over that of the start; 0: it never is.
+
+    Of positions alone, since not all peers give velocities: between two frames, the kinetic energy
+    of the mean velocity and the mean of both heights. In flight and at rest that is never more
+    than the true one, so a rise is real; the rotation, which is not seen, can only add.
+
+    Args:
+        scene: Gravity, masses and the start with its velocities.
+        positions: Centres [m], shape (frames + 1, n, 3).
+    """
+    count = len(scene.start)
+    mass = scene.scene.per_sphere('mass', count)
+    up, gravity = scene.scene.up, float(np.linalg.norm(scene.scene.gravity))
+    ground = _ground(scene.scene)
+    height = positions @ up - ground
+    radius = scene.scene.per_sphere('radius', count)
+    potential = (mass * gravity * (height - radius)).sum(axis=1)
+    moves = np.linalg.norm(np.diff(positions, axis=0), axis=2) / FRAME
+    moving = 0.5 * (mass * moves**2).sum(axis=1)
+    spin = np.linalg.norm(scene.start.angular_velocities, axis=1)
+    speed = np.linalg.norm(scene.start.velocities, axis=1)
+    begin = 0.5 * (mass * (speed**2 + 0.4 * (radius * spin) ** 2)).sum() + potential[0]
+    # m g r of all spheres: what lies on the ground from the start has no other energy
+    scale = begin + (mass * gravity * radius).sum()
+    energy = moving + 0.5 * (potential[1:] + potential[:-1])
+    return max(0.0, float((energy.max() - begin) / scale))
+
+
+def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float] | None:
+    """Errors of the reference at half its substeps against itself; there is no truth below."""
+    if runs is None:
+        return None
+    half, finest = runs[0], runs[2]
+    return position_errors(half.positions, finest.positions)
+
+
+def result(scene: BenchScene, lane: Lane, reference: Array | None) -> dict[str, Any]:
+    """Status, faults and errors of a lane.
+
+    Returns:
+        `status` is 'ok', 'unstable' or 'refused', `faults` (see `faults`) or why, `errors` (see
+        `position_errors`) or None where there is no reference or nothing was simulated.
+    """
+    if lane.refused is not None:
+        return {'status': 'refused', 'faults': [lane.refused], 'errors': None}
+    grave, slight = faults(scene, lane)
+    errors = None
+    if reference is not None:
+        errors = position_errors(np.stack(lane.positions), reference)
+    status = 'unstable' if grave else 'ok'
+    return {'status': status, 'faults': grave + slight, 'errors': errors}
+
+
+def _ground(scene: Scene) -> float:
+    """Height of the ground [m]; 0 where there is none."""
+    if scene.ground is None:
+        return 0.0
+    return float(np.asarray(scene.surfaces[scene.ground].point) @ scene.up)

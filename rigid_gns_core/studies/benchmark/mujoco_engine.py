@@ -1,0 +1,215 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""MuJoCo as a peer: spheres on planes, at the settings that were best here.
+
+MuJoCo has no coefficient of restitution: contacts are springs with dampers. The damping ratio that
+makes such a spring rebound with e is known in closed form, so each surface gets that of its pair
+with a sphere. docs/benchmark.md says how the settings were chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from types import ModuleType
+from typing import Any, Literal
+
+import numpy as np
+
+from ...installation.extras import needed
+from ...scenes.scene import Plane, Scene
+from ...scenes.state import Array, State
+
+
+@dataclass(frozen=True)
+class MujocoSettings:
+    """How MuJoCo is run.
+
+    Args:
+        substeps: Steps of MuJoCo per frame.
+        solver: Of the constraints.
+        integrator: The same here, where no force but that of contacts depends on the velocity.
+        iterations: Most iterations of the solver in a substep.
+        tolerance: Improvement, scaled as MuJoCo does, below which the solver ends.
+        stiffness: Time over which a contact springs back, 1 over its angular frequency, in
+            substeps; below about 1.5 the substeps cannot resolve a bounce.
+        impedance: MuJoCo's solimp at no and at full depth.
+    """
+
+    substeps: int = 24
+    solver: Literal['Newton', 'CG'] = 'CG'
+    integrator: Literal['Euler', 'implicitfast'] = 'Euler'
+    iterations: int = 10
+    tolerance: float = 1e-4
+    stiffness: float = 1.5
+    impedance: tuple[float, float] = (0.9, 0.95)
+
+
+def load_mujoco() -> ModuleType:
+    """Import mujoco.
+
+    Raises:
+        ModuleNotFoundError: It is not installed; the message tells how to get it.
+    """
+    module: ModuleType = needed('mujoco', 'the peer MuJoCo')
+    return module
+
+
+class MujocoSpheres:
+    """A live MuJoCo scene that is advanced frame by frame.
+
+    Args:
+        scene: Surfaces, which MuJoCo takes as endless, and properties, the same for all spheres.
+        start: State at time 0.
+        dt: Length of a frame [s].
+        settings: How MuJoCo is run.
+
+    Raises:
+        ValueError: MuJoCo cannot express the scene.
+        ModuleNotFoundError: mujoco is not installed.
+    """
+
+    def __init__(
+        self, scene: Scene, start: State, dt: float, settings: MujocoSettings = MujocoSettings()
+    ) -> None:
+        self._mujoco = load_mujoco()
+        self._substeps = settings.substeps
+        text = _model(scene, start, dt / settings.substeps, settings)
+        model = self._mujoco.MjModel.from_xml_string(text)
+        data = self._mujoco.MjData(model)
+        # v += g h; x += v h is exact in flight where v is that of half a substep before x
+        early = start.velocities - 0.5 * dt / settings.substeps * np.asarray(scene.gravity)
+        poses = np.concatenate([start.positions, np.roll(start.quaternions, 1, axis=1)], axis=1)
+        data.qpos[:] = poses.ravel()
+        # MuJoCo has the spin in the frame of the body
+        spins = _unturned(start.quaternions, start.angular_velocities)
+        data.qvel[:] = np.concatenate([early, spins], axis=1).ravel()
+        self._model, self._data = model, data
+
+    def advance(self) -> Array:
+        """Advance by a frame; centres then [m], shape (n, 3).
+
+        Raises:
+            FloatingPointError: MuJoCo gave up.
+        """
+        try:
+            self._mujoco.mj_step(self._model, self._data, self._substeps)
+        except self._mujoco.FatalError as error:
+            raise FloatingPointError(f'MuJoCo gave up: {error}') from error
+        positions: Array = self._data.qpos.reshape(-1, 7)[:, :3].copy()
+        return positions
+
+    def close(self) -> None:
+        """Free MuJoCo's memory."""
+        del self._model, self._data
+
+
+def describe(settings: MujocoSettings) -> dict[str, Any]:
+    """Return settings for a report, with what is the same for all."""
+    return {
+        'engine': 'mujoco',
+        'version': metadata.version('mujoco'),
+        'cone': 'elliptic',
+        **asdict(settings),
+    }
+
+
+def damping_ratio(restitution: float) -> float:
+    """Return that of a spring with damper which gives a blow back with this restitution."""
+    if restitution <= 0.0:
+        return 1.0
+    log = float(np.log(restitution))
+    return -log / float(np.hypot(np.pi, log))
+
+
+def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings) -> str:
+    count = len(start)
+    values = {}
+    for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction'):
+        own = scene.per_sphere(name, count)
+        if np.ptp(own) > 0:
+            raise ValueError(f'{name} differs between spheres; the MuJoCo peer takes one for all')
+        values[name] = float(own[0])
+    radius, rolling = values['radius'], values['rolling_friction'] * values['radius']
+    lines = [
+        '<mujoco>',
+        # refsafe would soften contacts to two substeps at least; a reset would hide a blow-up
+        f'<option {_option(scene, substep, settings)}>',
+        '<flag autoreset="disable" refsafe="disable"/>',
+        '</option>',
+        '<size memory="1G"/>',  # is used only where there are so many contacts
+        '<worldbody>',
+    ]
+    contact = _contact(values['restitution'] ** 2, substep, settings)
+    restitution = scene.surface_values('restitution') * values['restitution']
+    friction = scene.surface_values('friction') * values['friction']
+    for index, plane in enumerate(scene.surfaces):
+        _check_endless(scene, plane)
+        point = ' '.join(map(str, plane.point))
+        axis = ' '.join(map(str, plane.normal))
+        # MuJoCo takes the greater friction of a pair; the geom of higher priority alone decides
+        lines.append(
+            f'<geom type="plane" size="0 0 1" pos="{point}" zaxis="{axis}" priority="1" condim="6"'
+            f' friction="{friction[index]} {rolling} {rolling}"'
+            f' {_contact(restitution[index], substep, settings)}/>'
+        )
+    # spheres do not resist each other's rolling
+    sphere = (
+        f'<freejoint/><geom type="sphere" size="{radius}" mass="{values["mass"]}" condim="3"'
+        f' friction="{values["friction"] ** 2} 0 0" {contact}/>'
+    )
+    lines += [f'<body>{sphere}</body>'] * count
+    return '\n'.join([*lines, '</worldbody>', '</mujoco>'])
+
+
+def _option(scene: Scene, substep: float, settings: MujocoSettings) -> str:
+    return (
+        f'timestep="{substep!r}" gravity="{" ".join(map(str, scene.gravity))}" cone="elliptic" '
+        f'jacobian="sparse" solver="{settings.solver}" integrator="{settings.integrator}" '
+        f'iterations="{settings.iterations}" tolerance="{settings.tolerance!r}"'
+    )
+
+
+def _contact(restitution: float, substep: float, settings: MujocoSettings) -> str:
+    ratio = damping_ratio(restitution)
+    time = settings.stiffness * substep / ratio
+    low, high = settings.impedance
+    return f'solref="{time!r} {ratio!r}" solimp="{low} {high} 0.001 0.5 2"'
+
+
+def _check_endless(scene: Scene, plane: Plane) -> None:
+    """Check that planes end on or behind others, else spheres meet what is not there."""
+    along = np.array([plane.length_x, plane.length_y]) / 2
+    for axis, half in zip(plane.axes[:2], along, strict=True):
+        if np.isinf(half):
+            continue
+        for end in (np.asarray(plane.point) + half * axis, np.asarray(plane.point) - half * axis):
+            heights = [
+                (end - np.asarray(other.point)) @ np.asarray(other.normal)
+                for other in scene.surfaces
+                if other is not plane
+            ]
+            if min(heights, default=np.inf) > 1e-6:
+                raise ValueError(
+                    'planes of MuJoCo have no end; the scene has one that spheres see'
+                )
+
+
+def _unturned(quaternions: Array, vectors: Array) -> Array:
+    """Vectors of the world in the frames of bodies, shape (n, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    turned: Array = Rotation.from_quat(quaternions).inv().apply(vectors)
+    return turned

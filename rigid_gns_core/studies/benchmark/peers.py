@@ -1,0 +1,229 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who is compared: Bullet, MuJoCo, the thesis' network and the contact model with its variants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
+from typing import Any, Protocol
+import warnings
+
+import numpy as np
+
+from .bullet_engine import BulletSpheres
+from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
+from .scenes import FRAME
+from ...rollout.rollout import load_simulator, Simulator
+from ...scenes.scene import Scene
+from ...scenes.state import Array, State
+from ...teacher.bullet import load_pybullet
+from ...teacher.settings import TeacherSettings
+
+BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
+MUJOCO_SUBSTEPS = (6, 12, 24, 48)
+CONTACT_SUBSTEPS = (1, 2, 4, 8, 16)
+BULLET_ITERATIONS = 10
+"""Of Bullet's solver: no further off here than with the teacher's 50, and up to twice as fast."""
+
+
+class Run(Protocol):
+    """A scene in progress."""
+
+    def advance(self) -> Array:
+        """Advance by `FRAME`; centres then [m], shape (n, 3).
+
+        Raises:
+            FloatingPointError: It blew up.
+        """
+        ...
+
+    def close(self) -> None:
+        """Free what it holds."""
+        ...
+
+
+@dataclass(frozen=True)
+class Peer:
+    """One way to simulate, at one setting.
+
+    Args:
+        name: Unique, as in the table.
+        family: Peers of one family are one line of a chart.
+        label: The setting, as beside a point of a chart.
+        start: Begins a scene; ValueError: it refuses the scene.
+        settings: For the report.
+    """
+
+    name: str
+    family: str
+    label: str
+    start: Callable[[Scene, State], Run]
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Field:
+    """All who take part.
+
+    Args:
+        peers: In the order of the table.
+        absent: Families that cannot, and why.
+        notes: What a reader has to know of a family to compare it.
+    """
+
+    peers: tuple[Peer, ...]
+    absent: dict[str, str]
+    notes: dict[str, str]
+
+
+NOTES = {
+    'Bullet': 'maximal coordinates, its own rolling friction, positions read once per frame; '
+    'otherwise the settings of the teacher',
+    'MuJoCo': 'has no coefficient of restitution: the damping ratio of its contacts is set to the '
+    'closed form for the restitution of each pair; its planes have no end',
+    'GNS': "the thesis' network; knows one material, so scenes of other materials are not its own",
+    'contact': 'the contact model; the number is that of its substeps K, of which 8 are trained',
+    'law': 'the contact model without its network',
+}
+
+
+def all_peers(
+    families: Iterable[str] | None = None,
+    *,
+    quick: bool = False,
+    bullet_iterations: int = BULLET_ITERATIONS,
+) -> Field:
+    """Return the peers, family by family.
+
+    Args:
+        families: Those wanted; None: all.
+        quick: At few settings.
+        bullet_iterations: Of Bullet's solver.
+
+    Raises:
+        ValueError: A family is unknown, with the known ones.
+    """
+    makers: dict[str, Callable[[], list[Peer]]] = {
+        'Bullet': lambda: _bullet((2, 6) if quick else BULLET_SUBSTEPS, bullet_iterations),
+        'MuJoCo': lambda: _mujoco((12,) if quick else MUJOCO_SUBSTEPS),
+        'GNS': _gns,
+        'contact': lambda: _contact('contact', (8,) if quick else CONTACT_SUBSTEPS, True),
+        'law': lambda: _contact('law', (8,) if quick else CONTACT_SUBSTEPS, False),
+    }
+    wanted = list(makers) if families is None else list(dict.fromkeys(families))
+    if unknown := sorted(set(wanted) - set(makers)):
+        raise ValueError(f'unknown peer {unknown[0]!r}, known: {", ".join(makers)}')
+    peers: list[Peer] = []
+    absent: dict[str, str] = {}
+    for family in (name for name in makers if name in wanted):
+        try:
+            peers += makers[family]()
+        except ModuleNotFoundError as error:
+            absent[family] = str(error)
+    return Field(tuple(peers), absent, {name: NOTES[name] for name in makers if name in wanted})
+
+
+def warm_up(peers: Iterable[Peer]) -> None:
+    """Let each peer take a few steps, so that no measured one compiles or loads anything."""
+    start = State(positions=np.array([[0.0, 0.0, 1.05], [0.1, 0.0, 3.1], [0.0, 2.5, 1.0]]))
+    for peer in peers:
+        run = peer.start(Scene(), start)
+        for _ in range(3):
+            run.advance()
+        run.close()
+
+
+def _bullet(substeps: tuple[int, ...], iterations: int) -> list[Peer]:
+    load_pybullet()
+    version = metadata.version('pybullet')
+    peers = []
+    for count in substeps:
+        settings = TeacherSettings(substeps=count, solver_iterations=iterations, rolling_updates=0)
+
+        def start(scene: Scene, state: State, settings: TeacherSettings = settings) -> Run:
+            return BulletSpheres(scene, state, FRAME, settings)
+
+        described = {'engine': 'pybullet', 'version': version, **asdict(settings)}
+        peers.append(Peer(f'Bullet {count}', 'Bullet', str(count), start, described))
+    return peers
+
+
+def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
+    load_mujoco()
+    peers = []
+    for count in substeps:
+        settings = MujocoSettings(count)
+
+        def start(scene: Scene, state: State, settings: MujocoSettings = settings) -> Run:
+            return MujocoSpheres(scene, state, FRAME, settings)
+
+        peers.append(Peer(f'MuJoCo {count}', 'MuJoCo', str(count), start, describe(settings)))
+    return peers
+
+
+class LearnedSpheres:
+    """A rollout of a learned simulator, as the others are run.
+
+    Raises:
+        ValueError: The model cannot serve the scene, or has frames of another length.
+    """
+
+    def __init__(self, simulator: Simulator, scene: Scene, start: State) -> None:
+        if abs(simulator.native_dt(scene) - FRAME) > 1e-9:
+            raise ValueError(
+                f'frames of {simulator.name!r} are {simulator.native_dt(scene):g} s here, not '
+                f'{FRAME:g} s; the scenes of the benchmark have spheres of 1 m'
+            )
+        given = (scene, start.positions, start.velocities, start.angular_velocities)
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of materials beyond those trained on: in the notes
+            self._rollout = simulator.start(*given, quaternions=start.quaternions)
+
+    def advance(self) -> Array:
+        """Advance by a frame; centres then [m], shape (n, 3)."""
+        return self._rollout.step().positions
+
+    def close(self) -> None:
+        """Free what it holds."""
+        del self._rollout
+
+
+def _learned(simulator: Simulator) -> Callable[[Scene, State], Run]:
+    def start(scene: Scene, state: State) -> Run:
+        return LearnedSpheres(simulator, scene, state)
+
+    return start
+
+
+def _gns() -> list[Peer]:
+    simulator = load_simulator('gns')
+    settings = {'model': 'gns', 'weights_sha256': simulator.card['weights_sha256']}
+    return [Peer('GNS', 'GNS', '', _learned(simulator), settings)]
+
+
+def _contact(family: str, substeps: tuple[int, ...], network: bool) -> list[Peer]:
+    peers = []
+    for count in substeps:
+        simulator = load_simulator('contact', substeps=count, network=network)
+        settings = {
+            'model': 'contact',
+            'weights_sha256': simulator.card['weights_sha256'],
+            'substeps': count,
+            'network': network,
+        }
+        peers.append(Peer(f'{family} {count}', family, str(count), _learned(simulator), settings))
+    return peers

@@ -1,0 +1,181 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The scenes of the benchmark: from no contact at all to a pile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..hard_cases.case import Case
+from ...data.recipe import load_recipe
+from ...scenes.plane import Plane
+from ...scenes.sampling import load_scene, sample_start
+from ...scenes.scene import Scene
+from ...scenes.state import Array, State
+
+FRAME = 0.1
+"""Time between two frames [s]; that of the learned simulators for spheres of 1 m."""
+FRAMES = 100
+"""Frames of a scene; the references end there."""
+QUICK_FRAMES = 30
+
+
+@dataclass(frozen=True)
+class BenchScene:
+    """A scene in which all peers are timed.
+
+    Args:
+        name: Short, as in the table and for `--scenes`.
+        text: What it is, in one line.
+        scene: Surfaces, sphere properties, materials and gravity; spheres of 1 m.
+        start: Spheres at time 0.
+        frames: Frames of `FRAME` that are simulated.
+    """
+
+    name: str
+    text: str
+    scene: Scene
+    start: State
+    frames: int = FRAMES
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.frames <= FRAMES:
+            raise ValueError(f'frames of {self.name!r} is {self.frames}, expected 1 to {FRAMES}')
+
+    @property
+    def case(self) -> Case:
+        """The same for the cache of references."""
+        return Case(f'bench-{self.name}', self.text, self.scene, self.start, self.frames)
+
+
+def bench_scenes(
+    names: Iterable[str] | None = None, *, quick: bool = False
+) -> tuple[BenchScene, ...]:
+    """Return the scenes in the order of the table.
+
+    Args:
+        names: Those wanted; None: all.
+        quick: Few spheres and `QUICK_FRAMES`.
+
+    Raises:
+        ValueError: A name is unknown, with the known ones.
+    """
+    wanted = list(SCENES) if names is None else list(dict.fromkeys(names))
+    if unknown := sorted(set(wanted) - set(SCENES)):
+        raise ValueError(f'unknown scene {unknown[0]!r}, known: {", ".join(SCENES)}')
+    made = (make(quick) for name, (_, make) in SCENES.items() if name in wanted)
+    return tuple(replace(scene, frames=QUICK_FRAMES) if quick else scene for scene in made)
+
+
+def lattice(
+    columns: tuple[int, int], count: int, pitch: float, low: float, jitter: float
+) -> Array:
+    """Centres of an upright lattice around x = y = 0 that was shaken [m], shape (count, 3).
+
+    Args:
+        columns: Along x and y.
+        count: Spheres; layers are filled from below.
+        pitch: Distance of neighbours [m].
+        low: Height of the lowest layer [m].
+        jitter: Largest shift along each axis [m].
+    """
+    rng = np.random.default_rng(count)
+    index = np.arange(count)
+    wide, deep = columns
+    steps = np.stack([index % wide, index // wide % deep, index // (wide * deep)], axis=1)
+    middle = np.array([(wide - 1) / 2, (deep - 1) / 2, 0.0])
+    places = pitch * (steps - middle) + [0.0, 0.0, low]
+    jittered: Array = places + rng.uniform(-jitter, jitter, places.shape)
+    return jittered
+
+
+def _box(quick: bool) -> BenchScene:
+    scene, recipe = load_scene('box_154')
+    if quick:
+        recipe = replace(recipe, spheres=8, height=(0.0, 12.0))
+    return _named('box', scene, sample_start(scene, recipe))
+
+
+def _thesis(quick: bool) -> BenchScene:
+    recipe = load_recipe('thesis_test')
+    if quick:
+        recipe = replace(recipe, spheres=(8, 8), height=(0.0, 12.0))
+    low, high = (8, 8) if quick else (150, 250)
+    for index in range(recipe.trajectories):
+        scene, start = recipe.draw(index)
+        if low <= len(start) <= high:
+            return _named('thesis', scene, start)
+    raise ValueError(f'thesis_test has no trajectory of {low} to {high} spheres')
+
+
+def _pile(quick: bool) -> BenchScene:
+    side, columns, count = (7.0, 2, 12) if quick else (27.0, 7, 200)
+    # 0.4 for every pair: what bounces less is sooner a pile
+    scene = Scene(
+        surfaces=Plane.box(side, side), restitution=0.6325, friction=0.5, rolling_friction=0.03
+    )
+    places = lattice((columns, columns), count, 3.0, 1.8, 0.3)
+    return _named('pile', scene, State(positions=places))
+
+
+def _billiards(quick: bool) -> BenchScene:
+    # a pub table in radii; cushions give back 0.8, balls 0.9 of the speed
+    ball = float(np.sqrt(0.9))
+    box = Plane.box(44.0, 88.0, restitution=0.8 / ball, friction=0.8)
+    scene = Scene(surfaces=box, restitution=ball, friction=0.25, rolling_friction=0.01)
+    rows = 2 if quick else 5
+    pitch = 2.01  # a hair apart: balls that touch share a blow in a way that no law tells
+    rack = [
+        (pitch * (column - row / 2), 22.0 + pitch * np.sqrt(0.75) * row, 1.0)
+        for row in range(rows)
+        for column in range(row + 1)
+    ]
+    rng = np.random.default_rng(16)
+    places = np.array([*rack, (0.3, 0.0 if quick else -22.0, 1.0)])
+    places[:-1, :2] += rng.uniform(-0.002, 0.002, (len(rack), 2))
+    velocities = np.zeros_like(places)
+    velocities[-1, 1] = 30.0
+    spins = np.zeros_like(places)
+    spins[-1, 0] = -30.0  # it rolls
+    start = State(positions=places, velocities=velocities, angular_velocities=spins)
+    return _named('billiards', scene, start)
+
+
+def _flight(quick: bool) -> BenchScene:
+    side, count = (5, 25) if quick else (32, 1000)
+    places = lattice((side, side), count, 4.0, 25.0, 0.5)
+    # thrown up they are back after 10 s, within the heights that networks are trained on; and they
+    # fly apart, so that none meets another
+    velocities = 0.2 * (places - places.mean(axis=0)) + [0.0, 0.0, 49.0]
+    spins = np.random.default_rng(0).uniform(-3.0, 3.0, places.shape)
+    start = State(positions=places, velocities=velocities, angular_velocities=spins)
+    return _named('flight', Scene(restitution=0.7746, rolling_friction=0.03), start)
+
+
+def _named(name: str, scene: Scene, start: State) -> BenchScene:
+    return BenchScene(name, SCENES[name][0], scene, start)
+
+
+SCENES: dict[str, tuple[str, Callable[[bool], BenchScene]]] = {
+    'box': ('154 spheres fall from up to 150 m into a box of 60 m (box_154)', _box),
+    'thesis': ('the first of the thesis test set with 150 to 250 spheres', _thesis),
+    'pile': ('200 spheres fall from a shaken lattice into a pile, box of 27 m', _pile),
+    'billiards': ('a ball breaks a rack of 15 on a table with cushions', _billiards),
+    'flight': ('1000 spheres thrown up to 150 m, no contact', _flight),
+}
+"""Name: what it is in one line, and who makes it (few spheres where True)."""

@@ -1,0 +1,72 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One hard case: a scene, a start, and what may be asked of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...scenes.plane import Plane
+from ...scenes.scene import Scene
+from ...scenes.state import State
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene and a start that are hard to simulate.
+
+    Args:
+        name: Short, as in the table and for `--cases`.
+        text: What is hard, in one line.
+        scene: Surfaces, sphere properties, materials and gravity.
+        start: Spheres at time 0.
+        steps: Steps of the simulator's own time step.
+        rests: The spheres should rest over the second half, so their drift is judged.
+        overlaps: The start itself breaks the rules: spheres overlap or are below the floor. The
+            potential energy of pushing them out in the first step is not held against anyone.
+        closed: All surfaces together enclose the spheres; else those with an infinite side do.
+        long: Cut to `cases.QUICK_STEPS` by --quick.
+        precision: Also simulated in the other precision, and compared.
+        seed: Of a random start; None: nothing is random.
+    """
+
+    name: str
+    text: str
+    scene: Scene
+    start: State
+    steps: int
+    rests: bool = False
+    overlaps: bool = False
+    closed: bool = False
+    long: bool = False
+    precision: bool = False
+    seed: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.steps < 2:
+            raise ValueError(f'steps of case {self.name!r} is {self.steps}, expected at least 2')
+        for name in ('radius', 'mass'):
+            self.scene.per_sphere(name, len(self.start))
+
+    @property
+    def enclosing(self) -> tuple[Plane, ...]:
+        """Surfaces beyond which no centre can be, wherever it crosses them."""
+        return tuple(
+            s
+            for s in self.scene.surfaces
+            if self.closed or np.isinf([s.length_x, s.length_y]).any()
+        )

@@ -1,0 +1,201 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is measured of a trajectory of a hard case, and what is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+
+from .case import Case
+from .cases import DRIFT, ENERGY_RISE
+from ...scenes.scene import Scene
+from ...scenes.state import Array, Trajectory
+from ...scoring import divergence, energy, passed_through, sphere_penetration, surface_penetration
+from ...scoring.evaluate import Velocities
+
+HORIZONS = (10, 30, 100)
+"""Steps at which errors against the teacher are reported."""
+LEAST_FLOOR = 0.01
+"""Errors below this [r] are not told apart."""
+TEACHER_ENERGY_RISE = 0.1
+"""A teacher whose energy rises by more has blown up, and is no truth to measure against."""
+_BELOW = 1e-9  # centres this far behind a surface [r] are on it, but for rounding
+
+
+def measure_laws(
+    case: Case, trajectory: Trajectory, *, velocities: Velocities = 'given'
+) -> dict[str, Any]:
+    """Laws of physics, for which no reference is needed.
+
+    Args:
+        case: What was simulated.
+        trajectory: How it went.
+        velocities: 'given': those of the trajectory are instantaneous; 'poses': they are means
+            over a step, so energies are of backward differences of the poses, but for the start.
+
+    Returns:
+        `diverged_at` the step or None, `finite`, `inside`, `escaped` the number of spheres that
+        went beyond a surface, `deepest` and `final_depth` [diameters] of the second half and the
+        last frame, `energy_rise` and `push_out` in m g r of all spheres plus the kinetic energy at
+        the start, `drift` [r] over the second half or None where nothing should rest,
+        `final_speed` of the fastest [m/s]. What needs the whole of a rollout that diverged is
+        infinite.
+
+    Raises:
+        ValueError: The trajectory is of other spheres or steps.
+    """
+    if velocities not in get_args(Velocities):
+        raise ValueError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
+    if trajectory.positions.shape[:2] != (case.steps + 1, len(case.start)):
+        raise ValueError(
+            f'the trajectory has {trajectory.steps} steps of {trajectory.count} spheres, case '
+            f'{case.name!r} {case.steps} of {len(case.start)}'
+        )
+    with np.errstate(over='ignore', invalid='ignore'):
+        lost = divergence(trajectory, case.scene)
+    # what was finite may have been outside already
+    escaped = _escaped(
+        case, trajectory.positions[: max(1, len(trajectory) if lost is None else lost)]
+    )
+    laws: dict[str, Any] = {
+        'diverged_at': lost,
+        'finite': lost is None,
+        'inside': not escaped,
+        'escaped': escaped,
+    }
+    if lost is not None:
+        names = ('deepest', 'final_depth', 'energy_rise', 'push_out', 'final_speed')
+        drift = float('inf') if case.rests else None
+        return laws | dict.fromkeys(names, float('inf')) | {'drift': drift}
+    if velocities == 'poses':
+        trajectory = _from_poses(trajectory)
+    half = trajectory.positions[len(trajectory) // 2 :]
+    rise, push_out = energy_rise(case, trajectory)
+    radius = case.scene.per_sphere('radius', trajectory.count)
+    moved = np.linalg.norm(half - half[0], axis=2) / radius
+    return laws | {
+        'deepest': _depth(case.scene, half, radius),
+        'final_depth': _depth(case.scene, half[-1:], radius),
+        'energy_rise': rise,
+        'push_out': push_out,
+        'drift': float(moved.max()) if case.rests else None,
+        'final_speed': float(np.linalg.norm(trajectory.velocities[-1], axis=1).max()),
+    }
+
+
+def failures(laws: dict[str, Any]) -> list[str]:
+    """Names of the laws that are out of bounds; of a rollout that diverged, that and no more."""
+    whole = laws['diverged_at'] is None
+    kept = {
+        'finite': laws['finite'],
+        'inside': laws['inside'],
+        'energy_rise': not whole or laws['energy_rise'] <= ENERGY_RISE,
+        'drift': not whole or laws['drift'] is None or laws['drift'] <= DRIFT,
+    }
+    return [name for name, is_kept in kept.items() if not is_kept]
+
+
+def energy_rise(case: Case, trajectory: Trajectory) -> tuple[float, float]:
+    """Sum of all rises of the energy, with rotation, and what pushing spheres out took.
+
+    Both over the sum of m g r plus the kinetic energy at the start. In a case that starts with
+    overlaps, the potential energy that the first step gains is the second number, not in the
+    first.
+    """
+    parts = energy(trajectory, case.scene)
+    mass, radius = (case.scene.per_sphere(name, trajectory.count) for name in ('mass', 'radius'))
+    scale = float(np.linalg.norm(case.scene.gravity)) * float(mass @ radius)
+    scale += float(parts.kinetic[0] + parts.rotational[0])
+    change = np.diff(parts.with_rotation)
+    push_out = 0.0
+    if case.overlaps:
+        push_out = max(0.0, float(parts.potential[1] - parts.potential[0]))
+        change[0] -= push_out
+    return float(np.maximum(change, 0.0).sum()) / scale, push_out / scale
+
+
+def measure_errors(
+    case: Case, trajectory: Trajectory, references: Sequence[Trajectory]
+) -> dict[str, dict[str, float]] | None:
+    """Errors against the teacher, and the floor that its own step size sets.
+
+    Args:
+        case: What was simulated.
+        trajectory: How it went.
+        references: The teacher, then the teacher at other substeps; may be shorter.
+
+    Returns:
+        By step: `error` and `floor`, means over the spheres of the distance [m], and `ratio`. None
+        where the teacher blew up: then there is no truth.
+    """
+    if not all(_is_sound(case, reference) for reference in references):
+        return None
+    truth, *others = references
+    least = LEAST_FLOOR * float(case.scene.per_sphere('radius', truth.count).mean())
+    errors = {}
+    for step in (step for step in HORIZONS if step <= min(trajectory.steps, truth.steps)):
+        error = _distance(trajectory, truth, step)
+        floor = max(least, *(_distance(other, truth, step) for other in others))
+        errors[str(step)] = {'error': error, 'floor': floor, 'ratio': error / floor}
+    return errors
+
+
+def measure_precision(case: Case, one: Trajectory, other: Trajectory) -> dict[str, float]:
+    """By step: how far float32 is from float64, mean over the spheres [m]."""
+    steps = (step for step in HORIZONS if step <= case.steps)
+    return {str(step): _distance(one, other, step) for step in steps}
+
+
+def _distance(one: Trajectory, other: Trajectory, step: int) -> float:
+    with np.errstate(over='ignore', invalid='ignore'):
+        distance = np.linalg.norm(one.positions[step] - other.positions[step], axis=1).mean()
+    return float(distance) if np.isfinite(distance) else float('inf')
+
+
+def _is_sound(case: Case, reference: Trajectory) -> bool:
+    laws = measure_laws(replace(case, steps=reference.steps), reference)
+    return bool(laws['finite'] and laws['inside'] and laws['energy_rise'] <= TEACHER_ENERGY_RISE)
+
+
+def _from_poses(trajectory: Trajectory) -> Trajectory:
+    """Velocities by backward differences; those of the start are known and stay."""
+    made = Trajectory.from_poses(trajectory.positions, trajectory.quaternions, trajectory.dt)
+    made.velocities[0] = trajectory.velocities[0]
+    made.angular_velocities[0] = trajectory.angular_velocities[0]
+    return made
+
+
+def _escaped(case: Case, positions: Array) -> int:
+    """Spheres whose centre went through a surface, or is beyond one that has no other side."""
+    radius = case.scene.per_sphere('radius', positions.shape[1])
+    out = passed_through(positions, radius, case.scene.surfaces)
+    for plane in case.enclosing:
+        beyond = (positions - plane.point) @ np.asarray(plane.normal) < -_BELOW * radius
+        # one that starts beyond has to come back, and then stay
+        came_in = np.logical_or.accumulate(~beyond, axis=0)
+        out |= (beyond & came_in).any(axis=0) | beyond[-1]
+    return int(out.sum())
+
+
+def _depth(scene: Scene, positions: Array, radius: Array) -> float:
+    """Deepest penetration of spheres into each other and into surfaces [diameters]."""
+    return max(
+        sphere_penetration(positions, radius).deepest,
+        surface_penetration(positions, radius, scene.surfaces).deepest,
+    )

@@ -1,0 +1,182 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is put to the hard cases, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TYPE_CHECKING
+import warnings
+
+import numpy as np
+
+from .case import Case
+from .checks import failures, measure_errors, measure_laws, measure_precision
+from .references import References
+from ...scenes.scene import Scene
+from ...scenes.state import State, Trajectory
+from ...scoring.evaluate import Velocities
+from ...teacher.bullet import simulate as bullet
+from ...teacher.settings import TeacherSettings
+
+if TYPE_CHECKING:
+    from ...rollout.rollout import Simulator
+
+TEACHER = 'teacher'
+"""Name by which `--model` takes the teacher itself."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """What is put to the cases.
+
+    Args:
+        name: For the table.
+        simulate: (scene, start, steps) -> trajectory; ValueError: it refuses the scene;
+            FloatingPointError: it broke on the way.
+        velocities: 'given': those of its trajectories are instantaneous; see `measure_laws`.
+        twin: Makes the same engine in the other precision, or raises ValueError; None: there is no
+            such.
+        twin_dtype: That precision.
+    """
+
+    name: str
+    simulate: Callable[[Scene, State, int], Trajectory]
+    velocities: Velocities = 'poses'
+    twin: Callable[[], Engine] | None = None
+    twin_dtype: str = 'float64'
+
+
+def simulator_engine(
+    simulator: Simulator,
+    name: str,
+    velocities: Velocities | None = None,
+    twin: Callable[[], Engine] | None = None,
+) -> Engine:
+    """Return a learned simulator; `velocities` None: as it says itself, or else by poses."""
+
+    def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
+        given = (scene, start.positions, start.velocities, start.angular_velocities)
+        simulator.start(*given, quaternions=start.quaternions)  # a ValueError here is a refusal
+        try:
+            return simulator.rollout(*given, steps=steps, quaternions=start.quaternions)
+        except ValueError as error:  # and later on a failure
+            raise FloatingPointError(str(error)) from error
+
+    says: Velocities = 'given' if getattr(simulator, 'velocities', 'poses') == 'given' else 'poses'
+    other = 'float32' if simulator.dtype == 'float64' else 'float64'
+    return Engine(name, simulate, velocities or says, twin, other)
+
+
+def teacher_engine(settings: TeacherSettings) -> Engine:
+    """Return the teacher itself, at the time step that the learned simulators have."""
+
+    def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
+        gravity = float(np.linalg.norm(scene.gravity))
+        dt = 0.1 * np.sqrt(float(np.max(scene.radius)) * 9.81 / gravity)
+        return bullet(scene, start, steps, float(dt), settings)
+
+    return Engine(TEACHER, simulate, 'given')
+
+
+def load_engine(name: str, velocities: Velocities | None, settings: TeacherSettings) -> Engine:
+    """Return a model by name or path, or the teacher; `velocities` None: as it says itself."""
+    if name == TEACHER:
+        return teacher_engine(settings)
+    from ...rollout.rollout import load_simulator
+
+    simulator = load_simulator(name)
+
+    def twin() -> Engine:
+        other = 'float32' if simulator.dtype == 'float64' else 'float64'
+        return simulator_engine(load_simulator(name, dtype=other), name, velocities)
+
+    return simulator_engine(simulator, name, velocities, twin)
+
+
+def run_cases(
+    engines: Sequence[Engine], cases: Sequence[Case], references: References | None = None
+) -> Iterator[dict[str, Any]]:
+    """One row per case and engine, case by case.
+
+    Yields:
+        `case`, `model`, `verdict` (ok, FAILED or refused), `failed` (names of laws), `refused`
+        (the reason or None), `warnings`, `dt` [s], `velocities`, `laws` (see `measure_laws`),
+        `errors` (see `measure_errors`), `teacher` (False: it blew up; None: not asked),
+        `precision` (see `measure_precision`).
+    """
+    for case in cases:
+        for engine in engines:
+            row, one = _row(case, engine, references)
+            yield row
+            if case.precision and engine.twin is not None:
+                name = f'{engine.name} {engine.twin_dtype}'
+                try:
+                    twin = replace(engine.twin(), name=name)
+                except ValueError as error:
+                    yield _empty(case, name) | {'refused': str(error)}
+                    continue
+                row, other = _row(case, twin, references)
+                if one is not None and other is not None:
+                    row['precision'] = measure_precision(case, one, other)
+                yield row
+
+
+def _row(
+    case: Case, engine: Engine, references: References | None
+) -> tuple[dict[str, Any], Trajectory | None]:
+    row = _empty(case, engine.name)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter('always')
+        try:
+            trajectory = engine.simulate(case.scene, case.start, case.steps)
+        except ValueError as error:
+            return row | {'refused': str(error)}, None
+        except FloatingPointError as error:
+            warnings.warn(f'the rollout diverged: {error}', stacklevel=1)
+            trajectory = _lost(case)
+    texts = list(dict.fromkeys(str(warning.message) for warning in caught))
+    laws = measure_laws(case, trajectory, velocities=engine.velocities)
+    laws['finite'] &= not any('diverged' in text for text in texts)
+    failed = failures(laws)
+    row |= {
+        'verdict': 'FAILED' if failed else 'ok',
+        'failed': failed,
+        'warnings': texts,
+        'dt': trajectory.dt,
+        'velocities': engine.velocities,
+        'laws': laws,
+    }
+    if references is not None:
+        runs = references.of(case, trajectory.dt)
+        row['errors'] = None if runs is None else measure_errors(case, trajectory, runs)
+        row['teacher'] = row['errors'] is not None
+    return row, trajectory
+
+
+def _empty(case: Case, model: str) -> dict[str, Any]:
+    names = ('refused', 'dt', 'velocities', 'laws', 'errors', 'teacher', 'precision')
+    row: dict[str, Any] = {'case': case.name, 'model': model, 'verdict': 'refused', 'failed': []}
+    return row | {'warnings': []} | dict.fromkeys(names)
+
+
+def _lost(case: Case) -> Trajectory:
+    """Return the start, and nothing after it."""
+    shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
+    arrays = {n: np.full((case.steps + 1, len(case.start), k), np.nan) for n, k in shapes.items()}
+    for name, array in arrays.items():
+        array[0] = getattr(case.start, name)
+    return Trajectory(dt=1.0, **arrays)

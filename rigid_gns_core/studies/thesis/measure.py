@@ -1,0 +1,139 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is measured of a rollout, and of the teacher beside itself; names as in docs/metrics.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+import warnings
+
+import numpy as np
+
+from ..hard_cases.case import Case
+from ..hard_cases.checks import measure_laws
+from ...data.records import Record
+from ...rollout.rollout import Simulator
+from ...scenes.state import Trajectory
+from ...scoring import LAW_KEYS
+from ...scoring.evaluate import evaluate, Velocities
+
+HORIZONS = (10, 30, 50, 100)
+# errors that are read beside the floor, and the floor's exponent of a radius
+SQUARED = ('mse', 'chamfer')
+LEAST_FLOOR = 0.25
+"""Squared errors below this [r^2], half a radius, are not told apart (docs/metrics.md)."""
+_ERRORS = (*SQUARED, 'position_error', 'predictability_time', 'predictable_to_end')
+_ERRORS += ('resting_drift', 'velocity_error', 'spin_error')
+_HORIZON_ERRORS = ('position_error', 'mse')
+METRICS = {
+    'train': (
+        *LAW_KEYS,
+        *_ERRORS,
+        *(f'{key}_{step}' for key in _HORIZON_ERRORS for step in HORIZONS),
+        'escaped',
+    ),
+    'teacher': (*LAW_KEYS, 'escaped'),
+    'speed': ('frames_per_second', 'seconds_per_frame', 'edges', 'surface_edges'),
+}
+"""What cells measure, by kind of experiment."""
+
+Values = dict[str, float | None]
+Columns = dict[str, list[float | None]]
+
+
+def roll_outs(
+    simulator: Simulator, records: Sequence[Record], steps: int, *, at_once: bool
+) -> Iterator[Trajectory]:
+    """Yield a rollout from each record's start; NaN from where it diverges.
+
+    Args:
+        simulator: The model.
+        records: Starts and scenes.
+        steps: Of each rollout.
+        at_once: All in one batch, which a GPU needs; else one by one, which saves memory.
+    """
+    for group in [records] if at_once else [[record] for record in records]:
+        scenes = [record.scene for record in group]
+        starts = [record.trajectory[0] for record in group]
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # a divergence is counted, not told
+            made = simulator.rollout_batch(scenes, starts, steps, workers=1)
+        yield from made
+
+
+def measure(
+    predicted: Trajectory, record: Record, steps: int, velocities: Velocities = 'poses'
+) -> Values:
+    """Laws and errors of the first `steps` of a rollout, by name; infinite where it diverged.
+
+    `diverged_at` is the step or None, `escaped` the share of spheres out of the box [%].
+    """
+    predicted = predicted.window(0, steps + 1)
+    reference = record.trajectory.window(0, steps + 1)
+    report = evaluate(predicted, reference, record.scene, horizons=HORIZONS, velocities=velocities)
+    values: Values = dict(report['laws']['predicted'])
+    values |= {key: report['errors'].get(key) for key in _ERRORS}
+    for step, horizon in report['horizons'].items():
+        values |= {f'{key}_{step}': horizon[key] for key in _HORIZON_ERRORS}
+    case = Case(record.name, '', record.scene, reference[0], steps)
+    escaped = measure_laws(case, predicted, velocities=velocities)['escaped']
+    values['escaped'] = 100.0 * escaped / reference.count
+    values['diverged_at'] = report['diverged_at']['predicted']
+    return values
+
+
+def floor_of(record: Record, others: Sequence[Record], steps: int) -> Values:
+    """Errors of the teacher at other substeps over the first `steps`, the worse of them.
+
+    Raises:
+        ValueError: They start elsewhere.
+    """
+    start = record.trajectory.positions[0]
+    worst: Values = {}
+    for other in others:
+        there = other.trajectory.positions[0]
+        if there.shape != start.shape or np.abs(there - start).max() > 1e-6:
+            raise ValueError(f'{record.name} {record.index}: its floor has another start')
+        values = measure(other.trajectory, record, steps)
+        for key in (*_ERRORS, *(f'{key}_{h}' for key in _HORIZON_ERRORS for h in HORIZONS)):
+            value, known = values.get(key), worst.get(key)
+            pick = min if key.startswith('predictab') else max
+            worst[key] = value if known is None or value is None else pick(value, known)
+    return worst
+
+
+def least_floor(key: str, record: Record) -> float | None:
+    """Below it an error has no ratio to the floor: half a radius; None: it never has one."""
+    radius = record.scene.per_sphere('radius', record.trajectory.count)
+    if key.startswith(SQUARED):
+        return LEAST_FLOOR * float(np.mean(radius**2))
+    if key.startswith('position_error'):
+        return float(np.sqrt(LEAST_FLOOR) * radius.mean())
+    return None
+
+
+def columns(rows: Sequence[Mapping[str, float | None]]) -> Columns:
+    """Values of several rollouts by name, None where one has no such value."""
+    names = {name: None for row in rows for name in row}
+    return {name: [row.get(name) for row in rows] for name in names}
+
+
+def describe(records: Sequence[Record]) -> dict[str, Any]:
+    """Which rollouts the columns are of."""
+    return {
+        'records': [record.name for record in records],
+        'spheres': [record.trajectory.count for record in records],
+    }

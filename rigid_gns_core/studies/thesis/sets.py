@@ -1,0 +1,144 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Data sets of a budget: made on demand below one folder, or used where they are there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from .budget import Budget, Data, short
+from ...data.generate import generate, generate_scene, resolve
+from ...data.recipe import DataRecipe, load_recipe, recipe_hash
+from ...data.records import (
+    Dataset,
+    DatasetError,
+    read_recipe,
+    read_record,
+    RECIPE_NAME,
+    Record,
+    record_path,
+)
+from ...running.workers import Workers
+from ...scenes.sampling import load_scene, sample_start
+from ...scenes.scene import Scene
+from ...scenes.similarity import ModelUnits, Similarity
+from ...scenes.state import State
+
+# ending of a file or key in `Data`: share of the reference's substeps
+SUBSTEPS = {'': 1.0, 'half': 0.5, 'twice': 2.0}
+
+
+def make_sets(budget: Budget, folder: Path, kinds: Sequence[str], workers: Workers) -> None:
+    """Make what cells of these kinds need and `folder` lacks.
+
+    Raises:
+        DatasetError: A folder holds data of another recipe; the differences are named.
+    """
+    data = budget.data
+    names = [data.train] if 'train' in kinds else []
+    names += [data.test] if {'train', 'teacher', 'speed'} & set(kinds) else []
+    names += [data.half, data.twice] if 'teacher' in kinds else []
+    for name in names:
+        recipe = load_recipe(name)
+        if name != data.train:
+            recipe = replace(recipe, trajectories=budget.trajectories)
+            if recipe.steps < budget.long_steps:
+                raise DatasetError(
+                    f'data set {name} has trajectories of {recipe.steps} steps, but rollouts '
+                    f'have up to {budget.long_steps} (long_steps of the budget); make steps of '
+                    'the recipe as many, or long_steps fewer'
+                )
+        if not _is_there(folder / short(name), recipe):
+            generate(recipe, folder / short(name), workers=workers)
+    if {'train', 'teacher'} & set(kinds):
+        for scene in data.ood:
+            _make_scene(scene, folder, data)
+
+
+def ood_path(folder: Path, scene: str, ending: str = '') -> Path:
+    """File of a scene at a share of the substeps, see `SUBSTEPS`."""
+    name = short(scene)
+    return folder / 'ood' / (f'{name}_{ending}.h5' if ending else f'{name}.h5')
+
+
+def training_set(budget: Budget, folder: Path) -> list[Record]:
+    """Return the training set."""
+    name = budget.data.train
+    return _first(folder / short(name), load_recipe(name).trajectories)
+
+
+def references(budget: Budget, folder: Path, which: str, ending: str = '') -> list[Record]:
+    """Return references of a set, at a share of the substeps; 'test' or 'ood'."""
+    if which == 'ood':
+        return [read_record(ood_path(folder, scene, ending)) for scene in budget.data.ood]
+    name = getattr(budget.data, ending) if ending else budget.data.test
+    return _first(folder / short(name), budget.trajectories)
+
+
+def _first(folder: Path, count: int) -> list[Record]:
+    """Return the first `count` trajectories: a folder may hold more of the same recipe."""
+    return Dataset(folder, partial=True)[:count]
+
+
+def _is_there(folder: Path, recipe: DataRecipe) -> bool:
+    """Whether the files of this recipe are there; `Dataset` checks each when it reads it."""
+    if not (folder / RECIPE_NAME).is_file():
+        return False
+    if recipe_hash(read_recipe(folder)) != recipe_hash(resolve(recipe)):
+        return False  # and `generate` says what differs
+    return all(record_path(folder, index).is_file() for index in range(recipe.trajectories))
+
+
+def _make_scene(name: str, folder: Path, data: Data) -> None:
+    scene, recipe = load_scene(name)
+    start = sample_start(scene, recipe)
+    dt = _native_dt(scene, load_recipe(data.train))
+    for ending, share in SUBSTEPS.items():
+        path, substeps = ood_path(folder, name, ending), round(share * data.ood_substeps)
+        if not path.is_file():
+            generate_scene(name, path, data.ood_steps, dt=dt, substeps=substeps)
+            continue
+        record = read_record(path)
+        found = record.trajectory
+        for what, there, wanted in (
+            ('substeps', record.teacher.get('substeps'), substeps),
+            ('steps', found.steps, data.ood_steps),
+            ('time step [s]', f'{found.dt:.6g}', f'{dt:.6g}'),
+            ('scene', 'another' if record.scene != scene else name, name),
+            ('start', 'another' if _differ(found[0], start) else name, name),
+        ):
+            if there != wanted:
+                raise DatasetError(
+                    f'{path}: {what} is {there}, the budget wants {wanted}; remove the file, or '
+                    'name another folder with --data'
+                )
+
+
+def _native_dt(scene: Scene, train: DataRecipe) -> float:
+    """Time step in a scene of models trained by a recipe, which are of one radius [s]."""
+    radius = train.radius if isinstance(train.radius, float) else train.radius[1]
+    units = ModelUnits(radius=radius, gravity=train.gravity, dt=train.dt)
+    return units.dt * Similarity.between(scene, units).time
+
+
+def _differ(one: State, other: State) -> bool:
+    return any(
+        not np.array_equal(getattr(one, entry.name), getattr(other, entry.name))
+        for entry in fields(State)
+    )

@@ -1,0 +1,100 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Frames per second of a variant (thesis section 4.3.5), with random weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+import time
+from typing import Any
+
+import numpy as np
+
+from .cell import Cell
+from .measure import describe
+from ...data.common_scene import common_scene
+from ...data.records import Record
+from ...files.config import to_mapping
+from ...gns.graph import build_graph
+from ...prediction.simulators import GNSSimulator
+from ...running.machine import cpu_name, load_average
+
+REPEATS = 3
+
+
+def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
+    """Time single steps from states of the reference, so that weights do not shape the graphs.
+
+    Frames are evenly spaced over each trajectory; a step is graph, features, network and
+    integration, in one thread. Of several repeats the fastest counts, since others may use the
+    machine too.
+
+    Returns:
+        `frames_per_second`, `seconds_per_frame`, `edges` (of spheres, one direction) and
+        `surface_edges`, one value for each record, means over its frames; `cpu` and `load`.
+    """
+    from threadpoolctl import threadpool_limits
+    import torch
+
+    from ...gns.features import Motion
+    from ...gns.network import GNS
+    from ...training.gns.windows import Source
+
+    model = cell.budget.training(cell.changes, cell.seed).model
+    model = replace(model, width=cell.budget.speed_width)
+    torch.manual_seed(cell.seed)
+    tensors = {name: value.numpy() for name, value in GNS(model).state_dict().items()}
+    units, materials = common_scene(records)
+    card = {'config': to_mapping(model), 'units': to_mapping(units), 'materials': materials}
+    simulator = GNSSimulator(tensors, card, cell.name)
+    rows = []
+    for record in records:
+        source = Source.of(record.trajectory, record.scene)
+        last = source.steps - 1
+        frames = np.unique(np.linspace(0, last, cell.budget.speed_frames).round().astype(int))
+        motions: list[Motion] = [source.motion(int(frame), model.history) for frame in frames]
+        stepper: Any = simulator.stepper(record.scene, record.trajectory[0])
+        best = float('inf')
+        with threadpool_limits(1):
+            stepper.step()  # what is made once is not timed
+            for _ in range(REPEATS):
+                seconds = 0.0
+                for motion in motions:
+                    stepper.motion = motion
+                    begin = time.perf_counter()
+                    stepper.step()
+                    seconds += time.perf_counter() - begin
+                best = min(best, seconds / len(motions))
+        graphs = [
+            build_graph(
+                motion.positions, motion.velocities[0], record.scene, source.dt, model.reach()
+            )
+            for motion in motions
+        ]
+        rows.append(
+            {
+                'seconds_per_frame': best,
+                'frames_per_second': 1.0 / best,
+                'edges': float(np.mean([len(graph.senders) / 2 for graph in graphs])),
+                'surface_edges': float(np.mean([len(graph.surface_senders) for graph in graphs])),
+            }
+        )
+    return {
+        **describe(records),
+        'values': {name: [row[name] for row in rows] for name in rows[0]},
+        'cpu': cpu_name(),
+        'load': load_average(),
+    }

@@ -1,0 +1,161 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an experiment is: variants of one recipe, and what the thesis prints for each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+import re
+from typing import Any, Literal
+
+from ...files.config import config_folder, ConfigError, find_config, from_mapping, load_yaml
+
+Kind = Literal['train', 'teacher', 'speed']
+SETS = ('test', 'ood')
+BASE = 'base'
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One bar of a figure or row of a table.
+
+    Args:
+        name: Short; the same changes have the same name in all experiments.
+        label: For tables and figures.
+        changes: What differs from the base recipe, nested as in config/train/gns.yaml; nothing: it
+            is the base, which is rolled out for `Budget.long_steps` on the test set too.
+        x: Place on the axis of a figure; None: the variants are named side by side.
+        thesis: What the thesis prints, by set and metric: a number, [mean, std], or a word.
+    """
+
+    name: str
+    label: str
+    changes: dict[str, Any] = field(default_factory=dict)
+    x: float | None = None
+    thesis: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r'\w[\w.-]*', self.name):
+            raise ConfigError(
+                f'variant {self.name!r}: a name is a part of file names; use letters, digits, '
+                '_, . and -'
+            )
+        for name, printed in self.thesis.items():
+            if name not in SETS:
+                raise ConfigError(
+                    f'thesis.{name} of {self.name}: unknown set, allowed: {", ".join(SETS)}'
+                )
+            if not isinstance(printed, Mapping):
+                raise ConfigError(
+                    f'thesis.{name} of {self.name} is {printed!r}, expected a mapping'
+                )
+            for metric, value in printed.items():
+                parts = value if isinstance(value, list) else [value]
+                number = all(isinstance(p, (int, float)) for p in parts) and len(parts) in (1, 2)
+                if not (number or value == 'diverged'):
+                    raise ConfigError(
+                        f'thesis.{name}.{metric} of {self.name} is {value!r}, expected a number, '
+                        '[mean, std] or diverged (YAML reads 1e6 as text: write 1.0e+6)'
+                    )
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment of the thesis, or one that it left open.
+
+    Args:
+        title: One line, for lists and headlines.
+        source: Section, figure or table of the thesis.
+        claim: What the thesis concludes.
+        variants: What is compared.
+        kind: 'train': each variant is trained and rolled out; 'teacher': the reference data are
+            measured; 'speed': frames per second with random weights.
+        axis: What `Variant.x` counts; empty: variants are named.
+        metrics: Of the figure, in the order of its panels; names as in docs/metrics.md.
+        long: Show rollouts of `Budget.long_steps` on the test set, which the base has; else of
+            `Budget.steps`.
+        name: Of its file.
+    """
+
+    title: str
+    source: str
+    claim: str
+    variants: tuple[Variant, ...]
+    kind: Kind = 'train'
+    axis: str = ''
+    metrics: tuple[str, ...] = ('chamfer', 'mse', 'energy_gain')
+    long: bool = False
+    name: str = ''
+
+    def __post_init__(self) -> None:
+        names = [variant.name for variant in self.variants]
+        if len(set(names)) < len(names) or not names:
+            raise ConfigError(f'variants are {names}, expected at least one, each name once')
+        if self.kind == 'teacher' and (unknown := sorted(set(names) - set(SETS))):
+            raise ConfigError(
+                f'variant {unknown[0]!r}: the teacher is measured on a set, allowed: '
+                f'{", ".join(SETS)}'
+            )
+        for variant in self.variants:
+            if self.kind == 'train' and (not variant.changes) != (variant.name == BASE):
+                raise ConfigError(
+                    f'variant {variant.name!r} has changes {variant.changes}; the one without any '
+                    f'is called {BASE!r}, and no other'
+                )
+
+    def only(self, names: list[str] | None) -> tuple[Variant, ...]:
+        """Return the variants of these names; None: all.
+
+        Raises:
+            ConfigError: An unknown name; the allowed ones are listed.
+        """
+        known = {variant.name: variant for variant in self.variants}
+        for name in names or ():
+            if name not in known:
+                raise ConfigError(
+                    f'experiment {self.name} has no variant {name!r}, allowed: {", ".join(known)}'
+                )
+        return tuple(known[name] for name in names or known)
+
+
+def load_experiment(name: str | Path) -> Experiment:
+    """Experiment of a YAML file, or of a shipped name in config/experiments.
+
+    Raises:
+        ConfigError: No such experiment (the shipped ones are listed), or a wrong key or value.
+    """
+    path = find_config('experiments', name)
+    return from_mapping(Experiment, {'name': path.stem, **load_yaml(path)}, str(path))
+
+
+def shipped_experiments() -> dict[str, Experiment]:
+    """All shipped experiments by name, in the order of the thesis."""
+    names = [path.stem for path in (config_folder() / 'experiments').glob('*.yaml')]
+    order: tuple[str, ...] = (
+        'ground_truth',
+        'history',
+        'message_passing',
+        'connectivity',
+        'speed',
+        'ablation',
+    )
+    order += ('stability',)
+
+    def place(name: str) -> tuple[int, str]:
+        return order.index(name) if name in order else len(order), name
+
+    return {name: load_experiment(name) for name in sorted(names, key=place)}

@@ -1,0 +1,219 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of experiments as Markdown, for the terminal and for docs/thesis.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...scoring.table import LAWS
+
+SET_NAMES = {'test': 'test set', 'ood': 'unseen scenes'}
+# key: head of its column; a unit in brackets
+LONG = {
+    'energy_gain': 'energy gain',
+    'energy_gain_median': 'median gain',
+    'mse': 'MSE [m²]',
+    'mse_median': 'median MSE [m²]',
+    'mse_ratio': 'MSE / floor',
+    'mse_ratio_median': 'median MSE / floor',
+    'chamfer': 'Chamfer [m²]',
+    'chamfer_median': 'median Chamfer [m²]',
+    'chamfer_ratio': 'Chamfer / floor',
+    'chamfer_ratio_median': 'median Chamfer / floor',
+}
+OVERLAPS = {
+    'depth_sphere': 'depth sphere [diameters]',
+    'depth_ground': 'depth ground [diameters]',
+    'depth_static': 'depth static [diameters]',
+    'intersections_sphere': 'spheres overlap [%]',
+    'escaped': 'escaped [%]',
+}
+SHORT = {
+    'predictability_time': 'predictable for [s]',
+    'predictability_time_median': 'median predictable for [s]',
+    'position_error_10': 'error 10 steps [m]',
+    'position_error_30': '30 steps',
+    'position_error_50': '50 steps',
+    'position_error_100': '100 steps',
+    'position_error_30_ratio': '30 steps / floor',
+}
+LATE = {
+    'energy_left': 'energy left',
+    'final_speed': 'speed at the end [m/s]',
+    'final_speed_max': 'of the fastest [m/s]',
+    'resting_drift': 'drift of spheres at rest [m]',
+}
+THESIS_STEPS = 2000
+"""Length of the thesis' trajectories, taken to be that of the rollouts in its table 2."""
+PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
+_TRUTH = [key for key in LAWS if key != 'time_to_rest']
+
+
+def format_table(table: Mapping[str, Any]) -> str:
+    """All tables of an experiment, with a line on what is missing."""
+    if table['kind'] == 'teacher':
+        blocks = [_teacher_block(table)]
+    elif table['kind'] == 'speed':
+        blocks = [_speed_block(table)]
+    else:
+        blocks = list(_train_blocks(table))
+    if minutes := [m for row in table['rows'] for m in row.get('minutes', ())]:
+        few, middle, many = (number(float(f(minutes)), 2) for f in (np.min, np.median, np.max))
+        span = f'{few} to {many} minutes, the median {middle}' if len(minutes) > 1 else few
+        span += f' ({len(minutes)} cells)' if len(minutes) > 1 else ' minutes (1 cell)'
+        blocks.append(f'Wall time of a cell: {span}.')
+    missing = [row for row in table['rows'] if row['missing']]
+    for words, some in (('Not run yet', False), ('Not with all seeds yet', True)):
+        labels = [row['label'] for row in missing if bool(row.get('seeds')) == some]
+        if labels:
+            blocks.append(f'{words}: {", ".join(labels)}.')
+    return '\n\n'.join(block for block in blocks if block) + '\n'
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number of so many significant digits, as short as can be read."""
+    if value is None:
+        return ''
+    if value == 0 or not np.isfinite(value):
+        return f'{value:g}'
+    if 1e-3 <= abs(value) < 1e5:
+        places = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
+        text = f'{value:.{places}f}'
+        return text.rstrip('0').rstrip('.') if '.' in text else text
+    mantissa, exponent = f'{value:.{digits - 1}e}'.split('e')
+    return f'{mantissa}e{int(exponent)}'
+
+
+def spread(mean: float | None, std: float | None) -> str:
+    """`mean ± std`, or the mean alone."""
+    if mean is None:
+        return 'diverged'
+    return number(mean) if std is None else f'{number(mean)} ± {number(std, 2)}'
+
+
+def printed(value: Any) -> str:
+    """Return what the thesis prints: a number, [mean, std], a word, or nothing."""
+    if value is None:
+        return ''
+    if isinstance(value, str):
+        return value
+    parts = value if isinstance(value, list) else [value]
+    return spread(parts[0], parts[1] if len(parts) > 1 else None)
+
+
+def _train_blocks(table: Mapping[str, Any]) -> list[str]:
+    blocks = []
+    for which, name in SET_NAMES.items():
+        steps = str(table['steps'][which])
+        rows = [row for row in table['rows'] if steps in row['sets'].get(which, {})]
+        floor = table['floor'].get(which, {}).get(steps, {})
+        title = f'**{name.capitalize()}, {steps} steps.**\n\n'
+        for columns in (LONG, OVERLAPS, SHORT, LATE) if rows else ():
+            blocks.append(title + _block(rows, which, steps, columns, floor))
+            title = ''
+    for row in table['rows']:
+        if row['untrainable'] and not row['sets']:
+            blocks.append(f'{row["label"]}: the loss did not stay finite with any seed.')
+    return blocks
+
+
+def _block(
+    rows: Sequence[Mapping[str, Any]],
+    which: str,
+    steps: str,
+    columns: Mapping[str, str],
+    floor: Mapping[str, Any],
+) -> str:
+    """Return a line for each variant, and one for the floor where a column has one."""
+    scores = [row['sets'][which][steps] for row in rows]
+    keys = [key for key in columns if any(key in s['metrics'] for s in scores)]
+    words = [
+        key for key in PRINTED if key in columns and any(_thesis(r, which, key) for r in rows)
+    ]
+    head = ['variant', 'diverged', *(columns[key] for key in keys)]
+    lines = [head + [f'thesis, {THESIS_STEPS} steps: {PRINTED[key]}' for key in words]]
+    for row, score in zip(rows, scores, strict=True):
+        lost = f'{score["diverged"]} of {score["rollouts"]}'
+        if row['untrainable']:
+            lost += f', {row["untrainable"]} seeds untrainable'
+        cells = [_cell(score['metrics'].get(key)) for key in keys]
+        lines.append([row['label'], lost, *cells, *(_thesis(row, which, key) for key in words)])
+    if any(key in floor for key in keys):
+        known = [number(floor.get(key)) for key in keys]
+        lines.append(['*Bullet against itself*', '', *known, *[''] * len(words)])
+    return markdown(lines)
+
+
+def _teacher_block(table: Mapping[str, Any]) -> str:
+    rows = [row for row in table['rows'] if row['laws']]
+    if not rows:
+        return ''
+    head = ['metric']
+    for row in rows:
+        head += [f'thesis: {row["label"]}', f'ours, by differences of poses: {row["label"]}']
+        head += [f"ours, by Bullet's own velocities: {row['label']}"]
+    lines = [head]
+    names = LAWS | {'escaped': ('Escaped', '%')}
+    for key in (*_TRUTH, 'escaped'):
+        name, unit = names[key]
+        line = [f'{name} [{unit}]' if unit else name]
+        for row in rows:
+            line.append(_thesis(row, row['variant'], key))
+            line += [_cell(row['laws'][kind].get(key)) for kind in ('poses', 'given')]
+        lines.append(line)
+    steps = ', '.join(f'{row["label"]}: {row["steps"]} steps' for row in rows)
+    return f'{markdown(lines)}\n\nMean ± standard deviation over trajectories; {steps}.'
+
+
+def _speed_block(table: Mapping[str, Any]) -> str:
+    rows = [row for row in table['rows'] if 'values' in row]
+    if not rows:
+        return ''
+    lines = [
+        ['variant', 'frames per second', 'edges', 'surface edges', 'thesis: frames per second']
+    ]
+    for row in rows:
+        cells = [_cell(row['values'][k]) for k in ('frames_per_second', 'edges', 'surface_edges')]
+        lines.append([row['label'], *cells, _thesis(row, 'test', 'frames_per_second')])
+    first = rows[0]
+    note = (
+        'Frames of all trajectories together; edges are mean ± standard deviation over them. '
+        f'{number(first["spheres"])} spheres on average, width {first["width"]}, one thread of '
+        f'{first["cpu"]}.'
+    )
+    return f'{markdown(lines)}\n\n{note}'
+
+
+def _thesis(row: Mapping[str, Any], which: str, key: str) -> str:
+    return printed(row['thesis'].get(which, {}).get(key))
+
+
+def _cell(statistic: Mapping[str, Any] | None) -> str:
+    return '' if statistic is None else spread(statistic['mean'], statistic['std'])
+
+
+def markdown(lines: Sequence[Sequence[str]]) -> str:
+    """Return a table whose first line is its head, columns as wide as they need."""
+    widths = [max(3, *(len(line[i]) for line in lines)) for i in range(len(lines[0]))]
+    rows = [
+        '| ' + ' | '.join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + ' |'
+        for line in lines
+    ]
+    rows.insert(1, '|' + '|'.join('-' * (width + 2) for width in widths) + '|')
+    return '\n'.join(rows)

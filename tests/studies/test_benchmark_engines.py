@@ -1,0 +1,116 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Peers of the benchmark against closed forms: flight, bounce, rest, and what they refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import sys
+
+import numpy as np
+import pytest
+from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.scenes.plane import Plane
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Array, State
+from rigid_gns_core.studies.benchmark.peers import all_peers, LearnedSpheres, Run
+from rigid_gns_core.studies.benchmark.scenes import FRAME
+
+TOSSED = State(
+    positions=np.array([[0.0, 0.0, 60.0], [5.0, 1.0, 70.0]]),
+    velocities=np.array([[1.0, -2.0, 5.0], [0.0, 3.0, 0.0]]),
+    angular_velocities=np.array([[1.0, 2.0, 3.0], [0.0, 0.0, -5.0]]),
+)
+
+
+def bullet(scene: Scene, start: State, substeps: int = 2) -> Run:
+    pytest.importorskip('pybullet')
+    from rigid_gns_core.studies.benchmark.bullet_engine import BulletSpheres
+    from rigid_gns_core.teacher.settings import TeacherSettings
+
+    settings = TeacherSettings(substeps=substeps, rolling_updates=0)
+    return BulletSpheres(scene, start, FRAME, settings)
+
+
+def mujoco(scene: Scene, start: State, substeps: int = 12) -> Run:
+    pytest.importorskip('mujoco')
+    from rigid_gns_core.studies.benchmark.mujoco_engine import MujocoSettings, MujocoSpheres
+
+    return MujocoSpheres(scene, start, FRAME, MujocoSettings(substeps))
+
+
+def contact(scene: Scene, start: State) -> Run:
+    return LearnedSpheres(load_simulator('contact'), scene, start)
+
+
+def taken(run: Run, frames: int) -> Array:
+    """Centres after each frame [m], shape (frames, n, 3)."""
+    positions = np.stack([run.advance() for _ in range(frames)])
+    run.close()
+    return positions
+
+
+@pytest.mark.parametrize('begin', [bullet, mujoco, contact])
+def test_flight_is_the_closed_form(begin: Callable[[Scene, State], Run]) -> None:
+    """Where a position read once a frame is not that of a semi-implicit step too late."""
+    flown = taken(begin(Scene(), TOSSED), 20)
+    t = FRAME * np.arange(1, 21)[:, None, None]
+    drop = np.array([0.0, 0.0, -9.81])
+    expected = TOSSED.positions + t * TOSSED.velocities + 0.5 * t**2 * drop
+    np.testing.assert_allclose(flown, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(('begin', 'part'), [(bullet, 0.02), (mujoco, 0.1)])
+def test_bounce_has_the_restitution_of_the_scene(begin: Callable[..., Run], part: float) -> None:
+    """The apex after a fall of 10 m; MuJoCo has a spring, which few steps resolve."""
+    scene = Scene(restitution=np.sqrt(0.6))
+    start = State(positions=np.array([[0.0, 0.0, 11.0]]))
+    height = taken(begin(scene, start, 48), 27)[:, 0, 2] - 1.0
+    apex = height[16:].max()  # the blow comes after 1.43 s, the apex at 2.28 s
+    assert np.sqrt(apex / 10.0) == pytest.approx(0.6, rel=part)
+
+
+def test_mujoco_spheres_rest_in_a_box() -> None:
+    scene = Scene(surfaces=Plane.box(6.0, 6.0))
+    start = State(positions=np.array([[-1.5, 0.0, 1.5], [1.5, 0.1, 1.2], [0.0, 0.0, 4.0]]))
+    last = taken(mujoco(scene, start, 24), 60)[-3:]
+    assert (last[..., 2] > 0.98).all()
+    assert (np.abs(last[..., :2]) < 2.02).all()
+    assert np.abs(np.diff(last, axis=0)).max() < 0.02
+
+
+def test_mujoco_refuses_what_it_cannot_say() -> None:
+    start = State(positions=np.array([[0.0, 0.0, 5.0], [5.0, 0.0, 5.0]]))
+    with pytest.raises(ValueError, match='radius differs'):
+        mujoco(Scene(radius=(1.0, 2.0)), start)
+    shelf = Plane((0.0, 0.0, 2.0), length_x=10.0, length_y=10.0)
+    with pytest.raises(ValueError, match='planes of MuJoCo have no end'):
+        mujoco(Scene(surfaces=(Plane(), shelf)), start)
+
+
+def test_bullet_peer_has_no_rolling_friction_in_python() -> None:
+    pytest.importorskip('pybullet')
+    from rigid_gns_core.studies.benchmark.bullet_engine import BulletSpheres
+    from rigid_gns_core.teacher.settings import TeacherSettings
+
+    with pytest.raises(ValueError, match='rolling_updates is 12, expected 0'):
+        BulletSpheres(Scene(), TOSSED, FRAME, TeacherSettings())
+
+
+def test_mujoco_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'mujoco', None)
+    field = all_peers(['MuJoCo', 'law'], quick=True)
+    assert [peer.family for peer in field.peers] == ['law']
+    assert 'rigid_gns_ros[bench]' in field.absent['MuJoCo']
