@@ -30,11 +30,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     'info': ('rigid_gns_core.info', 'what is installed, what is missing, the shipped models'),
     'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
     'report': (
-        'rigid_gns_core.report.command',
+        'rigid_gns_core.show.command',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
-    'render': ('rigid_gns_core.render.command', 'a moving picture of a rollout or a bag'),
-    'view': ('rigid_gns_core.view', 'a rollout or a bag in the viewer Rerun'),
+    'render': ('rigid_gns_core.show.render.command', 'a moving picture of a rollout or a bag'),
+    'view': ('rigid_gns_core.show.view', 'a rollout or a bag in the viewer Rerun'),
     'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
     'import': (
         'rigid_gns_core.recordings.importing.import_bags',

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..report.comparison import add_source, read_comparison
+from ..show.comparison import add_source, read_comparison
 
 SIZE = (960, 540)
 
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Film; prints where it is and returns 0."""
-    from .movie import Film, SUFFIXES, write_film
+    from ..show.render.movie import Film, SUFFIXES, write_film
 
     out: Path = arguments.out
     if out.suffix.lower() not in SUFFIXES:

@@ -19,8 +19,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .comparison import add_source, read_comparison
-from .page import MAX_FRAMES, write_report
+from ..show.comparison import add_source, read_comparison
+from ..show.report.page import MAX_FRAMES, write_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from ...report.comparison import Comparison
 from ...scenes.scene import Scene
 from ...scenes.state import Array
+from ...show.comparison import Comparison
 
 
 def read_bag_comparison(

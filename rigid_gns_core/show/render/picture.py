@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
-from ..report.quads import Quad, visible_quads
-from ..scenes.scene import Scene
-from ..scenes.state import Array
+from ..surfaces import Quad, visible_quads
+from ...scenes.scene import Scene
+from ...scenes.state import Array
 
 Image = NDArray[np.uint8]
 

@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from .installation.extras import needed
-from .report.comparison import add_source, Comparison, read_comparison
-from .report.quads import focus, visible_quads
-from .report.series import charts
+from .comparison import add_source, Comparison, read_comparison
+from .series import charts
+from .surfaces import focus, visible_quads
+from ..installation.extras import needed
 
 ENTITIES = ('world/predicted', 'world/reference')
 COLOURS = ((59, 159, 227), (242, 164, 52))

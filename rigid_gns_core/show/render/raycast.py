@@ -24,7 +24,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scenes.state import Array
+from ...scenes.state import Array
 
 Numbers = NDArray[np.int64]
 

@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from .comparison import Comparison
 from .packing import pack_positions, pack_quaternions
-from .quads import extent, focus, visible_quads
-from .series import charts
 from .tables import notes, tables, tiles
+from ..comparison import Comparison
+from ..series import charts
+from ..surfaces import extent, focus, visible_quads
 
 # more frames than a screen shows in a minute; the replay is linear between those it has
 MAX_FRAMES = 2001

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 import html
 from typing import Any
 
-from ..scoring.table import ERRORS, LAWS, UNITS
+from ...scoring.table import ERRORS, LAWS, UNITS
 
 SECTIONS = {
     'laws': 'Laws of physics',

@@ -25,11 +25,11 @@ import numpy as np
 
 from .camera import Camera
 from .picture import draw, Image, linear, Surroundings
-from ..installation.extras import needed
-from ..report.comparison import Comparison
-from ..report.quads import focus
-from ..running.progress import Progress
-from ..scenes.state import Array, Trajectory
+from ..comparison import Comparison
+from ..surfaces import focus
+from ...installation.extras import needed
+from ...running.progress import Progress
+from ...scenes.state import Array, Trajectory
 
 PREDICTED, REFERENCE = '#3b9fe3', '#f2a434'
 INK = (29, 36, 48)

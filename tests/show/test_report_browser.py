@@ -27,9 +27,9 @@ from typing import Any
 import numpy as np
 import pytest
 from rigid_gns_core import Plane, Scene
-from rigid_gns_core.report import Comparison, write_report
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 from rigid_gns_core.scoring.evaluate import evaluate
+from rigid_gns_core.show import Comparison, write_report
 
 pytestmark = pytest.mark.browser
 

@@ -27,14 +27,14 @@ import numpy as np
 import pytest
 from rigid_gns_core import cli, Plane, Scene
 from rigid_gns_core.data.records import Record, write_record
-from rigid_gns_core.report import Comparison, write_report
-from rigid_gns_core.report.comparison import cut
-from rigid_gns_core.report.packing import pack_positions, pack_quaternions, unpack
-from rigid_gns_core.report.quads import focus, visible_quads
-from rigid_gns_core.report.series import charts, penetration_depths
-from rigid_gns_core.report.tables import leaves, tables
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between, Trajectory
 from rigid_gns_core.scoring.evaluate import evaluate
+from rigid_gns_core.show import Comparison, write_report
+from rigid_gns_core.show.comparison import cut
+from rigid_gns_core.show.report.packing import pack_positions, pack_quaternions, unpack
+from rigid_gns_core.show.report.tables import leaves, tables
+from rigid_gns_core.show.series import charts, penetration_depths
+from rigid_gns_core.show.surfaces import focus, visible_quads
 
 STATIC = Path(cli.__file__).parent / 'report' / 'static'
 SCENE = Scene(surfaces=Plane.box(20.0, 20.0))

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scenes.state import Array
+from ...scenes.state import Array
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,11 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core import cli, Plane, Scene
-from rigid_gns_core.render.camera import Camera
-from rigid_gns_core.render.movie import Film, frames, poses_at, PREDICTED
-from rigid_gns_core.render.picture import draw, Image, linear, rotation_matrices, Surroundings
-from rigid_gns_core.report import Comparison
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
+from rigid_gns_core.show import Comparison
+from rigid_gns_core.show.render.camera import Camera
+from rigid_gns_core.show.render.movie import Film, frames, poses_at, PREDICTED
+from rigid_gns_core.show.render.picture import draw, Image, linear, rotation_matrices, Surroundings
 
 pytest.importorskip('PIL', reason='pictures are labelled by Pillow')
 

@@ -22,7 +22,7 @@ import zlib
 
 import numpy as np
 
-from ..scenes.state import Array
+from ...scenes.state import Array
 
 POSITION_LEVELS = 65535
 QUATERNION_LEVEL = 127  # half a degree

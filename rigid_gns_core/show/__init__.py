@@ -17,6 +17,6 @@
 from __future__ import annotations
 
 from .comparison import Comparison
-from .page import write_report
+from .report.page import write_report
 
 __all__ = ['Comparison', 'write_report']
