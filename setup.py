@@ -118,8 +118,8 @@ setup(
         'console_scripts': [
             'simulator = rigid_gns_ros.simulator_node:main',
             'tracker = rigid_gns_ros.tracker_node:main',
-            'evaluate = rigid_gns_ros.evaluate_bag:main',
-            'rigid-gns = rigid_gns_core.cli:main',
+            'evaluate = rigid_gns_core.commands.evaluate_bag:main',
+            'rigid-gns = rigid_gns_core.commands.cli:main',
         ]
     },
 )

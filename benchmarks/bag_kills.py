@@ -167,7 +167,9 @@ def codec_stamp(message: bytes) -> int:
 
 def evaluates(folder: Path) -> bool:
     """Whether `evaluate` scores a torn bag and says that it is one."""
-    from rigid_gns_ros.evaluate_bag import evaluate_bag  # the recorder starts faster without
+    from rigid_gns_core.commands.evaluate_bag import (
+        evaluate_bag,  # the recorder starts faster without
+    )
 
     notes = evaluate_bag(folder)['notes']
     return any('did not finish' in note for note in notes)

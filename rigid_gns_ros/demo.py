@@ -27,9 +27,7 @@ import time
 from types import FrameType
 from typing import NoReturn
 
-from rigid_gns_core import cli
-
-from . import evaluate_bag
+from rigid_gns_core.commands import cli, evaluate_bag
 
 LOG_TAIL = 25  # lines shown of a process that failed
 POLL = 0.1  # [s]

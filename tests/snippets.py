@@ -38,8 +38,7 @@ from typing import Any
 import warnings
 
 import pytest
-from rigid_gns_core import cli
-from rigid_gns_ros import evaluate_bag
+from rigid_gns_core.commands import cli, evaluate_bag
 from rigid_gns_ros.parameters import SIMULATOR, TRACKER
 import yaml
 
@@ -292,7 +291,7 @@ def check_options(words: list[str]) -> None:
 
 def _parser(words: list[str]) -> argparse.ArgumentParser:
     """Return that of `rigid-gns`, a command of it, or `evaluate`, without words but options."""
-    parser, module = argparse.ArgumentParser(), 'rigid_gns_ros.evaluate_bag'
+    parser, module = argparse.ArgumentParser(), 'rigid_gns_core.commands.evaluate_bag'
     if words[0] == 'rigid-gns':
         if words[1] not in cli.COMMANDS:
             return cli.make_parser()

@@ -40,7 +40,7 @@ from .records import (
     write_recipe,
     write_record,
 )
-from ..completion import completes, configs
+from ..commands.completion import completes, configs
 from ..files.config import from_mapping
 from ..running.progress import Progress
 from ..running.workers import add_worker_arguments, chosen_workers, WorkerDied, Workers

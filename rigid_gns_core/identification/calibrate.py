@@ -33,7 +33,7 @@ import yaml
 
 from .fit import MaterialFit, MATERIALS, most_evaluations
 from .windows import deviations, noise_of, Window, windows_of, with_materials
-from ..completion import completes, shipped_models
+from ..commands.completion import completes, shipped_models
 from ..data.records import Dataset, Record
 from ..files.config import positive
 from ..rollout.rollout import load_simulator, Simulator

@@ -30,7 +30,7 @@ import numpy as np
 from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .error import check_comparable
 from .table import format_table
-from ..completion import completes, configs, shipped_models
+from ..commands.completion import completes, configs, shipped_models
 from ..files.strict_json import write_json
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory
@@ -206,7 +206,7 @@ def _run_bag(arguments: argparse.Namespace) -> int:
     if arguments.steps is not None:
         raise ValueError('--steps goes with --data: all of a bag is scored')
     # the core does not depend on the ROS package; its bag reader needs no ROS either
-    return int(importlib.import_module('rigid_gns_ros.evaluate_bag').run(arguments))
+    return int(importlib.import_module('rigid_gns_core.commands.evaluate_bag').run(arguments))
 
 
 def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -27,7 +27,7 @@ import time
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.generate import generate, GenerateError
 from rigid_gns_core.data.recipe import DataRecipe
 from rigid_gns_core.data.records import Dataset, DatasetError, read_record, record_path
@@ -154,7 +154,7 @@ def test_a_stopped_run_says_so_and_goes_on(tmp_path: Path, number: signal.Signal
         [
             sys.executable,
             '-m',
-            'rigid_gns_core.cli',
+            'rigid_gns_core.commands.cli',
             'generate',
             '--config',
             slow,

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record
 from rigid_gns_core.files.config import from_mapping

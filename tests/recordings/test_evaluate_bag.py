@@ -23,11 +23,11 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
+from rigid_gns_core.commands.evaluate_bag import evaluate_bag, format_report, main
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
-from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
 
 ROOT = Path(__file__).parents[3]
 START = 1_700_000_000_123_456_789
@@ -262,7 +262,7 @@ def test_evaluation_needs_no_ros(tmp_path):
         'import sys\n'
         'for name in ("rclpy", "geometry_msgs", "std_msgs", "torch", "pybullet", "matplotlib"):\n'
         '    sys.modules[name] = None\n'
-        'from rigid_gns_ros.evaluate_bag import main\n'
+        'from rigid_gns_core.commands.evaluate_bag import main\n'
         f'sys.exit(main([{str(bag)!r}]))\n'
     )
     done = subprocess.run(

@@ -25,12 +25,12 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
+from rigid_gns_core.commands.evaluate_bag import evaluate_bag, format_report, main
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_ros.evaluate_bag import evaluate_bag, format_report, main
 
 START = 1_700_000_000_123_456_789
 STEP = 100_000_000  # [ns]
@@ -184,7 +184,7 @@ def test_poses_in_any_order_and_missing_ones_are_matched(tmp_path, truth, scene)
 
 
 def test_the_module_is_a_program() -> None:
-    command = [sys.executable, '-m', 'rigid_gns_ros.evaluate_bag', '/nonesuch']
+    command = [sys.executable, '-m', 'rigid_gns_core.commands.evaluate_bag', '/nonesuch']
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, '')
     assert done.stderr == 'evaluate: error: /nonesuch: no such bag\n'

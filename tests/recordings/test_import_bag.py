@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.common_scene import common_scene
 from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec

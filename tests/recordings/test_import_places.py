@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.importing.import_bags import format_report, import_bags

@@ -23,9 +23,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
+from rigid_gns_core.commands.evaluate_bag import evaluate_bag
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_ros.evaluate_bag import evaluate_bag
 
 START, PERIOD = 1_000_000_000, 100_000_000  # [ns]
 SCENE = Scene(surfaces=Plane.box(60.0, 60.0))

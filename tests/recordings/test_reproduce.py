@@ -24,13 +24,13 @@ import pytest
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
 from rigid_gns_core.bags.writer import BagWriter
+from rigid_gns_core.commands.evaluate_bag import main
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.recorded_model import tracking_window
 from rigid_gns_core.recordings.scoring.reproduce import reproduce, Reproduction
 from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_ros.evaluate_bag import main
 
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns], the shipped model's at radius 1 m

@@ -20,9 +20,9 @@ import warnings
 
 import numpy as np
 import pytest
-from rigid_gns_core import cli, load_simulator, Plane, Scene, State, Trajectory
+from rigid_gns_core.commands import cli, load_simulator, Plane, Scene, State, Trajectory
+from rigid_gns_core.commands.rollout import position_spread
 from rigid_gns_core.data.records import read_record
-from rigid_gns_core.predict import position_spread
 from rigid_gns_core.running.threads import in_threads
 
 # what the shipped weights were trained on

@@ -26,7 +26,7 @@ import sys
 
 from joblib import delayed
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import record_path
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.running.workers import Workers

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import Record, write_record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.scenes.scene import Plane, Scene

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_core import cli, Plane, Scene
+from rigid_gns_core.commands import cli, Plane, Scene
 from rigid_gns_core.data.records import Record, write_record
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between, Trajectory
 from rigid_gns_core.scoring.evaluate import evaluate

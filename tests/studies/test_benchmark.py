@@ -24,7 +24,7 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
@@ -231,6 +231,6 @@ def test_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_command_is_listed() -> None:
-    from rigid_gns_core.cli import COMMANDS
+    from rigid_gns_core.commands.cli import COMMANDS
 
     assert hasattr(importlib.import_module(COMMANDS['benchmark'][0]), 'run')

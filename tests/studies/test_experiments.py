@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.files.config import ConfigError
 from rigid_gns_core.files.strict_json import read_json, write_compact_json
 from rigid_gns_core.studies.thesis.budget import Budget, load_budget, merged

@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import DatasetError, read_record
 from rigid_gns_core.files.config import ConfigError, find_config, load_yaml
 from rigid_gns_core.running.workers import Workers

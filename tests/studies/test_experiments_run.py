@@ -22,7 +22,7 @@ import shutil
 import time
 
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.studies.thesis.budget import load_budget
 from rigid_gns_core.studies.thesis.cell import Cell
 from rigid_gns_core.studies.thesis.sets import training_set

@@ -22,7 +22,7 @@ import warnings
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State, Trajectory

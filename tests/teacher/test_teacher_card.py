@@ -20,12 +20,12 @@ import json
 
 import numpy as np
 import pytest
-from rigid_gns_core.cli import main
 from rigid_gns_core.closed_form import Check, closed_form, GROUPS, run_checks
 from rigid_gns_core.closed_form.bounces import bounces
+from rigid_gns_core.commands.cli import main
+from rigid_gns_core.commands.teacher_card import table
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State, Trajectory
-from rigid_gns_core.teacher_card import table
 
 
 def ballistic(restitution_error: float = 0.0):

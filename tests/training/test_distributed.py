@@ -23,7 +23,7 @@ import subprocess
 import sys
 
 import pytest
-from rigid_gns_core.cli import main
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.data.records import Dataset, Record, record_path, write_recipe, write_record
 from rigid_gns_core.files.config import to_mapping
@@ -102,7 +102,9 @@ def test_a_run_of_one_process_goes_on_with_two(tmp_path, worker):
     records = list(Dataset(tmp_path / 'data'))
     Trainer(config, records, records, tmp_path / 'both', 'data').run(stop_at=3)
 
-    code, output = torchrun('-m', 'rigid_gns_core.cli', *train, '--out', tmp_path / 'both')
+    code, output = torchrun(
+        '-m', 'rigid_gns_core.commands.cli', *train, '--out', tmp_path / 'both'
+    )
     assert code == 0, output
     assert output.count('step 6: loss') == output.count('weights: ') == 1  # the first one speaks
     logs = [

@@ -24,7 +24,7 @@ import pytest
 
 torch = pytest.importorskip('torch', reason='training needs torch')
 
-from rigid_gns_core.cli import main  # noqa: E402
+from rigid_gns_core.commands.cli import main  # noqa: E402
 from rigid_gns_core.data.recipe import DataRecipe, recipe_hash  # noqa: E402
 from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record  # noqa: E402
 from rigid_gns_core.files.checkpoint import CheckpointError  # noqa: E402

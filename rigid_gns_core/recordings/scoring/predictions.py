@@ -59,7 +59,7 @@ def score_predictions(
         figure: PNG to draw. None: none.
 
     Returns:
-        See `rigid_gns_ros.evaluate_bag.evaluate_bag`.
+        See `rigid_gns_core.commands.evaluate_bag.evaluate_bag`.
 
     Raises:
         AlignmentError: Nothing overlaps.

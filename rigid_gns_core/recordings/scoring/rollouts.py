@@ -102,7 +102,7 @@ def score_rollouts(
         figure: PNG to draw. None: none.
 
     Returns:
-        See `rigid_gns_ros.evaluate_bag.evaluate_bag`.
+        See `rigid_gns_core.commands.evaluate_bag.evaluate_bag`.
 
     Raises:
         AlignmentError: No segment is long enough.

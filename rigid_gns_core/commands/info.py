@@ -25,10 +25,10 @@ import re
 from typing import Any
 
 from .completion import completes, shipped_models
-from .files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
-from .installation.extras import remedy
-from .installation.probes import Probes
-from .installation.versions import PACKAGE, version_of, versions_of
+from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
+from ..installation.extras import remedy
+from ..installation.probes import Probes
+from ..installation.versions import PACKAGE, version_of, versions_of
 
 LIBRARIES = ('numpy', 'scipy', 'numba', 'h5py', 'safetensors', 'mcap', 'joblib')
 """What everything needs."""

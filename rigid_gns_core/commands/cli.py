@@ -27,8 +27,11 @@ from typing import Any
 # name: (module with add_arguments(parser) and run(arguments) -> int, one-line help); what a
 # newcomer wants first
 COMMANDS: dict[str, tuple[str, str]] = {
-    'info': ('rigid_gns_core.info', 'what is installed, what is missing, the shipped models'),
-    'rollout': ('rigid_gns_core.predict', 'predict a trajectory from start positions'),
+    'info': (
+        'rigid_gns_core.commands.info',
+        'what is installed, what is missing, the shipped models',
+    ),
+    'rollout': ('rigid_gns_core.commands.rollout', 'predict a trajectory from start positions'),
     'report': (
         'rigid_gns_core.show.command',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
@@ -45,7 +48,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.data.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
     ),
-    'train': ('rigid_gns_core.train_command', 'train a simulator from a YAML recipe'),
+    'train': ('rigid_gns_core.commands.train', 'train a simulator from a YAML recipe'),
     'benchmark': (
         'rigid_gns_core.studies.benchmark.command',
         'speed against error, beside Bullet and MuJoCo',
@@ -59,10 +62,13 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
     'teacher-card': (
-        'rigid_gns_core.teacher_card',
+        'rigid_gns_core.commands.teacher_card',
         'check Bullet, the teacher, against closed forms',
     ),
-    'completion': ('rigid_gns_core.completion', 'completion of commands and options in a shell'),
+    'completion': (
+        'rigid_gns_core.commands.completion',
+        'completion of commands and options in a shell',
+    ),
 }
 EPILOG = """examples:
   rigid-gns info
@@ -141,7 +147,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from .installation.versions import PACKAGE, version_of
+        from ..installation.versions import PACKAGE, version_of
 
         print(f'{parser.prog} {version_of(PACKAGE) or "of a source tree that is not installed"}')
         parser.exit()
@@ -170,7 +176,7 @@ def _run(argv: list[str]) -> int:
 
 def _with_remedy(error: ModuleNotFoundError) -> str:
     """Return what is missing, and how to get it; an error of our own says that already."""
-    from .installation.extras import missing
+    from ..installation.extras import missing
 
     if error.name is None or 'which is not installed' in str(error):
         return str(error)

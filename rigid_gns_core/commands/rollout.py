@@ -30,12 +30,12 @@ import warnings
 import numpy as np
 
 from .completion import completes, configs, shipped_models
-from .data.records import Record, write_record
-from .files.config import positive
-from .rollout.rollout import load_simulator
-from .running.progress import Progress
-from .scenes.sampling import load_scene, sample_start
-from .scenes.state import Array, State, Trajectory
+from ..data.records import Record, write_record
+from ..files.config import positive
+from ..rollout.rollout import load_simulator
+from ..running.progress import Progress
+from ..scenes.sampling import load_scene, sample_start
+from ..scenes.state import Array, State, Trajectory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -36,10 +36,10 @@ from typing import Any
 import warnings
 
 import pytest
-from rigid_gns_core import cli
+from rigid_gns_core.commands import cli
 from rigid_gns_core.rollout.rollout import Simulator
 
-PROGRAM = [sys.executable, '-m', 'rigid_gns_core.cli']
+PROGRAM = [sys.executable, '-m', 'rigid_gns_core.commands.cli']
 
 
 def subparser(command: str) -> argparse.ArgumentParser:
@@ -175,7 +175,7 @@ def test_the_rate_of_a_rollout_counts_its_own_steps_alone(
         return rollout_batch(self, scenes, starts, steps, **options)
 
     def tell() -> float:
-        if sys._getframe(1).f_globals['__name__'] == 'rigid_gns_core.predict':
+        if sys._getframe(1).f_globals['__name__'] == 'rigid_gns_core.commands.rollout':
             events.append('clock')
         return clock()
 

@@ -41,7 +41,7 @@ def completes(
 
 def shipped_models() -> list[str]:
     """Names of the shipped models."""
-    from .files.checkpoint import WEIGHTS_FOLDER
+    from ..files.checkpoint import WEIGHTS_FOLDER
 
     return sorted(path.stem for path in WEIGHTS_FOLDER.glob('*.safetensors'))
 
@@ -50,7 +50,7 @@ def configs(kind: str) -> Callable[[], list[str]]:
     """Find the names of the shipped YAML files in config/`kind`."""
 
     def find() -> list[str]:
-        from .files.config import config_folder
+        from ..files.config import config_folder
 
         return sorted(path.stem for path in (config_folder() / kind).glob('*.yaml'))
 

@@ -23,8 +23,8 @@ import subprocess
 import sys
 
 import pytest
-from rigid_gns_core import cli
-from rigid_gns_core.completion import chosen_command
+from rigid_gns_core.commands import cli
+from rigid_gns_core.commands.completion import chosen_command
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -111,7 +111,7 @@ def test_code_for_each_shell_is_printed(shell: str, capsys: pytest.CaptureFixtur
 def test_bash_completes(tmp_path: Path) -> None:
     """The printed code in a bash, which is asked as it asks itself when Tab is pressed."""
     program = tmp_path / 'rigid-gns'
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m rigid_gns_core.cli "$@"\n')
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m rigid_gns_core.commands.cli "$@"\n')
     program.chmod(0o755)
     script = (
         'eval "$(rigid-gns completion bash)"\n'

@@ -20,7 +20,7 @@ import argparse
 from pathlib import Path
 
 from .completion import completes, configs, shipped_models
-from .files.config import positive
+from ..files.config import positive
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,12 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out runs/gns\n'
         '  rigid-gns evaluate --model runs/gns/best --data data/gns_test\n'
         'by several processes, each with its share of every batch:\n'
-        '  torchrun --nproc_per_node=4 -m rigid_gns_core.cli train --config gns ...'
+        '  torchrun --nproc_per_node=4 -m rigid_gns_core.commands.cli train --config gns ...'
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Train."""
-    from .training.train import run as train
+    from ..training.train import run as train
 
     return train(arguments)

@@ -22,8 +22,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .closed_form import Check, GROUPS, run_checks
-from .running.progress import Progress
+from ..closed_form import Check, GROUPS, run_checks
+from ..running.progress import Progress
 
 
 def table(checks: list[Check]) -> str:
@@ -54,9 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the card; 1 where a check is out of bounds."""
-    from .teacher.bullet import load_pybullet
-    from .teacher.bullet import simulate as bullet
-    from .teacher.settings import TeacherSettings
+    from ..teacher.bullet import load_pybullet
+    from ..teacher.bullet import simulate as bullet
+    from ..teacher.settings import TeacherSettings
 
     load_pybullet()
     settings = TeacherSettings()

@@ -21,7 +21,7 @@ from pathlib import Path
 import signal
 import sys
 
-from ..completion import completes, configs
+from .completion import completes, configs
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
 from ..running.workers import add_worker_arguments, chosen_workers

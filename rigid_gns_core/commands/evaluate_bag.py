@@ -23,23 +23,17 @@ import sys
 import textwrap
 from typing import Any
 
-from rigid_gns_core.bags.reader import Bag, BagError, read_bag
-from rigid_gns_core.bags.topics import (
-    find_topics,
-    holds_predictions,
-    listing,
-    recorded_scenes,
-    said_names,
-)
-from rigid_gns_core.files.strict_json import write_json
-from rigid_gns_core.recordings.scoring.horizon_errors import format_horizons
-from rigid_gns_core.recordings.scoring.predictions import score_predictions
-from rigid_gns_core.recordings.tracked_segments import find_tracked
-from rigid_gns_core.scenes.sampling import load_scene
-from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scoring.evaluate import format_table
+from rigid_gns_ros.parameters import SIMULATOR
 
-from .parameters import SIMULATOR
+from ..bags.reader import Bag, BagError, read_bag
+from ..bags.topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
+from ..files.strict_json import write_json
+from ..recordings.scoring.horizon_errors import format_horizons
+from ..recordings.scoring.predictions import score_predictions
+from ..recordings.tracked_segments import find_tracked
+from ..scenes.sampling import load_scene
+from ..scenes.scene import Scene
+from ..scoring.evaluate import format_table
 
 _BY_HORIZON = {
     'horizon_errors': 'Position error since a start [m]',
@@ -87,7 +81,7 @@ def evaluate_bag(
         topics = find_topics(bag, tracked, predicted)
         return score_predictions(bag, topics, _scene(bag, topics.recorded, scene), figure)
     # late: a model need not be there to score predictions
-    from rigid_gns_core.recordings.scoring.rollouts import RolloutOptions, score_rollouts
+    from ..recordings.scoring.rollouts import RolloutOptions, score_rollouts
 
     scenes = [one for one in recorded_scenes(bag).values() if 'scene' in one]
     topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
@@ -218,7 +212,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, model: str | None) -> int:
-    from rigid_gns_core.recordings.scoring.reproduce import reproduce
+    from ..recordings.scoring.reproduce import reproduce
 
     bag = read_bag(arguments.bag)
     result = reproduce(bag, find_topics(bag, arguments.tracked, arguments.predicted), model)
