@@ -108,7 +108,7 @@ setup(
     packages=find_packages(include=['rigid_gns_ros*', 'rigid_gns_core*']),
     package_data={
         '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg'],
-        'rigid_gns_core.show': ['static/*', 'static/vendor/*'],
+        'rigid_gns_core.show.report': ['static/*', 'static/vendor/*'],
     },
     data_files=shared_files(),
     install_requires=CORE,

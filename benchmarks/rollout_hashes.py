@@ -1,7 +1,7 @@
 """Hashes of rollouts by the laws: to see that a change of code changes no prediction, to the bit.
 
-    python benchmarks/rollout_hashes.py --out before.json     # on one commit
-    python benchmarks/rollout_hashes.py --against before.json # on another; exit code 1: they differ
+    python benchmarks/rollout_hashes.py --out before.json      # on one commit
+    python benchmarks/rollout_hashes.py --against before.json  # on another; exit 1: differ
 
 Machine code depends on the processor, so that hashes compare on one machine only.
 """

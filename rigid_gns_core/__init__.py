@@ -33,7 +33,7 @@ _LAZY = {'Rollout', 'Simulator', 'load_simulator'}
 
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
-        return getattr(importlib.import_module('.rollout', __name__), name)
+        return getattr(importlib.import_module('.rollout.rollout', __name__), name)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 

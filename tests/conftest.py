@@ -24,6 +24,8 @@ import tempfile
 import numpy as np
 import pytest
 
+pytest_plugins = ['recorded_bags']  # write_bag, poses_cdr: of several folders
+
 # Two workers on two cores: a second thread per worker only waits. Set before NumPy's users start.
 for _name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
     os.environ.setdefault(_name, '1')

@@ -39,7 +39,7 @@ import warnings
 
 import pytest
 from rigid_gns_core.commands import cli, evaluate_bag
-from rigid_gns_ros.parameters import SIMULATOR, TRACKER
+from rigid_gns_core.forecasts.parameters import SIMULATOR, TRACKER
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from . import closed_form
+from . import laws
 from .bounces import GRAVITY, Simulate
 from .check import Check, check
 from ..scenes.plane import Plane
@@ -67,7 +67,7 @@ def collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
         for k, (ratio, e, offset) in enumerate(cases):
             pair, radii = slice(2 * k, 2 * k + 2), np.ones(2)
             normal = np.array([-np.sqrt(4.0 - offset**2), offset, 0.0]) / 2.0
-            expected = closed_form.impact_of_spheres(
+            expected = laws.impact_of_spheres(
                 velocities[k], turning[k], normal, radii, masses[k], float(e), friction
             )
             kind = 'oblique' if offset else 'central'
@@ -76,7 +76,7 @@ def collision_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
             yield check(f'two spheres, {kind}, velocities', case, error, 0, 0.01)
             error = np.abs(run.angular_velocities[-1, pair] - expected[1]).max() / speed
             yield check(f'two spheres, {kind}, spins', case, error, 0, 0.01)
-            linear, angular = closed_form.momenta(
+            linear, angular = laws.momenta(
                 # about a point of the pair, or the distance to the origin drowns the rest
                 run.positions[:, pair] - positions[k, 1],
                 run.velocities[:, pair],
@@ -122,7 +122,7 @@ def pile_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     yield check('pile, penetration of the floor [diameters]', case, floor, 0, 1e-3)
     beyond = max(0.0, np.abs(run.positions[steps // 2 :, :, :2]).max() + 1.0 - width / 2)
     yield check('pile, penetration of the walls [diameters]', case, beyond / 2, 0, 1e-3)
-    total = closed_form.energy(
+    total = laws.energy(
         run.positions,
         run.velocities,
         run.angular_velocities,

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from . import closed_form
+from . import laws
 from .bounces import bounces, GRAVITY, Simulate
 from .check import Check, check, worst
 from ..scenes.plane import Plane
@@ -71,7 +71,7 @@ def incline_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
             speeds,
             strict=True,
         ):
-            expected = closed_form.incline_acceleration(angle, friction, rolling, GRAVITY)
+            expected = laws.incline_acceleration(angle, friction, rolling, GRAVITY)
             yield check(f'incline, {kind} [m/s^2]', f'{degrees:g} deg', speed, expected, 0.01)
     plane = Plane(normal=(np.sin(np.radians(1.0)), 0.0, np.cos(np.radians(1.0))), friction=1.0)
     start = State(positions=np.array([plane.normal]))
@@ -159,9 +159,7 @@ def oblique_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     up = np.array([0.0, 0.0, 1.0])
     for k, (friction, across, spin) in enumerate(cases):
         before = np.array([*across, -GRAVITY * fall])
-        velocity, turned = closed_form.impact_on_surface(
-            before, np.array(spin), up, 1.0, e, friction
-        )
+        velocity, turned = laws.impact_on_surface(before, np.array(spin), up, 1.0, e, friction)
         case = f'mu {friction:g}, across {across}, spin {spin}'
         error = np.linalg.norm((after.velocities[-1, k] - velocity)[:2])
         yield check('oblique impact, velocity across', case, error / GRAVITY / fall, 0, 0.01)

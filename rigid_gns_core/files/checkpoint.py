@@ -30,7 +30,7 @@ from safetensors.numpy import load_file, save
 from .atomic_file import whole_file
 
 FORMAT_VERSION = 1
-WEIGHTS_FOLDER = Path(__file__).resolve().parent / 'weights'
+WEIGHTS_FOLDER = Path(__file__).resolve().parents[1] / 'weights'
 DEFAULT_MODEL = 'contact'
 CARD_KEYS = {
     'format_version',

@@ -89,7 +89,7 @@ def load_yaml(path: str | Path) -> dict[str, Any]:
 
 def config_folder() -> Path:
     """Folder of the shipped YAML files: beside a source tree, else share/ of the installation."""
-    package = Path(__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     beside = package.parent / 'config'
     if (package.parent / 'package.xml').is_file() and beside.is_dir():
         return beside

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The graphs of a step on a device: the edges of `rigid_gns_core.gns.graph` in tensors of fixed shape.
+"""The graphs of a step on a device: the edges of `gns.graph` in tensors of fixed shape.
 
 Every sphere has room for the same number of neighbours and for every surface, and masks say which
 of them it is connected with. So nothing in a step has to wait for the device to tell a size.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rotations as tensors, with gradients; the same as those of `rigid_gns_core.scenes.state` on arrays."""
+"""Rotations as tensors, with gradients; the same as those of `scenes.state` on arrays."""
 
 from __future__ import annotations
 

@@ -21,7 +21,9 @@ from pathlib import Path
 from .machine_code import Function, MachineCode
 
 # sums may be fused (FMA), never reordered: the same seed gives the same bytes
-_CODE = MachineCode('engine', Path(__file__).parent, fastmath={'contract'})
+_CODE = MachineCode(
+    'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath={'contract'}
+)
 is_compiled = _CODE.exists
 
 

@@ -21,11 +21,11 @@ from pathlib import Path
 import tempfile
 from typing import Any
 
-from rigid_gns_ros.parameters import SIMULATOR
 import yaml
 
 from ..files.checkpoint import CheckpointError, find_model, load_card
 from ..forecasts.forecaster import Forecaster
+from ..forecasts.parameters import SIMULATOR
 from ..forecasts.window_setup import window_of
 from ..scenes.scene import Scene
 from ..tracking.window import TrackingWindow

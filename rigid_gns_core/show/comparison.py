@@ -43,7 +43,7 @@ class Comparison:
         predicted: The prediction.
         reference: The reference, as long as the prediction; None where there is none.
         names: What to call the two.
-        evaluation: What `rigid_gns_core.scoring.evaluate.evaluate` returns, or its laws alone; of a bag
+        evaluation: What `scoring.evaluate.evaluate` returns, or its laws alone; of a bag
             with its counts and times.
         floors: Other simulations of the reference's start, by name: how far the teacher gets from
             itself.
@@ -134,7 +134,7 @@ def read_comparison(
             raise ValueError(
                 f'--reference goes with a record: the bag {source} holds tracked poses'
             )
-        from ..recordings.scoring.comparison import read_bag_comparison
+        from .bag_comparison import read_bag_comparison
 
         comparison = read_bag_comparison(
             source, scene=arguments.scene, tracked=arguments.tracked, predicted=arguments.predicted

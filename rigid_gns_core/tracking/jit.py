@@ -20,12 +20,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-import rigid_gns_core.engine
 
 from ..kernels.machine_code import Function, MachineCode
 from ..scenes.state import Array
 
-_CODE = MachineCode('tracking', Path(__file__).parent, Path(rigid_gns_core.engine.__file__).parent)
+_CODE = MachineCode(
+    'tracking', *(Path(__file__).parents[1] / name for name in ('tracking', 'engine', 'kernels'))
+)
 is_compiled = _CODE.exists
 
 

@@ -22,6 +22,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.parameters import SIMULATOR
 from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.tracking.window import seconds
 from std_srvs.srv import SetBool, Trigger
@@ -30,7 +31,7 @@ from .closing_node import ClosingNode, log_end
 from .set_clock import on_jump
 from .simulation import Simulation
 from .threads import bound_threads, switch_often
-from ..parameters import declare, SIMULATOR
+from ..parameters import declare
 
 DIAGNOSTICS_PERIOD = 1.0  # [s], of real time
 

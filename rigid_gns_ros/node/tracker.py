@@ -21,6 +21,7 @@ from typing import Any, Protocol
 from geometry_msgs.msg import PoseArray
 import numpy as np
 from rigid_gns_core.data.records import demo_record, read_record, Record
+from rigid_gns_core.forecasts.parameters import TRACKER
 from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.scenes.state import Array
@@ -30,7 +31,7 @@ from .alarm import Alarm
 from .channels import overridable, sensor_data
 from .closing_node import ClosingNode, log_end
 from .set_clock import on_jump
-from ..parameters import declare, TRACKER
+from ..parameters import declare
 from ..process import Finished
 
 WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]

@@ -23,7 +23,7 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import decode_float64, encode_float64, encode_string
 import yaml
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 def test_a_torn_file_gives_all_that_is_whole(tmp_path, write_bag):

@@ -23,7 +23,7 @@ from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 START = 1_700_000_000_000_000_001  # as in conftest.py
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'

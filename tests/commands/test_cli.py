@@ -332,7 +332,7 @@ def test_a_module_of_ours_that_is_missing_is_not_the_users_fault(
 def test_help_needs_no_heavy_module() -> None:
     """Nor does completion: both import the options of a command alone."""
     code = (
-        'import sys\nfrom rigid_gns_core import cli\n'
+        'import sys\nfrom rigid_gns_core.commands import cli\n'
         'for command in cli.COMMANDS: cli.make_parser(command)\n'
         "print([name for name in ('torch', 'pybullet', 'matplotlib', 'rclpy', 'mujoco') "
         'if name in sys.modules])'

@@ -34,7 +34,7 @@ def complete(line: str, folder: Path = ROOT) -> list[str]:
     reader, writer = os.pipe()
     code = (
         f'import os, sys; os.dup2({writer}, 8); '
-        "sys.argv = ['rigid-gns']; from rigid_gns_core import cli; cli.main()"
+        "sys.argv = ['rigid-gns']; from rigid_gns_core.commands import cli; cli.main()"
     )
     environment = {
         **os.environ,

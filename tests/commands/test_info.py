@@ -24,8 +24,9 @@ import sys
 from typing import Any
 
 import pytest
+from rigid_gns_core.commands import cli, info
 from rigid_gns_core.files.checkpoint import find_model, WEIGHTS_FOLDER
-from rigid_gns_core.installation import cli, info, probes
+from rigid_gns_core.installation import probes
 
 
 @pytest.fixture(scope='module')

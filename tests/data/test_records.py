@@ -22,7 +22,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from rigid_gns_core.data import dataset
+from rigid_gns_core.data import records
 from rigid_gns_core.data.recipe import DataRecipe, recipe_difference, recipe_hash
 from rigid_gns_core.data.records import (
     Dataset,
@@ -152,7 +152,7 @@ def test_another_kind_of_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dataset, 'FORMAT_VERSION', 99)
+    monkeypatch.setattr(records, 'FORMAT_VERSION', 99)
     path = write_record(tmp_path / 'future.h5', make_record())
     monkeypatch.undo()
     with pytest.raises(DatasetError, match='future.h5: format version 99, this program reads 1'):
@@ -224,6 +224,6 @@ def test_a_recipe_differs_in_all_but_the_number_of_trajectories() -> None:
 
 def test_a_damaged_recipe_is_named(tmp_path: Path) -> None:
     fill(tmp_path, (0,))
-    (tmp_path / dataset.RECIPE_NAME).write_text('trajectories: [')
+    (tmp_path / records.RECIPE_NAME).write_text('trajectories: [')
     with pytest.raises(DatasetError, match='recipe.yaml: not valid YAML'):
         Dataset(tmp_path)

@@ -16,7 +16,8 @@
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_form import closed_form, Plane, Scene, State
+from rigid_gns_core import Plane, Scene, State
+from rigid_gns_core.closed_form import laws
 from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.candidates import find_candidates
 from rigid_gns_core.models.contact.geometry import find_contacts
@@ -53,7 +54,7 @@ def violent(**options):
 
 
 def energy_of(state, mass, gravity):
-    return closed_form.energy(
+    return laws.energy(
         state.positions, state.velocities, state.angular_velocities, mass, np.ones(20), gravity
     )
 
@@ -121,7 +122,7 @@ def test_guard_takes_energy_but_no_momentum_from_free_islands():
     assert (gain < 1e-11).all()  # float64 sums
     for members in (slice(0, 3), slice(3, 7)):
         one, other = (
-            closed_form.momenta(
+            laws.momenta(
                 s.positions[members],
                 s.velocities[members],
                 s.angular_velocities[members],
@@ -183,7 +184,7 @@ def test_a_sphere_that_gathers_speed_slowly_does_not_sleep():
     for _ in range(25):
         rolling.step()
         assert not rolling.sleepers.asleep.any()
-    expected = 2.5 * closed_form.incline_acceleration(angle, 0.5, 0.0, 9.81)
+    expected = 2.5 * laws.incline_acceleration(angle, 0.5, 0.0, 9.81)
     assert np.linalg.norm(rolling.state.velocities) == pytest.approx(expected, rel=1e-3)
 
 

@@ -18,14 +18,8 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_form import (
-    closed_form,
-    GROUPS,
-    load_simulator,
-    Plane,
-    run_checks,
-    Scene,
-)
+from rigid_gns_core import load_simulator, Plane, Scene
+from rigid_gns_core.closed_form import GROUPS, laws, run_checks
 from rigid_gns_core.files.checkpoint import save_model
 from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.geometry import Contacts
@@ -108,7 +102,7 @@ def test_small_spheres_roll_down_inclines(load):
         scene = Scene(surfaces=(plane,), radius=SMALL, friction=1.0, rolling_friction=0.02)
         t = load().rollout(scene, [SMALL * np.asarray(plane.normal)], steps=20)
         speed = t.velocities[-1, 0] @ [np.cos(angle), 0.0, -np.sin(angle)]
-        expected = closed_form.incline_acceleration(angle, 1.0, 0.02, G)
+        expected = laws.incline_acceleration(angle, 1.0, 0.02, G)
         # the sphere starts within the rounding of its units of the plane
         assert speed / t.times[-1] == pytest.approx(expected, rel=1e-4)
 
@@ -127,9 +121,7 @@ def test_small_spheres_collide(load):
     velocities, spins = np.array([[0.8, 0, 0], [0, 0, 0]]), np.array([[5.0, 9, -7], [0, 0, 0]])
     t = load().rollout(scene, positions, velocities, spins, steps=8)
     normal = np.array([-np.sqrt(3.0), 1.0, 0.0]) / 2.0
-    speeds, turned = closed_form.impact_of_spheres(
-        velocities, spins, normal, radii, masses, 0.64, 0.25
-    )
+    speeds, turned = laws.impact_of_spheres(velocities, spins, normal, radii, masses, 0.64, 0.25)
     np.testing.assert_allclose(t.velocities[-1], speeds, atol=1e-9)
     np.testing.assert_allclose(t.angular_velocities[-1], turned, atol=1e-7)
 

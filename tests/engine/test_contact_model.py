@@ -18,7 +18,8 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_form import closed_form, load_simulator, Plane, Scene
+from rigid_gns_core import load_simulator, Plane, Scene
+from rigid_gns_core.closed_form import laws
 from rigid_gns_core.files.checkpoint import save_model
 from rigid_gns_core.gns.config import ContactConfig
 from rigid_gns_core.models.contact.candidates import Candidates, find_candidates, join
@@ -66,9 +67,7 @@ def load(tmp_path_factory):
 def momenta(trajectory, mass, radius, gravity):
     """Linear momentum without what gravity gave, and angular momentum about the centre of mass."""
     t, total = trajectory, mass.sum()
-    linear, angular = closed_form.momenta(
-        t.positions, t.velocities, t.angular_velocities, mass, radius
-    )
+    linear, angular = laws.momenta(t.positions, t.velocities, t.angular_velocities, mass, radius)
     centre = np.einsum('i,sij->sj', mass, t.positions) / total
     given = t.times[:, None] * np.asarray(gravity) * total
     return linear - given, angular - np.cross(centre, linear)

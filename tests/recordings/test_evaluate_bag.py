@@ -29,7 +29,7 @@ from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArr
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'

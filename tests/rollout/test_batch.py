@@ -20,7 +20,8 @@ import warnings
 
 import numpy as np
 import pytest
-from rigid_gns_core.commands import cli, load_simulator, Plane, Scene, State, Trajectory
+from rigid_gns_core import load_simulator, Plane, Scene, State, Trajectory
+from rigid_gns_core.commands import cli
 from rigid_gns_core.commands.rollout import position_spread
 from rigid_gns_core.data.records import read_record
 from rigid_gns_core.running.threads import in_threads

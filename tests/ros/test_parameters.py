@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from rigid_gns_ros.parameters import ParameterSpec, SIMULATOR, TRACKER
+from rigid_gns_core.forecasts.parameters import ParameterSpec, SIMULATOR, TRACKER
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

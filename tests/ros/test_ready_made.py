@@ -26,8 +26,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.parameters import SIMULATOR
 from rigid_gns_core.scenes.sampling import load_scene, sample_start
-from rigid_gns_ros.parameters import SIMULATOR
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

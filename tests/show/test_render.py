@@ -21,7 +21,8 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core.commands import cli, Plane, Scene
+from rigid_gns_core import Plane, Scene
+from rigid_gns_core.commands import cli
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
 from rigid_gns_core.show import Comparison
 from rigid_gns_core.show.render.camera import Camera

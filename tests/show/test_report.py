@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import hashlib
 import html
+from importlib import resources
 import json
 from pathlib import Path
 import re
@@ -25,7 +26,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_core.commands import cli, Plane, Scene
+from rigid_gns_core import Plane, Scene
+from rigid_gns_core.commands import cli
 from rigid_gns_core.data.records import Record, write_record
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between, Trajectory
 from rigid_gns_core.scoring.evaluate import evaluate
@@ -36,7 +38,7 @@ from rigid_gns_core.show.report.tables import leaves, tables
 from rigid_gns_core.show.series import charts, penetration_depths
 from rigid_gns_core.show.surfaces import focus, visible_quads
 
-STATIC = Path(cli.__file__).parent / 'report' / 'static'
+STATIC = Path(str(resources.files('rigid_gns_core.show.report') / 'static'))
 SCENE = Scene(surfaces=Plane.box(20.0, 20.0))
 
 

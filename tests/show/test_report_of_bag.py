@@ -26,8 +26,8 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands import cli
 from rigid_gns_core.commands.evaluate_bag import evaluate_bag
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
-from rigid_gns_core.recordings.scoring.comparison import read_bag_comparison
 from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.show.bag_comparison import read_bag_comparison
 
 START, PERIOD = 1_700_000_000_000_000_000, 100_000_000  # [ns]
 SCENE = Scene(surfaces=Plane.box(60.0, 60.0))

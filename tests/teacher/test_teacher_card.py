@@ -20,7 +20,7 @@ import json
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_form import Check, closed_form, GROUPS, run_checks
+from rigid_gns_core.closed_form import Check, GROUPS, laws, run_checks
 from rigid_gns_core.closed_form.bounces import bounces
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.commands.teacher_card import table
@@ -89,21 +89,17 @@ def test_closed_forms_conserve() -> None:
         masses, radii = draw.uniform(0.5, 5.0, 2), draw.uniform(0.5, 2.0, 2)
         positions = np.outer([radii[0], -radii[1]], normal)
         for friction in (0.0, 0.1, 5.0):
-            after = closed_form.impact_of_spheres(
-                velocities, spins, normal, radii, masses, 0.7, friction
-            )
-            before = closed_form.momenta(positions, velocities, spins, masses, radii)
-            for a, b in zip(
-                before, closed_form.momenta(positions, *after, masses, radii), strict=True
-            ):
+            after = laws.impact_of_spheres(velocities, spins, normal, radii, masses, 0.7, friction)
+            before = laws.momenta(positions, velocities, spins, masses, radii)
+            for a, b in zip(before, laws.momenta(positions, *after, masses, radii), strict=True):
                 np.testing.assert_allclose(a, b, atol=1e-12)
             total = [
-                closed_form.energy(positions, *motion, masses, radii, np.zeros(3))
+                laws.energy(positions, *motion, masses, radii, np.zeros(3))
                 for motion in ((velocities, spins), after)
             ]
             assert total[1] < total[0]
         # a second body of infinite mass at rest is a surface
-        heavy = closed_form.impact_of_spheres(
+        heavy = laws.impact_of_spheres(
             np.array([velocities[0], [0, 0, 0]]),
             np.array([spins[0], [0, 0, 0]]),
             normal,
@@ -112,7 +108,7 @@ def test_closed_forms_conserve() -> None:
             0.7,
             0.2,
         )
-        wall = closed_form.impact_on_surface(velocities[0], spins[0], normal, radii[0], 0.7, 0.2)
+        wall = laws.impact_on_surface(velocities[0], spins[0], normal, radii[0], 0.7, 0.2)
         np.testing.assert_allclose(heavy[0][0], wall[0], atol=1e-9)
         np.testing.assert_allclose(heavy[1][0], wall[1], atol=1e-9)
 

@@ -29,12 +29,12 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of, turned_gravity
+from rigid_gns_core.forecasts.parameters import SIMULATOR
 from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.similarity import _upright
 from rigid_gns_core.scenes.state import quaternion_multiply, State
 from rigid_gns_ros.node.simulator import SimulatorNode
-from rigid_gns_ros.parameters import SIMULATOR
 from threadpoolctl import threadpool_info
 
 ROOT = Path(__file__).resolve().parents[3]

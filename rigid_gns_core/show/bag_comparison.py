@@ -12,19 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The comparison that a recorded bag holds, by what `rigid_gns_ros` has without ROS."""
+"""The comparison that a recorded bag holds."""
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...scenes.scene import Scene
-from ...scenes.state import Array
-from ...show.comparison import Comparison
+from .comparison import Comparison
+from ..bags.reader import read_bag
+from ..bags.topics import find_topics, holds_predictions, listing
+from ..messages.poses import decode_float64
+from ..recordings.alignment import align, decode_topic, longest_run, usable_frames
+from ..recordings.forecast_starts import recorded_starts, starts_of
+from ..recordings.scoring.evaluate import evaluate_bag
+from ..scenes.scene import Scene
+from ..scenes.state import Array
 
 
 def read_bag_comparison(
@@ -41,29 +46,23 @@ def read_bag_comparison(
     Raises:
         ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
-    reader, topic_finder = _part('bag_reader'), _part('recording.bag_topics')
-    alignment, starting = _part('evaluation.alignment'), _part('evaluation.forecast_starts')
-    bag = reader.read_bag(path)
-    if not topic_finder.holds_predictions(bag, predicted):
+    bag = read_bag(path)
+    if not holds_predictions(bag, predicted):
         raise ValueError(
             f'{path}: there are no predicted poses in this bag to report on; play it to a '
             'simulator that records (playback_launch.py), or make records of it with `rigid-gns '
             'import`, predict from one (docs/tutorial.md), and report on that with --reference. '
-            f'The bag holds {topic_finder.listing(bag)}'
+            f'The bag holds {listing(bag)}'
         )
-    report = _part('evaluate_bag').evaluate_bag(
-        path, scene=scene, tracked=tracked, predicted=predicted
-    )
-    topics = topic_finder.find_topics(bag, tracked, predicted)
+    report = evaluate_bag(path, scene=scene, tracked=tracked, predicted=predicted)
+    topics = find_topics(bag, tracked, predicted)
     every = report['recording']['start'] == 'every'
-    ours, theirs = alignment.decode_topic(topics.predicted), alignment.decode_topic(topics.tracked)
-    starts = starting.recorded_starts(topics.start)
-    chosen = starting.starts_of(starts, ours.frames, ours.places) if starts else None
-    run, _ = alignment.longest_run(ours.frames, every=every, starts=chosen)
-    usable, _ = alignment.usable_frames(
-        theirs, run.frame_id, run.poses.shape[1], ours.places[run.part]
-    )
-    ahead, truth, _ = alignment.align(run, usable)
+    ours, theirs = decode_topic(topics.predicted), decode_topic(topics.tracked)
+    starts = recorded_starts(topics.start)
+    chosen = starts_of(starts, ours.frames, ours.places) if starts else None
+    run, _ = longest_run(ours.frames, every=every, starts=chosen)
+    usable, _ = usable_frames(theirs, run.frame_id, run.poses.shape[1], ours.places[run.part])
+    ahead, truth, _ = align(run, usable)
     model = report['recording']['model']
     return Comparison(
         title=f'{path.resolve().name}: {ahead.count} spheres, model {model}',
@@ -85,12 +84,6 @@ def _times(ours: Any, step_time: Any) -> dict[str, tuple[Array, Array]]:
     periods: Array = 1e-6 * np.diff(log).astype(np.float64)
     times = {'lateness': (since, late), 'period': (since[1:], periods)}
     if step_time is not None and len(step_time):
-        decode = _part('messages').decode_float64
-        seconds: Array = np.array([decode(message) for message in step_time.messages])
+        seconds: Array = np.array([decode_float64(message) for message in step_time.messages])
         times['model step'] = ((step_time.times - log[0]) * 1e-9, 1e3 * seconds)
     return times
-
-
-def _part(name: str) -> Any:
-    # the core does not depend on the ROS package; this part of it needs no ROS
-    return importlib.import_module(f'rigid_gns_ros.{name}')

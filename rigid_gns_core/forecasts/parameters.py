@@ -1,0 +1,199 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters of the nodes, a table for each; a test compares docs/node.md with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+Value = bool | int | float | str | list[float]
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter.
+
+    Args:
+        name: Its name.
+        default: Default; its type is the parameter's, and of a list its length.
+        description: What it sets, for `ros2 param describe`.
+        unit: Unit, empty where there is none.
+        low: Least value of a number.
+        high: Greatest value of a number.
+        least: Least value other than 0, where 0 has a meaning of its own.
+        choices: The only values allowed of a string; empty: any.
+        dynamic: Whether it may change while the node runs; else it is read-only.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ''
+    low: float = 0.0
+    high: float = 0.0
+    least: float = 0.0
+    choices: tuple[str, ...] = ()
+    dynamic: bool = False
+
+    def problem(self, value: Any) -> str | None:
+        """Return what is wrong with a value beyond type and range, which ROS checks; else None."""
+        if self.choices and value not in self.choices:
+            return f'{self.name} is {value!r}, allowed: {", ".join(self.choices)}'
+        if self.least and value != 0 and not self.least <= value:
+            span = f'{self.least:g} to {self.high:g} {self.unit}'
+            return f'{self.name} is {value:g}, allowed: 0, or {span}'
+        if isinstance(self.default, list):
+            values = list(value) if isinstance(value, Iterable) else []
+            if len(values) != len(self.default) or not all(map(isfinite, values)):
+                return f'{self.name} is {values}, allowed: {len(self.default)} finite numbers'
+        return None
+
+
+FRAME_ID = ParameterSpec('frame_id', 'world', 'coordinate frame of all poses')
+
+SIMULATOR = (
+    ParameterSpec('model', '', 'name or path of the model; empty: the shipped default'),
+    ParameterSpec('scene', 'box_154', 'name of a shipped scene, or a YAML file'),
+    FRAME_ID,
+    ParameterSpec(
+        'gravity_direction',
+        [0.0, 0.0, 0.0],
+        "direction of gravity in frame_id, of any length; all 0: the scene's",
+    ),
+    ParameterSpec(
+        'rate',
+        0.0,
+        "predictions per second, at least 0.1; 0: the model's native rate for the scene's radius",
+        'Hz',
+        0.0,
+        1000.0,
+        0.1,
+    ),
+    ParameterSpec(
+        'start',
+        'first',
+        'first: predict on from the first frames; every: from the newest; diverged: on from the '
+        'first, and anew from the newest when the error passes resync_error',
+        choices=('first', 'every', 'diverged'),
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'resync_error',
+        0.5,
+        'error beyond which `start: diverged` starts anew, in radii of the largest sphere; with '
+        'every start, diagnostics warn of it',
+        'radii',
+        0.001,
+        1000.0,
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'resync_over',
+        'max',
+        'of which spheres that error is: max: of the worst; mean: the mean of all',
+        choices=('max', 'mean'),
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'horizon',
+        0.0,
+        'how far ahead the whole future is predicted from each tracked frame; 0: not at all',
+        's',
+        0.0,
+        60.0,
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'velocity_window',
+        6,
+        'tracked frames from which velocities are fitted; 1: start at rest',
+        'frames',
+        1,
+        100,
+    ),
+    ParameterSpec(
+        'match_spheres',
+        False,
+        'match poses to spheres, which may then come in any order, be missing, appear and vanish',
+    ),
+    ParameterSpec(
+        'tracking_noise',
+        0.0,
+        'standard deviation of each tracked coordinate; 0: estimated from the frames',
+        'm',
+        0.0,
+        1000.0,
+    ),
+    ParameterSpec(
+        'coast_time',
+        0.0,
+        'how long a matched sphere that is not seen is carried on; 0: 2 sqrt(radius / gravity)',
+        's',
+        0.0,
+        3600.0,
+    ),
+    ParameterSpec(
+        'max_speed',
+        0.0,
+        'matched spheres that are new are not found above it; 0: 50 sqrt(radius gravity)',
+        'm/s',
+        0.0,
+        1e6,
+    ),
+    ParameterSpec('record', '', 'folder of the bag to make; must not exist; empty: do not record'),
+    ParameterSpec(
+        'record_max_size',
+        0.0,
+        "size from which on the bag's next file is begun, at least 0.001; 0: one file",
+        'MB',
+        0.0,
+        1e6,
+        least=1e-3,
+    ),
+    ParameterSpec(
+        'record_max_duration',
+        0.0,
+        "time from which on the bag's next file is begun, at least 0.1; 0: one file",
+        's',
+        0.0,
+        1e6,
+        least=0.1,
+    ),
+    ParameterSpec('max_spheres', 1000, 'largest number of spheres accepted', '', 1, 100_000),
+    ParameterSpec('threads', 1, 'CPU threads of BLAS, OpenMP and torch', '', 1, 256),
+)
+
+TRACKER = (
+    ParameterSpec('trajectory', '', 'HDF5 record to play; empty: the shipped one'),
+    ParameterSpec('live', False, 'run Bullet live on `scene` instead of playing (needs pybullet)'),
+    ParameterSpec('scene', 'box_154', 'shipped scene or YAML file whose start a live run takes'),
+    FRAME_ID,
+    ParameterSpec('noise', 0.001, 'standard deviation added to each coordinate', 'm', 0.0, 1000.0),
+    ParameterSpec('seed', 0, 'seed of the noise', '', 0, 2**31 - 1),
+    ParameterSpec('loop', False, 'play again from the start at the end of the record'),
+    ParameterSpec(
+        'rate_factor',
+        1.0,
+        "frames come this many times faster than real time; stamps keep to the record's own time, "
+        'so other speeds are for `start: first` or simulated time',
+        '',
+        0.01,
+        100.0,
+    ),
+    ParameterSpec('wait_for_subscriber', True, 'start when somebody subscribes to tracked_poses'),
+)
