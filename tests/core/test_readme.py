@@ -53,11 +53,13 @@ def test_the_measured_table_is_that_of_the_json_files() -> None:
 def test_links_and_paths_lead_somewhere() -> None:
     links = [link for link in re.findall(r'\]\(([^)]+)\)', TEXT) if '://' not in link]
     table = [line for line in TEXT.splitlines() if line.startswith('|')]
-    paths = re.findall(r'`((?:rigid_gns|config|launch)[\w/.]+)`', '\n'.join(table))
+    folders = re.findall(r'`(\w+(?:/\w+)*/)`', '\n'.join(table))
     assert links
-    assert paths
-    for name in links + paths:
+    assert folders
+    for name in links:
         assert (ROOT / name).exists(), name
+    for name in folders:
+        assert (ROOT / name).is_dir() or (ROOT / 'rigid_gns_core' / name).is_dir(), name
 
 
 def test_nothing_is_left_open() -> None:
