@@ -62,13 +62,13 @@ def advance(
     candidates, awake = wake(world, spheres.positions, spheres.velocities, dt, sleepers)
     islands, h, started = no_islands(len(awake)), dt / settings.substeps, 0
     now, after, old = spheres, copy_spheres(spheres), memory
-    if len(candidates.a) == 0 and not settings.everywhere:
+    if len(candidates.a) == 0:
         _fly(world, spheres, after, islands.touched, awake, dt)
         none = Memory(np.zeros(0, np.int64), no_impulses(0), True)
         return after, remember(none, old, awake, len(world.point)), islands
     while True:
         # only spheres that may touch something take part, numbered through
-        members, local = _members(candidates, len(awake), settings.everywhere)
+        members, local = _members(candidates, len(awake))
         part, own = world_among(world, members), no_islands(len(members))
         motion = Motion(
             now.positions[members],
@@ -80,7 +80,7 @@ def advance(
         every = np.ones(len(local.a), np.bool_)
         if not memory.known:  # impulses that contacts have which last
             aside = no_islands(len(members))
-            law = Settings(1, _PRIMING, settings.none, settings.none, False)
+            law = Settings(1, _PRIMING)
             substep(part, copy_motion(motion), local, every, h, h, impulses, law, aside)
         start, reach, done = motion.positions.copy(), _reaches(world, motion, dt), started
         while done < settings.substeps and not _outrun(motion, start, reach, dt - done * h):
@@ -114,9 +114,9 @@ def advance(
 
 
 @compiled
-def _members(candidates: Candidates, count: int, everywhere: bool) -> tuple[Indices, Candidates]:
+def _members(candidates: Candidates, count: int) -> tuple[Indices, Candidates]:
     """Spheres of candidates, and the candidates by their place among them."""
-    taken = np.full(count + 1, everywhere)
+    taken = np.zeros(count + 1, np.bool_)
     for k in range(len(candidates.a)):
         taken[candidates.a[k]] = taken[candidates.b[k]] = True
     taken[count] = False

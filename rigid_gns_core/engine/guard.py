@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Energy guard: in no frame does the energy of an island rise, whatever the weights.
+"""Energy guard: in no frame does the energy of an island rise.
 
-Energy is that of translation, rotation and height. The guard acts after the network, and reports
+Energy is that of translation, rotation and height. The guard acts after the solver, and reports
 how often it had to.
 """
 

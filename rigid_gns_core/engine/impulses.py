@@ -47,8 +47,7 @@ class Bodies(NamedTuple):
     velocity: free of contacts, at the end of the substep; before: at its start; spin: angular
     velocity; change, turn: what impulses add to velocity and spin; moved: displacement beyond that
     of free flight; shape (n + 1, 3) each. load: contacts that press, weighed, and
-    most: the strongest of them, shape (n + 1,); total: sums of
-    latents, in float64 so that their order does not matter, shape (n + 1, w).
+    most: the strongest of them, shape (n + 1,).
     """
 
     velocity: Array
@@ -59,7 +58,6 @@ class Bodies(NamedTuple):
     moved: Array
     load: Array
     most: Array
-    total: Array
 
 
 @compiled
@@ -116,14 +114,6 @@ def parting_of(c: Contacts, bodies: Bodies, k: int) -> float:
     a, b = c.a[k], c.b[k]
     free = minus(row(bodies.velocity, a), row(bodies.velocity, b))
     return dot(row(c.normal, k), plus(free, minus(row(bodies.change, a), row(bodies.change, b))))
-
-
-@in_place
-def own_slip(world: World, c: Contacts, law: Law, made: Impulses, k: int) -> Vector:
-    """Slip that the contact makes itself."""
-    arm = law.arm_a[k] * world.inverse_inertia[c.a[k]]
-    sliding = times(law.unit[k] + law.spin_a[k] + law.spin_b[k], row(made.tangential, k))
-    return plus(sliding, times(arm, cross(row(c.normal, k), row(made.rolling, k))))
 
 
 @in_place

@@ -23,15 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contacts import Contacts
-from .impulses import Bodies, Impulses, own_slip, parting_of, slip_now, slip_of
+from .impulses import Bodies, Impulses, parting_of
 from .law import Aim, aim_of, Law
-from .network import describe, encode, Weights
 from .world import UNIT_GRAVITY, World
-from ..gns.config import CONTACT_FEATURES
-from ..kernels.elementary import Floats
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
-from ..kernels.vector import across, dot, minus, put, row, times, Vector
+from ..kernels.vector import across, dot, minus, put, row, times
 from ..scenes.state import Array
 
 # contacts with this part of the force of a body's strongest count half
@@ -41,75 +38,57 @@ _FAINT = 0.01
 class Rounds(NamedTuple):
     """Contacts that are solved, and what is known of each from round to round.
 
-    group: which contacts, shape (c,); approach, free_parting, free_slip: of their free paths;
-    start_others, start_slip: what the others made of them at the start; others: and now; lacking:
+    group: which contacts, shape (c,); approach, free_parting: of their free paths;
+    start_others: what the others made of them at the start; others: and now; lacking:
     what its normal velocity lacks; pressing: whether it presses; weight: how much it counts at a
     and b, 0 to 1, shape (c, 2); drag: what gravity does to the
-    slip of a sphere that bounced; pace: normal, of friction, momentum, shape (c, 3); last_normal,
+    slip of a sphere that bounced; momentum: share of the last step that is repeated; last_normal,
     last_tangential: impulses before the last step; aim: impulse, lever and rest of the last round,
-    shape (c, 3); step: to add, shape (c, 3); latent: shape (w, c).
+    shape (c, 3); step: to add, shape (c, 3).
     """
 
     group: Indices
     approach: Array
     free_parting: Array
-    free_slip: Array
     start_others: Array
-    start_slip: Array
     others: Array
     lacking: Array
     pressing: NDArray[np.bool_]
     weight: Array
     drag: Array
-    pace: Array
+    momentum: Array
     last_normal: Array
     last_tangential: Array
     aim: Array
     step: Array
-    latent: Floats
 
 
 @compiled
-def new_rounds(group: Indices, width: int) -> Rounds:
+def new_rounds(group: Indices) -> Rounds:
     """Nothing is known yet of the contacts of `group`."""
     size = len(group)
-    one, three = np.zeros((6, size)), np.zeros((7, size, 3))
+    one, three = np.zeros((7, size)), np.zeros((4, size, 3))
     return Rounds(
-        group,
-        one[0],
-        one[1],
-        three[0],
-        one[2],
-        three[1],
-        one[3],
-        one[4],
-        np.zeros(size, np.bool_),
-        np.zeros((size, 2)),
-        three[2],
-        three[3],
-        one[5],
-        three[4],
-        three[5],
-        three[6],
-        np.zeros((width, size), np.float32),
+        group=group,
+        approach=one[0],
+        free_parting=one[1],
+        start_others=one[2],
+        others=one[3],
+        lacking=one[4],
+        pressing=np.zeros(size, np.bool_),
+        weight=np.zeros((size, 2)),
+        drag=three[0],
+        momentum=one[5],
+        last_normal=one[6],
+        last_tangential=three[1],
+        aim=three[2],
+        step=three[3],
     )
 
 
-@compiled
-def look_ahead(
-    world: World,
-    c: Contacts,
-    law: Law,
-    bodies: Bodies,
-    made: Impulses,
-    r: Rounds,
-    h: float,
-    pace: float,
-    weights: Weights,
-) -> None:
+@in_place
+def look_ahead(c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds) -> None:
     """Find what free paths bring to each contact, and what the others make of that."""
-    learned = len(weights.rounds) > 0
-    features = np.empty((CONTACT_FEATURES if learned else 0, len(r.group)), np.float32)
     for q, k in enumerate(r.group):
         a, b, normal = c.a[k], c.b[k], row(c.normal, k)
         before = minus(row(bodies.before, a), row(bodies.before, b))
@@ -117,26 +96,6 @@ def look_ahead(
         one, other = row(bodies.velocity, a), row(bodies.velocity, b)
         r.free_parting[q] = dot(normal, minus(one, other))
         r.start_others[q] = _others(law, made, r, q, parting_of(c, bodies, k))
-        slip = slip_of(c, law, k, one, other, row(bodies.spin, a), row(bodies.spin, b))
-        put(r.free_slip, q, slip)
-        if learned:
-            aim = _aim(c, law, r, q, h, 0.0)
-            describe(
-                world,
-                c,
-                law,
-                k,
-                pace,
-                r.approach[q],
-                aim.flying,
-                r.free_parting[q],
-                slip,
-                row(bodies.spin, a),
-                row(bodies.spin, b),
-                features[:, q],
-            )
-    if learned:
-        encode(weights, features, r.latent)
 
 
 @in_place
@@ -150,16 +109,6 @@ def _others(law: Law, made: Impulses, r: Rounds, q: int, parting: float) -> floa
     """Change of normal velocity, which is `parting` now, that the other contacts make."""
     k = r.group[q]
     return parting - r.free_parting[q] - made.normal[k] * law.unit[k]
-
-
-@in_place
-def slip_of_others(
-    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds, q: int
-) -> Vector:
-    """Change of slip that the other contacts make."""
-    k = r.group[q]
-    slip = minus(slip_now(c, law, bodies, k), row(r.free_slip, q))
-    return minus(slip, own_slip(world, c, law, made, k))
 
 
 @in_place

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Impulses of all contacts of a substep, by rounds of a law whose pace the network sets.
+"""Impulses of all contacts of a substep, by rounds of the law of one contact.
 
-The same as models/contact/solver.py: every round recomputes what each contact feels of the others
+Every round recomputes what each contact feels of the others
 and takes a damped step (mass splitting) towards the law of one contact.
 """
 
@@ -25,18 +25,18 @@ import math
 import numpy as np
 
 from .contacts import Contacts
-from .impulses import begin, Bodies, Impulses, own_slip, slip_now
+from .impulses import begin, Bodies, Impulses
 from .law import Law
-from .layers import turn_over
-from .network import gather_latents, plain, read_round, tune, Weights
-from .rounds import compare, look_ahead, new_rounds, Rounds, slip_of_others
+from .rounds import compare, look_ahead, new_rounds, Rounds
 from .steps import press, resist_rolling, resist_slip
-from .world import UNIT_GRAVITY, World
-from ..gns.config import ROUND_FEATURES
+from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
-from ..kernels.vector import add_to, length, minus, plus, put, row, times
+from ..kernels.vector import add_to, plus, put, row, times
 from ..scenes.state import Array
+
+# share of a round's step that the next one repeats: halves the rounds of piles
+MOMENTUM = 0.5
 
 
 @compiled
@@ -52,7 +52,6 @@ def solve(
     pace: float,
     rounds: int,
     enough: float,
-    weights: Weights,
     made: Impulses,
 ) -> Array:
     """Solve some contacts of a substep; returns the speed by which the last round changed each.
@@ -67,29 +66,22 @@ def solve(
         support: Impulses that last, where they are not those to start from.
         h: Length of the substep; 0 for one that only mends what the last one missed.
         pace: Length of a substep as such, to which speeds are compared.
-        rounds: M, rounds of message passing.
+        rounds: M.
         enough: Speed; a round that changes every contact by less is the last. 0: all rounds.
-        weights: Of the network; none: the law alone.
         made: Impulses, written.
     """
     if len(group) == 0:
         return np.empty(0)
-    learned = len(weights.rounds) > 0
-    r = new_rounds(group, weights.encoder.shape[1])
+    r = new_rounds(group)
     begin(world, c, law, group, support, bodies, made)
-    look_ahead(world, c, law, bodies, made, r, h, pace, weights)
+    look_ahead(c, law, bodies, made, r)
     begin(world, c, law, group, start, bodies, made)
     for q, k in enumerate(group):
         r.last_normal[q] = made.normal[k]
         put(r.last_tangential, q, row(made.tangential, k))
-        if learned:
-            put(r.start_slip, q, slip_of_others(world, c, law, bodies, made, r, q))
-    for index in range(rounds):
+    for _ in range(rounds):
         compare(world, c, law, bodies, made, r, h, pace)
-        if learned:
-            _set_pace(world, c, law, bodies, made, r, pace, weights, index)
-        else:
-            plain(_loads(c, bodies, r), r.pace)
+        _set_momentum(c, bodies, r)
         press(world, c, bodies, made, r)
         resist_rolling(world, c, law, bodies, made, r)
         resist_slip(world, c, law, bodies, made, r)
@@ -99,52 +91,12 @@ def solve(
     return _last_change(law, made, r)
 
 
-@compiled
-def _set_pace(
-    world: World,
-    c: Contacts,
-    law: Law,
-    bodies: Bodies,
-    made: Impulses,
-    r: Rounds,
-    pace: float,
-    weights: Weights,
-    index: int,
-) -> None:
-    """Pass messages for one round."""
-    fixed, width = len(bodies.load) - 1, len(r.latent)
-    inputs = np.empty((2 * width + ROUND_FEATURES, len(r.group)), np.float32)
-    rows = np.empty((len(r.group), width), np.float32)
-    turn_over(r.latent, rows)
-    gather_latents(c, r.group, rows, r.weight, fixed, bodies.total)
-    for i in range(width):
-        for q in range(len(r.group)):
-            inputs[i, q] = r.latent[i, q]
-    turn_over(rows, inputs[width : 2 * width])
-    load = _loads(c, bodies, r)
+@in_place
+def _set_momentum(c: Contacts, bodies: Bodies, r: Rounds) -> None:
+    """A contact that shares no body with one that presses keeps the exact step."""
     for q, k in enumerate(r.group):
-        slip = slip_now(c, law, bodies, k)
-        other = minus(minus(slip, row(r.free_slip, q)), own_slip(world, c, law, made, k))
-        read_round(
-            r.lacking[q],
-            length(minus(slip, row(r.drag, q))),
-            made.normal[k] * law.unit[k],
-            r.others[q] - r.start_others[q],
-            length(minus(other, row(r.start_slip, q))),
-            load[q],
-            UNIT_GRAVITY * pace,
-            inputs[2 * width :, q],
-        )
-    tune(weights, index, inputs, load, r.latent, r.pace)
-
-
-@compiled
-def _loads(c: Contacts, bodies: Bodies, r: Rounds) -> Array:
-    """Contacts that press on the more loaded body of each contact, shape (c,)."""
-    load = np.empty(len(r.group))
-    for q, k in enumerate(r.group):
-        load[q] = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
-    return load
+        load = max(bodies.load[c.a[k]], bodies.load[c.b[k]])
+        r.momentum[q] = MOMENTUM * (1.0 - 1.0 / load)
 
 
 @compiled

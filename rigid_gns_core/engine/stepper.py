@@ -12,22 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rolls a contact model out in the model's units: sleep, frame, energy guard."""
+"""Rolls the laws out in the model's units: sleep, frame, energy guard."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import sys
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .frame import advance
 from .guard import hold
 from .islands import Islands
 from .memory import Memory, no_memory
-from .network import no_weights, weights_of
 from .overlap import separate
 from .sleep import all_awake, settle, Sleepers
 from .spheres import is_finite, Spheres, store
@@ -39,17 +35,6 @@ from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
 
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'
-
-
-def settings_of(
-    tensors: Mapping[str, NDArray[Any]] | None,
-    substeps: int,
-    rounds: int,
-    everywhere: bool = False,
-) -> Settings:
-    """Return a model for the engine; tensors None: the law alone."""
-    weights = no_weights() if tensors is None else weights_of(tensors, rounds)
-    return Settings(substeps, rounds, weights, no_weights(), everywhere)
 
 
 @compiled
@@ -106,35 +91,37 @@ def warm_up() -> None:
     """Compile what is not compiled yet, or read it from the disk, before it is needed."""
     scene = Scene(surfaces=(Plane(),))
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
-    stepper = EngineStepper(settings_of(None, 1, 1), scene, start, 0.1)
+    stepper = EngineStepper(scene, start, 0.1, substeps=1, rounds=1)
     stepper.step()
 
 
 class EngineStepper(Stepper):
-    """Rolls a contact model out in the model's units.
+    """Rolls the laws out in the model's units.
 
     Args:
-        settings: The model.
         scene: Surfaces and sphere properties.
         state: Start.
         dt: Length of a frame.
+        substeps: K of a frame.
+        rounds: M of a substep.
         guard: Hold the energy of every island down.
         sleep: Let islands at rest sleep.
     """
 
     def __init__(
         self,
-        settings: Settings,
         scene: Scene,
         state: State,
         dt: float,
         *,
+        substeps: int,
+        rounds: int,
         guard: bool = True,
         sleep: bool = True,
     ) -> None:
         if not is_compiled():
             print('rigid_gns: compiling the engine, once; about a minute', file=sys.stderr)
-        self.settings, self.dt = settings, dt
+        self.settings, self.dt = Settings(substeps, rounds), dt
         self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))

@@ -31,7 +31,7 @@ def press(world: World, c: Contacts, bodies: Bodies, made: Impulses, r: Rounds) 
     for q, k in enumerate(r.group):
         a, b, old = c.a[k], c.b[k], made.normal[k]
         split = bodies.load[a] * world.inverse_mass[a] + bodies.load[b] * world.inverse_mass[b]
-        more = r.pace[q, 2] * (old - r.last_normal[q]) + r.pace[q, 0] * r.lacking[q] / split
+        more = r.momentum[q] * (old - r.last_normal[q]) + r.lacking[q] / split
         r.last_normal[q] = old
         made.normal[k] = max(old + more, 0.0) if r.pressing[q] else 0.0
     for q, k in enumerate(r.group):
@@ -39,11 +39,11 @@ def press(world: World, c: Contacts, bodies: Bodies, made: Impulses, r: Rounds) 
 
 
 @in_place
-def _stiffness(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, pace: float) -> float:
+def _stiffness(world: World, c: Contacts, law: Law, bodies: Bodies, k: int) -> float:
     """Inverse of the tangential impulse that a unit of slip calls for."""
     a, b = c.a[k], c.b[k]
     one = bodies.load[a] * (world.inverse_mass[a] + law.spin_a[k])
-    return (one + bodies.load[b] * (world.inverse_mass[b] + law.spin_b[k])) / pace
+    return one + bodies.load[b] * (world.inverse_mass[b] + law.spin_b[k])
 
 
 @in_place
@@ -60,7 +60,7 @@ def resist_rolling(
         if law.rolling[k] == 0:
             continue
         a, normal, old = c.a[k], row(c.normal, k), row(made.rolling, k)
-        stiffness = _stiffness(world, c, law, bodies, k, r.pace[q, 1])
+        stiffness = _stiffness(world, c, law, bodies, k)
         slip = minus(slip_now(c, law, bodies, k), row(r.drag, q))
         wanted = minus(row(made.tangential, k), times(1.0 / stiffness, slip))
         spinning = plus(row(bodies.spin, a), row(bodies.turn, a))
@@ -89,8 +89,8 @@ def resist_slip(
     """Friction: it stops slip, as far as the cone allows."""
     for q, k in enumerate(r.group):
         old = row(made.tangential, k)
-        stiffness = _stiffness(world, c, law, bodies, k, r.pace[q, 1])
-        more = times(r.pace[q, 2], minus(old, row(r.last_tangential, q)))
+        stiffness = _stiffness(world, c, law, bodies, k)
+        more = times(r.momentum[q], minus(old, row(r.last_tangential, q)))
         slip = minus(slip_now(c, law, bodies, k), row(r.drag, q))
         wanted = plus(old, minus(more, times(1.0 / stiffness, slip)))
         new = clip(wanted, law.friction[k] * made.normal[k])

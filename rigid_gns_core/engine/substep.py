@@ -25,7 +25,6 @@ from .contacts import Contacts, find_contacts
 from .impulses import Bodies, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
 from .law import law_of
-from .network import Weights
 from .overlap import push_out
 from .solver import solve
 from .world import UNIT_GRAVITY, World
@@ -58,16 +57,11 @@ def copy_motion(motion: Motion) -> Motion:
 class Settings(NamedTuple):
     """A model.
 
-    substeps: K of a frame; rounds: M of a substep; weights: of the network; none: no weights;
-    everywhere: spheres that nothing can touch take part in all substeps too, and isolated contacts
-    in all rounds, with the network (to measure what leaving them out saves).
+    substeps: K of a frame; rounds: M of a substep.
     """
 
     substeps: int
     rounds: int
-    weights: Weights
-    none: Weights
-    everywhere: bool
 
 
 @compiled
@@ -92,27 +86,27 @@ def substep(
         h: Length; 0 for one that only mends what the last one missed.
         pace: Length of a substep as such, to which speeds are compared.
         memory: Impulses of the last substep by candidate; overwritten with those of this one.
-        settings: The model; contacts on their own need neither its network nor its rounds.
+        settings: The model; contacts on their own need no rounds.
         islands: What touched is added.
     """
     p, v, w = motion.positions, motion.velocities, motion.angular_velocities
-    count, none = len(p), settings.none
+    count = len(p)
     contacts = find_contacts(world, p, v, candidates, chosen, h, pace)
     size = len(contacts.a)
     if size == 0:
         _fly(world, motion, h)
         _forget(memory)
         return
-    alone, shared = _by_company(contacts, count, settings.everywhere)
+    alone, shared = _by_company(contacts, count)
     law = law_of(world, contacts)
-    bodies = _bodies(world, motion, h, settings.weights.encoder.shape[1])
+    bodies = _bodies(world, motion, h)
     made, start = no_impulses(size), no_impulses(size)
-    solve(world, contacts, law, alone, bodies, start, start, h, pace, 1, 0.0, none, made)
+    solve(world, contacts, law, alone, bodies, start, start, h, pace, 1, 0.0, made)
     for k in shared:
         _copy(memory, contacts.candidate[k], start, k)
-    rounds, weights = settings.rounds, settings.weights
+    rounds = settings.rounds
     unsettled = solve(
-        world, contacts, law, shared, bodies, start, start, h, pace, rounds, 0.0, weights, made
+        world, contacts, law, shared, bodies, start, start, h, pace, rounds, 0.0, made
     )
     again, begin = _struck(contacts, shared, unsettled, pace, count)
     if len(again):
@@ -120,21 +114,7 @@ def substep(
         enough = _SETTLED * UNIT_GRAVITY * pace
         for island in range(len(begin) - 1):
             some = again[begin[island] : begin[island + 1]]
-            solve(
-                world,
-                contacts,
-                law,
-                some,
-                bodies,
-                first,
-                start,
-                h,
-                pace,
-                _MORE,
-                enough,
-                none,
-                made,
-            )
+            solve(world, contacts, law, some, bodies, first, start, h, pace, _MORE, enough, made)
     _fly(world, motion, h)
     for i in range(count):
         for axis in range(3):
@@ -159,7 +139,7 @@ def _fly(world: World, motion: Motion, h: float) -> None:
 
 
 @compiled
-def _bodies(world: World, motion: Motion, h: float, width: int) -> Bodies:
+def _bodies(world: World, motion: Motion, h: float) -> Bodies:
     count = len(motion.positions)
     rows = np.zeros((6, count + 1, 3))
     for i in range(count):
@@ -167,8 +147,8 @@ def _bodies(world: World, motion: Motion, h: float, width: int) -> Bodies:
             rows[0, i, axis] = motion.velocities[i, axis] + h * world.gravity[axis]
             rows[1, i, axis] = motion.velocities[i, axis]
             rows[2, i, axis] = motion.angular_velocities[i, axis]
-    load, most, total = np.zeros(count + 1), np.zeros(count + 1), np.zeros((count + 1, width))
-    return Bodies(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], load, most, total)
+    load, most = np.zeros(count + 1), np.zeros(count + 1)
+    return Bodies(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], load, most)
 
 
 @in_place
@@ -186,8 +166,8 @@ def _forget(memory: Impulses) -> None:
 
 
 @compiled
-def _by_company(contacts: Contacts, count: int, everywhere: bool) -> tuple[Indices, Indices]:
-    """Contacts that share no body with another, and need no network and no rounds; the rest."""
+def _by_company(contacts: Contacts, count: int) -> tuple[Indices, Indices]:
+    """Contacts that share no body with another, and need no rounds; the rest."""
     load = np.zeros(count + 1, np.int64)
     for k in range(len(contacts.a)):
         load[contacts.a[k]] += 1
@@ -195,7 +175,7 @@ def _by_company(contacts: Contacts, count: int, everywhere: bool) -> tuple[Indic
     load[count] = 0
     shared = np.empty(len(contacts.a), np.bool_)
     for k in range(len(contacts.a)):
-        shared[k] = everywhere or load[contacts.a[k]] > 1 or load[contacts.b[k]] > 1
+        shared[k] = load[contacts.a[k]] > 1 or load[contacts.b[k]] > 1
     return np.flatnonzero(~shared), np.flatnonzero(shared)
 
 
