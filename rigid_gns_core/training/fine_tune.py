@@ -70,8 +70,8 @@ class StartingPoint:
         simulator = load_simulator(name)
         if not isinstance(simulator, GNSSimulator):
             raise CheckpointError(
-                f'model {simulator.name!r} has no weights to start from; fit its materials instead: '
-                'rigid-gns calibrate'
+                f'model {simulator.name!r} has no weights to start from; fit '
+                'materials instead: rigid-gns calibrate'
             )
         return cls(
             f'{find_model(name).stem} {simulator.card["weights_sha256"][:12]}',
