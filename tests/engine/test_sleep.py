@@ -15,7 +15,8 @@
 
 import numpy as np
 import pytest
-from rigid_gns_core.closed_form import load_simulator, Plane, Scene, State
+from rigid_gns_core import load_simulator, Plane, Scene, State
+from rigid_gns_core.closed_form import laws
 from rigid_gns_core.engine.sleep import all_awake
 from rigid_gns_core.engine.spheres import Spheres
 from rigid_gns_core.engine.world import world_of
