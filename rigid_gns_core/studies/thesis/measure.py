@@ -54,24 +54,14 @@ Values = dict[str, float | None]
 Columns = dict[str, list[float | None]]
 
 
-def roll_outs(
-    simulator: Simulator, records: Sequence[Record], steps: int, *, at_once: bool
-) -> Iterator[Trajectory]:
-    """Yield a rollout from each record's start; NaN from where it diverges.
-
-    Args:
-        simulator: The model.
-        records: Starts and scenes.
-        steps: Of each rollout.
-        at_once: All in one batch, which a GPU needs; else one by one, which saves memory.
-    """
-    for group in [records] if at_once else [[record] for record in records]:
-        scenes = [record.scene for record in group]
-        starts = [record.trajectory[0] for record in group]
+def roll_outs(simulator: Simulator, records: Sequence[Record], steps: int) -> Iterator[Trajectory]:
+    """Yield a rollout from each record's start, one after another; NaN from where it diverges."""
+    for record in records:
+        start = vars(record.trajectory[0])
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # a divergence is counted, not told
-            made = simulator.rollout_batch(scenes, starts, steps, workers=1)
-        yield from made
+            predicted = simulator.rollout(record.scene, **start, steps=steps)
+        yield predicted
 
 
 def measure(

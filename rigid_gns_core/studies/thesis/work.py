@@ -137,16 +137,14 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
         return result
     del trainer, records
     begin = time.monotonic()
-    on_gpu = device.type != 'cpu'
-    options: dict[str, Any] = {'backend': 'torch', 'device': str(device)} if on_gpu else {}
-    simulator = load_simulator(folder / 'best', **options)
+    simulator = load_simulator(folder / 'best', device=str(device))
     for which in ('test', 'ood'):
         held_out = references(cell.budget, data, which)
         if not held_out:  # a budget may have no unseen scenes
             continue
         lengths = cell.steps(which)
         rows: dict[int, list[Values]] = {steps: [] for steps in lengths}
-        made = roll_outs(simulator, held_out, lengths[-1], at_once=on_gpu)
+        made = roll_outs(simulator, held_out, lengths[-1])
         for record, predicted in zip(held_out, made, strict=True):
             for steps in lengths:
                 rows[steps].append(measure(predicted, record, steps))
