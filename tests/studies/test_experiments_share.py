@@ -37,7 +37,7 @@ torch = pytest.importorskip('torch', reason='experiments train')
 HOLD = """
 from pathlib import Path
 import sys
-from rigid_gns_core.experiments.devices import Devices
+from rigid_gns_core.studies.thesis.devices import Devices
 print(Devices(2, Path(sys.argv[1])).mine(), flush=True)
 sys.stdin.read()
 """
