@@ -21,7 +21,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from .completion import completes
+from .arguments import completes
 from ..files.strict_json import write_json
 from ..rollout.rollout import load_simulator
 from ..running.machine import describe_machine, load_average

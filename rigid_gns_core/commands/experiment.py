@@ -21,10 +21,9 @@ from pathlib import Path
 import signal
 import sys
 
-from .completion import completes, configs
+from .arguments import add_worker_arguments, chosen_workers, completes, configs
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
-from ..running.workers import add_worker_arguments, chosen_workers
 from ..studies.thesis.budget import Budget, load_budget
 from ..studies.thesis.cell import Cell, cells_of
 from ..studies.thesis.chart import write_chart

@@ -22,7 +22,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .completion import completes, shipped_models
+from .arguments import completes, shipped_models
 from ..files.strict_json import write_json
 from ..installation.versions import PACKAGE, version_of
 from ..running.progress import Progress

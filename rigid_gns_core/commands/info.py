@@ -24,7 +24,7 @@ import platform
 import re
 from typing import Any
 
-from .completion import completes, shipped_models
+from .arguments import completes, shipped_models
 from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
 from ..installation.extras import remedy
 from ..installation.probes import Probes

@@ -20,7 +20,6 @@ name must be the same files for all workers.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 import contextlib
 from dataclasses import dataclass
@@ -157,27 +156,6 @@ class Workers:
             yield
         else:
             yield
-
-
-def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options that say who does the work."""
-    parser.add_argument(
-        '--workers', type=int, metavar='N', help='processes; default: one per core'
-    )
-    parser.add_argument(
-        '--backend',
-        choices=BACKENDS,
-        default='loky',
-        help='processes of this machine (loky, the default), or a cluster that shares the folders',
-    )
-    parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='of the cluster, such as tcp://host:8786'
-    )
-
-
-def chosen_workers(arguments: argparse.Namespace) -> Workers:
-    """Workers of the options of `add_worker_arguments`."""
-    return Workers(arguments.workers, arguments.backend, arguments.scheduler)
 
 
 def _leave_with_parent() -> None:
