@@ -30,7 +30,7 @@ from .outcome import Outcome, Recording
 from .stepper import Advance, state_at, Stepper
 from ..files.checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
 from ..files.config import from_mapping
-from ..running.threads import in_threads, paired, usable_cores
+from ..running.threads import in_threads, usable_cores
 from ..scenes.scene import Scene
 from ..scenes.similarity import in_units, ModelUnits, Similarity
 from ..scenes.state import State, Trajectory
@@ -221,7 +221,7 @@ class Simulator(ABC):
         if workers is not None and workers < 1:
             raise ValueError(f'workers is {workers}, expected at least 1')
         steps, rollouts = _checked(steps), []
-        for index, (scene, start) in enumerate(paired(scenes, starts)):
+        for index, (scene, start) in enumerate(_paired(scenes, starts)):
             given = vars(start) if isinstance(start, State) else {'positions': start}
             try:
                 rollouts.append(self._begin(scene, **given))
@@ -299,3 +299,23 @@ def load_simulator(
     if dtype is not None:
         options['dtype'] = dtype
     return kind.simulator(tensors, card, path.stem, **options)
+
+
+def _paired(
+    scenes: Scene | Sequence[Scene], starts: Sequence[State | ArrayLike] | NDArray[Any]
+) -> Iterator[tuple[Scene, State | ArrayLike]]:
+    """Each start with its scene; one scene serves all.
+
+    Raises:
+        ValueError: There are not as many scenes as starts.
+    """
+    if isinstance(starts, State):
+        raise ValueError('starts is one State, expected several; for one there is rollout')
+    if isinstance(scenes, Scene):
+        scenes = [scenes] * len(starts)
+    if len(scenes) != len(starts):
+        raise ValueError(
+            f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '
+            'one per start'
+        )
+    return zip(scenes, starts, strict=True)
