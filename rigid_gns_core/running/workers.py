@@ -98,12 +98,14 @@ class Workers:
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
         own = {'initializer': _leave_with_parent} if self.here else {}
-        with self._connected(), parallel_config(self.backend, n_jobs=processes, **own):
-            results = Parallel(
-                return_as='generator_unordered',
-                batch_size=1,
-                pre_dispatch='n_jobs' if self.here else 'all',
-            )(delayed(function)(*call) for call in calls)
+        with self._connected():
+            with parallel_config(self.backend, n_jobs=processes, **own):
+                parallel = Parallel(
+                    return_as='generator_unordered',
+                    batch_size=1,
+                    pre_dispatch='n_jobs' if self.here else 'all',
+                )
+            results = parallel(delayed(function)(*call) for call in calls)
             try:
                 for result in results:  # noqa: UP028, which would close it with a warning
                     yield result
@@ -120,7 +122,12 @@ class Workers:
             return contextlib.nullcontext()
         from distributed import Client
 
-        return Client(self.scheduler) if self.scheduler else contextlib.nullcontext()
+        client: contextlib.AbstractContextManager[Any] = (
+            Client(self.scheduler)  # type: ignore[no-untyped-call,unused-ignore]
+            if self.scheduler
+            else contextlib.nullcontext()
+        )
+        return client
 
 
 def _leave_with_parent() -> None:

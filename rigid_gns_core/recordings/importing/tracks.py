@@ -32,7 +32,7 @@ from ...bags.reader import read_bag
 from ...data.records import Record
 from ...files.checkpoint import find_model, load_card
 from ...files.config import from_mapping
-from ...forecasts.forecaster import scene_of
+from ...forecasts.forecaster import Forecaster, scene_of
 from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
 from ...scenes.similarity import ModelUnits, Similarity
@@ -195,9 +195,8 @@ def _cut(
         return cut(decoded.frames, gap * 1e9), why
     # late: the model need not run otherwise
     from ..matched_tracks import cut_matched
-    from ..recorded_model import forecaster
 
-    model = forecaster(scene, options.model)
+    model = Forecaster(options.model, scene)
     return cut_matched(decoded, model, parameters or {}, gap * 1e9), why
 
 
