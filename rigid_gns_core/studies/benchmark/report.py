@@ -21,7 +21,7 @@ from typing import Any
 
 from .judge import HORIZONS
 
-COMPARED = 'contact 8'
+COMPARED = 'laws 8'
 """The shipped model as it is, whose speed the others' are set beside."""
 
 
@@ -33,7 +33,7 @@ def format_scene(scene: Mapping[str, Any], reference: str | None) -> str:
     rows = [[*_speed_cells(peer), *_error_cells(peer, errors)] for peer in scene['peers']]
     if scene['floor'] is not None:
         floor = [_short(scene['floor'][name]) for name in errors]
-        rows.append(['(reference, half substeps)', '', '', '', '', *floor])
+        rows.append(['(reference against itself)', '', '', '', '', *floor])
     lines = [f'{scene["name"]}: {scene["text"]}; {scene["spheres"]} spheres', '']
     remarks = [_remark(peer) for peer in scene['peers']] + ['']
     lines += _aligned(head, rows, remarks)
@@ -53,7 +53,7 @@ def format_scaling(scaling: Mapping[str, Any]) -> str:
         ]
         for row in scaling['rows']
     ]
-    lines = ['scaling of the contact model: bouncing boxes of one density', '']
+    lines = ['scaling of the laws: bouncing boxes of one density', '']
     lines += _aligned(['spheres', 'ms/step', '(10..90 %)', 'steps/s'], rows)
     if scaling['exponent'] is not None:
         lines += ['', f'time ~ spheres^{scaling["exponent"]:.2f} from {scaling["fitted_from"]} on']

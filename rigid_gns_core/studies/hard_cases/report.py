@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from .cases import DRIFT, ENERGY_RISE
-from .checks import HORIZONS, LEAST_FLOOR
+from .checks import HORIZONS
 
 _LAWS = ('case', 'model', 'verdict', 'finite', 'inside', 'deepest', 'at end', 'energy rise')
 _LAWS += ('drift', 'speed')
@@ -71,7 +71,8 @@ def _legend(errors: bool) -> str:
         steps = '/'.join(map(str, HORIZONS))
         text += (
             f'\nerror [m] against the teacher after {steps} steps; floor [m]: the teacher against '
-            f'itself at half and twice the substeps, at least {LEAST_FLOOR:g} r.'
+            'itself at half and twice the substeps; ratio: error over floor, or half a radius '
+            'where that is more.'
         )
     return text
 
@@ -111,9 +112,6 @@ def _remark(row: Mapping[str, Any], notes: dict[str, int]) -> str:
         parts.append(f'pushed out by {_short(laws["push_out"])}')
     if row['teacher'] is False:
         parts.append('teacher: no')
-    if row['precision']:
-        off = '/'.join(_short(value) for value in row['precision'].values())
-        parts.append(f'float32 and float64 are {off} m apart')
     for text in row['warnings']:
         parts.append(f'({notes.setdefault(text, len(notes) + 1)})')
     return ', '.join(parts)
