@@ -35,6 +35,7 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.data.records import read_record, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
+from rigid_gns_core.files.tables import format_rows, mean_std
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import State, Trajectory
@@ -91,16 +92,17 @@ def draws(
 
 def table(report: dict[str, Any]) -> str:
     """Mean ± standard deviation over the draws of each engine."""
-    lines = ['| scene | engine | draws | MSE [m²] | Chamfer [m²] |', '|---|---|---|---|---|']
+    rows = []
     for scene, found in report['scenes'].items():
         for engine in dict.fromkeys(key.split(':')[0] for key in found):
             own = [value for key, value in found.items() if key.split(':')[0] == engine]
             cells = []
             for name in ('mse', 'chamfer'):
                 values = np.array([one[name] for one in own])
-                cells.append(f'{values.mean():.3g} ± {values.std(ddof=1):.2g}')
-            lines.append(f'| {scene} | {engine} | {len(own)} | {" | ".join(cells)} |')
-    return '\n'.join(lines) + '\n'
+                cells.append(mean_std(values.mean(), values.std(ddof=1)))
+            rows.append([scene, engine, str(len(own)), *cells])
+    head = ['scene', 'engine', 'draws', 'MSE [m²]', 'Chamfer [m²]']
+    return format_rows(head, rows, left=(0, 1), markdown=True) + '\n'
 
 
 def main() -> int:

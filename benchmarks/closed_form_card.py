@@ -35,6 +35,7 @@ import numpy as np
 from rigid_gns_core.closed_form import Check, GROUPS, run_checks
 from rigid_gns_core.closed_form.bounces import Simulate
 from rigid_gns_core.files.strict_json import write_json
+from rigid_gns_core.files.tables import format_rows
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.scene import Plane, Scene
@@ -170,7 +171,7 @@ def format_table(models: Mapping[str, list[dict[str, Any]]]) -> str:
     tables = {name: worst(rows) for name, rows in models.items()}
     columns = [(name, radius) for name in models for radius in (1.0, SMALL)]
     head = ['check (worst case)', 'bound', *(f'{name}, {radius:g} m' for name, radius in columns)]
-    lines = [head, ['---'] * len(head)]
+    lines = []
     for check in dict.fromkeys(name for table in tables.values() for name, _ in table):
         cells, bound = [], ''
         for name, radius in columns:
@@ -182,7 +183,7 @@ def format_table(models: Mapping[str, list[dict[str, Any]]]) -> str:
             verdict = '' if row['passed'] else f' FAIL ({row["case"]})'
             cells.append(f'{row["error"]:+.1e}{verdict}')
         lines.append([check, bound, *cells])
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines) + '\n'
+    return format_rows(head, lines, markdown=True) + '\n'
 
 
 def main() -> int:

@@ -43,6 +43,7 @@ from rigid_gns_core import load_simulator
 from rigid_gns_core.engine.contacts import Contacts
 from rigid_gns_core.engine.layers import turn_over
 from rigid_gns_core.engine.network import encode, gather_latents, read_round, tune, weights_of
+from rigid_gns_core.files.tables import format_rows, number
 from rigid_gns_core.gns.features import Features, features_of
 from rigid_gns_core.gns.network import GNS, GraphInput
 from rigid_gns_core.gns.numpy_network import GNSEngine
@@ -262,12 +263,14 @@ def compare(title: str, candidates: list[Candidate], turns: int) -> None:
             work.append((time.process_time() - worked) / 5)
             wall.append((time.perf_counter() - begin) / 5)
     print(f'{title}; load average {load_average()}')
-    print(f'{"":28}  median [ms]  quartiles [ms]  processor [ms]  ready [s]  largest difference')
+    head = ['', 'median [ms]', 'quartiles [ms]', 'processor [ms]', 'ready [s]']
+    rows = []
     for candidate, wall, work in zip(candidates, walls, works, strict=True):
-        low, middle, high = 1e3 * np.quantile(wall, (0.25, 0.5, 0.75))
-        apart = np.abs(candidate.run() - expected).max()
-        print(f'{candidate.name:28}  {middle:11.3f}  {low:6.3f} {high:7.3f}  ', end='')
-        print(f'{1e3 * np.median(work):14.3f}  {candidate.ready_s:9.1f}  {apart:.1e}')
+        low, middle, high = (number(1e3 * q) for q in np.quantile(wall, (0.25, 0.5, 0.75)))
+        times = middle, f'{low} to {high}', number(1e3 * np.median(work))
+        apart = number(np.abs(candidate.run() - expected).max(), 2)
+        rows.append([candidate.name, *times, number(candidate.ready_s, 2), apart])
+    print(format_rows([*head, 'largest difference'], rows))
 
 
 def main() -> None:

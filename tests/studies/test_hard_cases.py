@@ -190,7 +190,7 @@ def test_refusals_breaks_and_warnings() -> None:
     assert rows[0]['refused'] == 'one radius only' and rows[0]['laws'] is None
     assert rows[1]['failed'] == rows[2]['failed'] == ['finite']
     text = format_table(rows)
-    assert 'refuses  refused: one radius only' in text
+    assert 'refused' in text and 'one radius only' in text
     assert 'no!' in text and '(3) friction is new' in text and 'ratio' not in text
     assert 'breaks: 0 ok, 1 FAILED, 0 refused (corner)' in format_summary(rows)
 
