@@ -32,6 +32,7 @@ from pathlib import Path
 import zipfile
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..files.atomic_file import whole_file
 from ..scenes.scene import Scene
@@ -60,7 +61,7 @@ def worst(errors: Sequence[Values]) -> dict[str, float | None]:
     return found
 
 
-def least_floor(name: str, radius: float | Sequence[float]) -> float | None:
+def least_floor(name: str, radius: ArrayLike) -> float | None:
     """Below it errors of this name are not told apart; None: they have no ratio to a floor.
 
     Args:
@@ -68,9 +69,9 @@ def least_floor(name: str, radius: float | Sequence[float]) -> float | None:
         radius: Of the spheres [m].
     """
     if name.startswith(('mse', 'chamfer')):
-        return LEAST_FLOOR * float(np.mean(np.square(radius)))
+        return LEAST_FLOOR * float(np.mean(np.square(np.asarray(radius))))
     if name.startswith('position_error'):
-        return float(np.sqrt(LEAST_FLOOR) * np.mean(radius))
+        return float(np.sqrt(LEAST_FLOOR) * np.mean(np.asarray(radius)))
     return None
 
 

@@ -26,10 +26,9 @@ from rigid_gns_core.commands.cli import main
 from rigid_gns_core.files.config import ConfigError
 from rigid_gns_core.files.strict_json import read_json, write_compact_json
 from rigid_gns_core.studies.thesis.budget import Budget, load_budget, merged
-from rigid_gns_core.studies.thesis.cell import Cell, cells_of, teacher_cells
+from rigid_gns_core.studies.thesis.cell import Cell, cells_of, Store, teacher_cells
 from rigid_gns_core.studies.thesis.chart import write_chart
 from rigid_gns_core.studies.thesis.points import panels_of
-from rigid_gns_core.studies.thesis.store import Store
 from rigid_gns_core.studies.thesis.study import (
     Experiment,
     load_experiment,

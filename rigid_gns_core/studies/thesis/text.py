@@ -17,10 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
 
+from .study import shipped_experiments
+from ...files.config import ConfigError
+from ...files.strict_json import read_json
 from ...files.tables import format_rows, mean_std, number
 from ...scoring.table import LAWS
 
@@ -63,6 +69,7 @@ LATE = {
 THESIS_STEPS = 2000
 """Length of the thesis' trajectories, taken to be that of the rollouts in its table 2."""
 PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
+_BLOCK = re.compile(r'(<!-- experiment: (\w+) -->\n)(.*?)(<!-- end -->)', re.DOTALL)
 _TRUTH = [key for key in LAWS if key != 'time_to_rest']
 
 
@@ -194,3 +201,38 @@ def _thesis(row: Mapping[str, Any], which: str, key: str) -> str:
 
 def _cell(statistic: Mapping[str, Any] | None) -> str:
     return '' if statistic is None else spread(statistic['mean'], statistic['std'])
+
+
+def write_page(page: Path, results: Path) -> None:
+    """Replace what is between `<!-- experiment: NAME -->` and `<!-- end -->` by table and figure.
+
+    Args:
+        page: Markdown file; all else in it stays.
+        results: Folder of a budget's tables.
+
+    Raises:
+        ConfigError: A marker names no experiment; the allowed ones are listed.
+    """
+    known = shipped_experiments()
+
+    def fill(match: re.Match[str]) -> str:
+        name = match[2]
+        if name not in known:
+            raise ConfigError(f'{page}: no experiment {name!r}, allowed: {", ".join(known)}')
+        return f'{match[1]}{_content(name, page, results)}{match[4]}'
+
+    text = _BLOCK.sub(fill, page.read_text(encoding='utf-8'))
+    page.write_text(text, encoding='utf-8')
+
+
+def _content(name: str, page: Path, results: Path) -> str:
+    path = results / f'{name}.json'
+    if not path.is_file():
+        return f'\nNot run yet: `rigid-gns experiment {name} --budget {results.name}`.\n\n'
+    table = read_json(path)
+    content = f'\nBudget {table["budget"]["words"]}.\n\n{format_table(table)}\n'
+    figure = path.with_suffix('.png')
+    if figure.is_file():
+        link = Path(os.path.relpath(figure, page.parent)).as_posix()
+        content += f'![{table["title"]}]({link})\n\n'
+    return content
