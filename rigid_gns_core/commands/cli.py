@@ -61,9 +61,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.experiment',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
-    'teacher-card': (
-        'rigid_gns_core.commands.teacher_card',
-        'check Bullet, the teacher, against closed forms',
+    'closed-forms': (
+        'rigid_gns_core.commands.closed_forms',
+        'check the teacher, or a model, against closed forms',
     ),
     'completion': (
         'rigid_gns_core.commands.completion',

@@ -131,7 +131,7 @@ def format_info(info: dict[str, Any]) -> str:
         ('engine', _engine(info['engine'])),
         ('torch', _probed(info['torch'], 'train, the backend torch')),
         ('GPU', _gpu(info['torch'], info['graphics'])),
-        ('pybullet', _probed(info['pybullet'], 'the teacher: generate, teacher-card')),
+        ('pybullet', _probed(info['pybullet'], 'the teacher: generate, closed-forms')),
         ('ROS', _ros(info['ros'])),
     ]
     for name, found in info['optional'].items():
