@@ -280,8 +280,8 @@ def test_the_teacher_is_kept_in_the_cache(tmp_path, monkeypatch) -> None:
 
     monkeypatch.setattr(module, 'bullet', never)
     assert list(run_cases(engines, [case], References(settings, tmp_path))) == fresh
+    other = CASES['half_below']
     with pytest.raises(AssertionError, match='in the cache'):  # another start is another file
-        other = CASES['half_below']
         References(settings, tmp_path).of('corner', other.scene, other.start, 10, DT)
     for path in tmp_path.glob('*.npz'):
         path.write_bytes(path.read_bytes()[:100])
