@@ -45,6 +45,7 @@ LEAST_FLOOR = 0.25
 MOVED = 1e-3
 """How far each sphere of a draw is from its start [m]."""
 DRAWS = 5
+_LESS_IS_WORSE = ('predictability_time', 'predictable_to_end', 'rest_share')
 _FORMAT = 1  # counts up where files in the cache no longer mean the same
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')
 
@@ -52,11 +53,11 @@ Values = Mapping[str, float | None]
 
 
 def worst(errors: Sequence[Values]) -> dict[str, float | None]:
-    """Return the worst of several errors by name: the largest, of a predictable time the least."""
+    """Return the worst of several errors by name: the largest, but of `_LESS_IS_WORSE`."""
     found = {}
     for name in {name: None for one in errors for name in one}:
         known = [value for one in errors if (value := one.get(name)) is not None]
-        pick = min if name.startswith('predictab') else max
+        pick = min if name in _LESS_IS_WORSE else max
         found[name] = pick(known) if known else None
     return found
 

@@ -14,7 +14,7 @@
 
 """What publishing a PoseArray costs: CDR bytes from one array, beside Python message objects.
 
-    python benchmarks/publish.py --subscriber --json publish.json
+    python benchmarks/node/publish.py --subscriber --json publish.json
 
 Compared, in one run and in turns, per message: `bytes`, encode and publish as the simulator does;
 `objects`, build a message of new Pose objects and publish it; `reused`, the best that objects can

@@ -14,7 +14,7 @@
 
 """What tracked poses teach: errors on further bags before and after learning from some.
 
-    python benchmarks/learn_from_tracks.py --work runs/tracks \
+    python benchmarks/learning/learn_from_tracks.py --work runs/tracks \
         --json docs/model/learn_from_tracks.json
 
 Bullet throws spheres of a material that the GNS has not seen into boxes; bags of their poses, with
@@ -34,7 +34,7 @@ import time
 from typing import Any, NamedTuple
 import warnings
 
-from learn_from_tracks_bags import BELIEVED, FINE, Lab, STEP, TRACKED, tracked, TRUE, write_bag
+from bags import BELIEVED, FINE, Lab, STEP, TRACKED, tracked, TRUE, write_bag
 import numpy as np
 from rigid_gns_core.data.records import Dataset, Record
 from rigid_gns_core.files.strict_json import read_json, write_json

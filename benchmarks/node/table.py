@@ -79,9 +79,9 @@ def format_part(part: str, report: Mapping[str, Any]) -> str:
 
 
 def format_kills(path: Path) -> str:
-    """Return what benchmarks/bag_kills.py has measured."""
+    """Return what benchmarks/bags/bag_kills.py has measured."""
     if not path.is_file():
-        return f'kills: {path.name} is not there; python benchmarks/bag_kills.py makes it'
+        return f'kills: {path.name} is not there; python benchmarks/bags/bag_kills.py makes it'
     report = read_json(path)
     rows = [
         {

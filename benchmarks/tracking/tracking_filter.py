@@ -14,7 +14,7 @@
 
 """Velocities from noisy tracked poses, and who is who, against Bullet's own states.
 
-    python benchmarks/tracking_filter.py --json docs/model/tracking_filter.json
+    python benchmarks/tracking/tracking_filter.py --json docs/model/tracking_filter.json
 
 Windows of 2 to 10 frames of three scenes with noise added are given to the estimator of
 rigid_gns_core.tracking.velocity and to a plain fit; then whole runs with shuffled order, lost and
@@ -31,16 +31,16 @@ from pathlib import Path
 import time
 from typing import Any
 
+from matching import cost_of_a_frame, follow
 import numpy as np
+from plain import plain_fit
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.files.tables import format_rows, number
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.surroundings import Surroundings
 from rigid_gns_core.tracking.velocity import estimate_motion
-from tracking_filter_matching import cost_of_a_frame, follow
-from tracking_filter_plain import plain_fit
-from tracking_filter_truth import box, table, Truth
+from truth import box, table, Truth
 
 NOISE = (5e-3, 1.5e-2, 5e-2, 0.15, 0.5)  # radii: 0.1 to 10 mm for 20 mm
 FINE = (1e-4, 3e-4, 1e-3, 3e-3)  # radii: 0.1 to 3 mm for 1 m
