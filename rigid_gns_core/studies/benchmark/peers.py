@@ -27,6 +27,7 @@ import numpy as np
 from .bullet_engine import BulletSpheres
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
 from .scenes import FRAME
+from ...files.checkpoint import LAWS
 from ...rollout.rollout import load_simulator, Simulator
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
@@ -216,7 +217,7 @@ def _gns() -> list[Peer]:
 def _laws(substeps: tuple[int, ...]) -> list[Peer]:
     peers = []
     for count in substeps:
-        simulator = load_simulator('laws', substeps=count)
-        name = f'laws {count}'
-        peers.append(Peer(name, 'laws', str(count), _own(simulator), simulator.card))
+        simulator = load_simulator(LAWS, substeps=count)
+        name = f'{LAWS} {count}'
+        peers.append(Peer(name, LAWS, str(count), _own(simulator), simulator.card))
     return peers

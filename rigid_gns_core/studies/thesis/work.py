@@ -199,11 +199,11 @@ def _on_gpu(budget: Budget) -> bool:
 def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     """Train, then roll out on the test set and on the scenes unlike the training set."""
     from ...rollout.rollout import load_simulator
-    from ...training.recipes import device_of
+    from ...training.distributed import find_device
     from ...training.train import Trainer
 
     config = cell.budget.training(cell.changes, cell.seed)
-    device = device_of(config, cell.budget.device)
+    device = find_device(cell.budget.device)
     records = training_set(cell.budget, data)
     trainer = Trainer(config, records, [], folder, cell.budget.data.named.train, device)
     failed = None
