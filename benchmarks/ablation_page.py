@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 from ablation_measures import HORIZON
+from rigid_gns_core.files.tables import format_rows, number
 
 # what the page says of each row, before its numbers
 TEXTS = {
@@ -70,37 +71,34 @@ TEXTS = {
 }
 
 
-def number(value: float) -> str:
-    """Two significant digits."""
-    return '0' if value == 0 else f'{float(f"{value:.2g}"):g}'.replace('e-0', 'e-')
-
-
 def format_table(report: dict[str, Any]) -> str:
     """Markdown: one line per row."""
     has_errors = report['records'] > 0
     head = ['what', 'spheres', 'as it is', 'ms', 'changed', 'ms', 'times as long', 'differs [m]']
     head += ['error [m]', 'error, changed [m]'] if has_errors else []
-    lines = [head, ['---'] * len(head)]
+    lines = []
     for name, row in report['rows'].items():
-        line = [name, str(row['spheres']), row['usual'], number(row['usual_ms']), row['other']]
-        line += [number(row['other_ms']), f'{row["ratio"]:.2f}', number(row['difference'])]
+        line = [name, str(row['spheres']), row['usual'], number(row['usual_ms'], 2), row['other']]
+        line += [number(row['other_ms'], 2), f'{row["ratio"]:.2f}', number(row['difference'], 2)]
         if has_errors:
-            line += [number(row['usual_error']), number(row['other_error'])]
+            line += [number(row['usual_error'], 2), number(row['other_error'], 2)]
         lines.append(line)
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines) + '\n'
+    return format_rows(head, lines, left=(0, 2, 4), markdown=True) + '\n'
 
 
 def paragraph(name: str, row: dict[str, Any], scene: str) -> str:
     """Return what a row compares, and what came out."""
-    times = f'{number(row["usual_ms"])} ms a step as it is ({row["usual"]})'
-    times += f', {number(row["other_ms"])} ms changed ({row["other"]}): {row["ratio"]:.2f} times.'
-    apart = f'{number(row["difference"])} m apart' if row['difference'] else 'the same'
+    times = f'{number(row["usual_ms"], 2)} ms a step as it is ({row["usual"]})'
+    times += (
+        f', {number(row["other_ms"], 2)} ms changed ({row["other"]}): {row["ratio"]:.2f} times.'
+    )
+    apart = f'{number(row["difference"], 2)} m apart' if row['difference'] else 'the same'
     found = f'{times} After {HORIZON} steps the two are {apart}.'
     if row['usual_asleep']:
         found += f' {100 * row["usual_asleep"]:.0f} % of the spheres sleep.'
     if 'usual_error' in row:
-        found += f' From Bullet: {number(row["usual_error"])} m as it is, '
-        found += f'{number(row["other_error"])} m changed.'
+        found += f' From Bullet: {number(row["usual_error"], 2)} m as it is, '
+        found += f'{number(row["other_error"], 2)} m changed.'
     return f'**{name[0].upper()}{name[1:]}.** {TEXTS[name]} Scene: {scene}. {found}\n'
 
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 import sys
 from typing import Any
@@ -35,29 +35,24 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.data.records import read_record, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
+from rigid_gns_core.files.tables import format_rows, mean_std
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.scoring import chamfer, position_mse
+from rigid_gns_core.studies.chaos_floor import DRAWS, half_and_twice, MOVED, moved
 from rigid_gns_core.teacher.bullet import simulate
 from rigid_gns_core.teacher.settings import TeacherSettings
 
-MOVED = 1e-3  # m
 
-
-def moved(start: State, seed: int) -> State:
-    """Every sphere moved by `MOVED` in some direction, never down."""
-    way = np.random.default_rng(seed).normal(size=start.positions.shape)
-    way *= MOVED / np.linalg.norm(way, axis=1, keepdims=True)
-    way[:, 2] = np.abs(way[:, 2])
-    return replace(start, positions=start.positions + way)
-
-
-def bullet(record: Record, start: State, factor: float) -> Trajectory:
-    """Bullet at `factor` times the record's substeps."""
+def settings_of(record: Record) -> TeacherSettings:
+    """Return how the teacher made a record."""
     known = {field.name for field in fields(TeacherSettings)}
-    settings = TeacherSettings(**{k: v for k, v in record.teacher.items() if k in known})
-    settings = replace(settings, substeps=round(settings.substeps * factor))
+    return TeacherSettings(**{k: v for k, v in record.teacher.items() if k in known})
+
+
+def bullet(record: Record, start: State, settings: TeacherSettings) -> Trajectory:
+    """Bullet from a start, as long as the record."""
     reference = record.trajectory
     return simulate(record.scene, start, reference.steps, reference.dt, settings)
 
@@ -73,14 +68,14 @@ def draws(
     record: Record, simulators: dict[str, Simulator], count: int
 ) -> dict[str, Callable[[], Trajectory]]:
     """Return what is to be drawn, by 'engine: start'."""
-    start = record.trajectory[0]
+    start, settings = record.trajectory[0], settings_of(record)
     found: dict[str, Callable[[], Trajectory]] = {
-        'Bullet: half': lambda: bullet(record, start, 0.5),
-        'Bullet: twice': lambda: bullet(record, start, 2.0),
+        f'Bullet: {name}': lambda other=other: bullet(record, start, other)
+        for name, other in zip(('half', 'twice'), half_and_twice(settings), strict=True)
     }
-    for seed in range(count):
-        other = moved(start, seed)
-        found[f'Bullet: moved {seed}'] = lambda other=other: bullet(record, other, 1.0)
+    for draw in range(count):
+        other = moved(start, draw)
+        found[f'Bullet: moved {draw}'] = lambda other=other: bullet(record, other, settings)
     for name, simulator in simulators.items():
         for seed in range(-1, count):
             other = start if seed < 0 else moved(start, seed)
@@ -91,16 +86,17 @@ def draws(
 
 def table(report: dict[str, Any]) -> str:
     """Mean ± standard deviation over the draws of each engine."""
-    lines = ['| scene | engine | draws | MSE [m²] | Chamfer [m²] |', '|---|---|---|---|---|']
+    rows = []
     for scene, found in report['scenes'].items():
         for engine in dict.fromkeys(key.split(':')[0] for key in found):
             own = [value for key, value in found.items() if key.split(':')[0] == engine]
             cells = []
             for name in ('mse', 'chamfer'):
                 values = np.array([one[name] for one in own])
-                cells.append(f'{values.mean():.3g} ± {values.std(ddof=1):.2g}')
-            lines.append(f'| {scene} | {engine} | {len(own)} | {" | ".join(cells)} |')
-    return '\n'.join(lines) + '\n'
+                cells.append(mean_std(values.mean(), values.std(ddof=1)))
+            rows.append([scene, engine, str(len(own)), *cells])
+    head = ['scene', 'engine', 'draws', 'MSE [m²]', 'Chamfer [m²]']
+    return format_rows(head, rows, left=(0, 1), markdown=True) + '\n'
 
 
 def main() -> int:
@@ -109,7 +105,9 @@ def main() -> int:
     )
     parser.add_argument('--model', nargs='+', default=['contact'], help='shipped names or paths')
     parser.add_argument('--reference', nargs='+', required=True, type=Path, metavar='FILE')
-    parser.add_argument('--draws', type=int, default=5, help='of moved starts (default 5)')
+    parser.add_argument(
+        '--draws', type=int, default=DRAWS, help=f'of moved starts (default {DRAWS})'
+    )
     parser.add_argument('--json', required=True, type=Path, metavar='FILE')
     arguments = parser.parse_args()
     simulators = {

@@ -30,11 +30,11 @@ from rigid_gns_core.scenes.similarity import Similarity
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.scoring import sphere_penetration, surface_penetration
 from rigid_gns_core.scoring.evaluate import evaluate
+from rigid_gns_core.studies.chaos_floor import least_floor, over_floor, worst
 from rigid_gns_core.studies.hard_cases.case import Case
 from rigid_gns_core.studies.hard_cases.checks import measure_laws
 
 REST = 0.01  # m/s: below it a sphere has come to rest
-LEAST_FLOOR = 0.25  # r^2: squared errors below half a radius are not told apart
 SQUARED = ('mse', 'chamfer')
 # key: name in the table; those of `errors` also have a floor and a ratio to it
 ERRORS = {
@@ -95,8 +95,8 @@ def errors_of(predicted: Trajectory, reference: Trajectory, report: Mapping[str,
 
 def floor_of(reference: Record, others: Sequence[Record]) -> dict[str, float | None]:
     """Return the worse of Bullet's errors at other substeps, for each error; and its own laws."""
-    reports: list[dict] = []
-    worst: dict[str, float | None] = {}
+    errors: list[dict] = []
+    laws: dict[str, float | None] = {}
     start = reference.trajectory.positions[0]
     for other in others:
         again = other.trajectory.window(0, len(reference.trajectory))
@@ -104,21 +104,9 @@ def floor_of(reference: Record, others: Sequence[Record]) -> dict[str, float | N
         if there.shape != start.shape or np.abs(there - start).max() > 1e-6:
             raise SystemExit(f'{reference.name} {reference.index}: its floor has another start')
         report = evaluate(again, reference.trajectory, reference.scene)
-        reports.append(errors_of(again, reference.trajectory, report))
+        errors.append(errors_of(again, reference.trajectory, report))
         laws = report['laws']['reference']
-        worst |= {key: laws[key] for key in LAWS if key in laws}
-    for key in reports[0] if reports else ():
-        known = [report[key] for report in reports if report[key] is not None]
-        pick = min if key in ('predictability_time', 'rest_share') else max
-        worst[key] = pick(known) if known else None
-    return worst
-
-
-def least(key: str, radius: np.ndarray) -> float | None:
-    """Return the smallest floor of a squared error, or of a distance; None: it has no ratio."""
-    if key.startswith(SQUARED):
-        return LEAST_FLOOR * float(np.mean(radius**2))
-    return float(np.sqrt(LEAST_FLOOR) * radius.mean()) if key.startswith('position') else None
+    return {key: laws[key] for key in LAWS if key in laws} | worst(errors)
 
 
 def measure(
@@ -131,9 +119,9 @@ def measure(
     values: dict[str, float | None] = errors_of(predicted, reference, report)
     radius = scene.per_sphere('radius', reference.count)
     for key, error in list(values.items()):
-        bound, known = least(key, radius), floor.get(key)
-        if bound is not None and error is not None and known is not None:
-            values[f'{key}_ratio'] = error / max(known, bound)
+        ratio = over_floor(error, floor.get(key), least_floor(key, radius))
+        if ratio is not None:
+            values[f'{key}_ratio'] = ratio
     values |= {key: value for key, value in report['laws']['predicted'].items() if key in LAWS}
     lost = report['diverged_at']['predicted']
     whole = predicted.positions[:lost]

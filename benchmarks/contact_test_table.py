@@ -21,6 +21,8 @@ from typing import Any
 
 from contact_test_measures import ERRORS, LAWS, SQUARED
 import numpy as np
+from rigid_gns_core.files.tables import format_rows
+from rigid_gns_core.files.tables import summary as summary_cell
 
 
 def mean_of(rows: Iterable[Mapping[str, float | None]], spread: int = 0) -> dict[str, Any]:
@@ -66,20 +68,6 @@ def summarise(report: dict[str, Any]) -> dict[str, Any]:
     return {'floor': by_group(report['floors']), 'models': models, 'over_models': over_models}
 
 
-def number(value: float) -> str:
-    """Three significant digits."""
-    return '0' if value == 0 else f'{value:.3g}'.replace('e-0', 'e-').replace('e+0', 'e')
-
-
-def cell(entry: Mapping[str, Any] | None) -> str:
-    """Mean ± standard deviation."""
-    if entry is None:
-        return '-'
-    text = number(entry['mean'])
-    text += f' ± {number(entry["std"])}' if entry['std'] else ''
-    return text + (f' ({entry["infinite"]} of {entry["count"]} inf)' if entry['infinite'] else '')
-
-
 def format_table(summary: Mapping[str, Any], floor: Mapping[str, Any]) -> str:
     """Markdown: one line per measure, two columns per group: the model, and Bullet."""
     steps = [key.removeprefix('mse_') for key in next(iter(summary.values())) if key[4:].isdigit()]
@@ -93,11 +81,11 @@ def format_table(summary: Mapping[str, Any], floor: Mapping[str, Any]) -> str:
     head = ['']
     for group in summary:
         head += [group, 'Bullet']
-    lines = [head, ['---'] * len(head)]
+    lines = []
     for key, name in names.items():
         cells = [name]
         for group, values in summary.items():
-            cells += [cell(values.get(key)), cell(floor[group].get(key))]
+            cells += [summary_cell(values.get(key)), summary_cell(floor[group].get(key))]
         if any(text != '-' for text in cells[1:]):
             lines.append(cells)
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines) + '\n'
+    return format_rows(head, lines, markdown=True) + '\n'

@@ -21,9 +21,9 @@ from __future__ import annotations
 
 from pathlib import Path
 import sys
-from typing import Any
 
 from rigid_gns_core.files.strict_json import read_json
+from rigid_gns_core.files.tables import format_rows, summary
 
 FOLDER = Path(__file__).resolve().parents[1] / 'docs' / 'model'
 ROWS = {
@@ -40,23 +40,6 @@ ROWS = {
 }
 
 
-def number(value: float) -> str:
-    """Two significant digits, without an exponent where that stays short."""
-    if value == 0 or not 1e-3 <= abs(value) < 1e4:
-        return '0' if value == 0 else f'{value:.0e}'.replace('e-0', 'e-')
-    return f'{float(f"{value:.2g}"):g}'
-
-
-def cell(entry: dict[str, Any] | None) -> str:
-    """Mean and standard deviation of a summarised number."""
-    if entry is None:
-        return '-'
-    if entry['infinite']:
-        return f'diverged in {entry["infinite"]} of {entry["count"]}'
-    spread = f' ± {number(entry["std"])}' if entry['std'] else ''
-    return number(entry['mean']) + spread
-
-
 def table() -> str:
     """Return the Markdown table: shipped model, without network, GNS, Bullet against itself."""
     contact = read_json(FOLDER / 'contact_test.json')['summary']
@@ -69,9 +52,8 @@ def table() -> str:
         contact['floor']['test'],
     )
     head = ('', 'contact model', 'its laws alone', 'GNS baseline', 'Bullet against itself')
-    found = [(name, *(cell(side.get(key)) for side in sides)) for key, name in ROWS.items()]
-    lines = [f'| {" | ".join(row)} |' for row in [head, ('---',) * len(head), *found]]
-    return '\n'.join(lines) + '\n'
+    rows = [(name, *(summary(side.get(key), 2) for side in sides)) for key, name in ROWS.items()]
+    return format_rows(head, rows, markdown=True) + '\n'
 
 
 if __name__ == '__main__':

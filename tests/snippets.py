@@ -104,7 +104,7 @@ def quick(words: list[str]) -> list[str]:
         smoke = 'smoke' in words
         return ['--only', 'base', '--workers', '1'] if smoke else ['--budget', 'smoke', '--no-run']
     return {
-        'teacher-card': ['--quick'],
+        'closed-forms': ['--quick'],
         'train': ['--steps', '1'],
         'calibrate': ['--windows', '5'],
         'hard-cases': ['--quick', '--cases', 'corner', 'half_below'],

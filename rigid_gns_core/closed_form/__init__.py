@@ -14,8 +14,8 @@
 
 """Checks of an engine against closed forms, each with its error and its bound.
 
-`run_checks` takes any callable with the signature of `teacher.simulate`, so that a learned
-simulator can be put to the same checks. `rigid-gns teacher-card` runs them on Bullet.
+`run_checks` takes any callable with the signature of `teacher.simulate`. `rigid-gns closed-forms`
+runs them on Bullet or on a model.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from .completion import completes
+from .arguments import completes
 from ..files.strict_json import write_json
 from ..rollout.rollout import load_simulator
 from ..running.machine import describe_machine, load_average
@@ -34,7 +34,7 @@ from ..studies.benchmark.race import BLOCK, race, timing
 from ..studies.benchmark.report import COMPARED, format_processes, format_scaling, format_scene
 from ..studies.benchmark.scaling import COUNTS, measure_scaling, QUICK_COUNTS
 from ..studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
-from ..studies.hard_cases.references import References
+from ..studies.chaos_floor import References
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
 
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--reference-substeps',
         type=int,
         metavar='N',
-        help='of the teacher that errors are against, a multiple of 4 (default: '
+        help='of the teacher that errors are against, even (default: '
         f'{REFERENCE_SUBSTEPS}; quick: {QUICK_REFERENCE_SUBSTEPS})',
     )
     parser.add_argument(
@@ -156,29 +156,29 @@ def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str
 
 
 def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> References | None:
-    """Return the teacher at the substeps asked for, at half and at a quarter of them."""
+    """Return the teacher at the substeps asked for, and those that tell its floor."""
     substeps = arguments.reference_substeps
     if substeps is None:
         substeps = QUICK_REFERENCE_SUBSTEPS if arguments.quick else REFERENCE_SUBSTEPS
-    if substeps < 4 or substeps % 4:
-        raise ValueError(f'--reference-substeps is {substeps}, expected a multiple of 4')
+    if substeps < 2 or substeps % 2:
+        raise ValueError(f'--reference-substeps is {substeps}, expected an even number')
     try:
         load_pybullet()
     except ModuleNotFoundError:
         print('pybullet is not installed: no errors, no charts\n')
         return None
     report['reference'] = f'Bullet at {substeps} substeps (the teacher)'
-    return References(TeacherSettings(substeps=substeps // 2), arguments.cache)
+    return References(TeacherSettings(substeps=substeps), arguments.cache)
 
 
 def _run_scene(
     scene: BenchScene, field: Field, references: References | None, repeats: int
 ) -> dict[str, Any]:
     with Progress(repeats + 1, scene.name, unit='run') as progress:
-        runs = None if references is None else references.of(scene.case, FRAME)
+        runs = None if references is None else scene.references(references)
         progress.update()
         lanes = race(scene, field.peers, repeats, progress.update)
-    reference = None if runs is None else runs[2].positions
+    reference = None if runs is None else runs[0].positions
     timings = {lane.peer.name: timing(lane) for lane in lanes}
     own = timings.get(COMPARED)
     peers = []

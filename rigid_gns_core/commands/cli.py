@@ -43,9 +43,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.recordings.importing.import_bags',
         'make a data set of the tracked poses in bags',
     ),
-    'calibrate': ('rigid_gns_core.identification.calibrate', 'fit materials to tracked poses'),
+    'calibrate': ('rigid_gns_core.commands.calibrate', 'fit materials to tracked poses'),
     'generate': (
-        'rigid_gns_core.data.generate',
+        'rigid_gns_core.commands.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
     ),
     'train': ('rigid_gns_core.commands.train', 'train a simulator from a YAML recipe'),
@@ -61,9 +61,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.experiment',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
-    'teacher-card': (
-        'rigid_gns_core.commands.teacher_card',
-        'check Bullet, the teacher, against closed forms',
+    'closed-forms': (
+        'rigid_gns_core.commands.closed_forms',
+        'check the teacher, or a model, against closed forms',
     ),
     'completion': (
         'rigid_gns_core.commands.completion',

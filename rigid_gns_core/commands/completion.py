@@ -12,49 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`rigid-gns completion`: completion for a shell; and what the words of an option can be."""
+"""`rigid-gns completion`: completion for a shell."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 SHELLS = ('bash', 'zsh', 'fish')
-
-
-def completes(
-    action: argparse.Action, names: Callable[[], Iterable[str]] | Iterable[str]
-) -> argparse.Action:
-    """Let the shell offer names for an option that takes others too, such as files.
-
-    Args:
-        action: What `add_argument` returned.
-        names: They, or what finds them when a shell asks.
-    """
-
-    def completer(**_: object) -> list[str]:  # argcomplete tells what was typed; it filters itself
-        return list(names() if callable(names) else names)
-
-    action.completer = completer  # type: ignore[attr-defined]  # where argcomplete looks for it
-    return action
-
-
-def shipped_models() -> list[str]:
-    """Names of the shipped models, the default first."""
-    from ..files.checkpoint import LAWS, shipped_networks
-
-    return [LAWS, *shipped_networks()]
-
-
-def configs(kind: str) -> Callable[[], list[str]]:
-    """Find the names of the shipped YAML files in config/`kind`."""
-
-    def find() -> list[str]:
-        from ..files.config import config_folder
-
-        return sorted(path.stem for path in (config_folder() / kind).glob('*.yaml'))
-
-    return find
 
 
 def chosen_command(commands: Iterable[str], line: str, point: int) -> str | None:

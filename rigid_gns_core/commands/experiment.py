@@ -21,20 +21,17 @@ from pathlib import Path
 import signal
 import sys
 
-from .completion import completes, configs
+from .arguments import add_worker_arguments, chosen_workers, completes, configs
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
-from ..running.workers import add_worker_arguments, chosen_workers
 from ..studies.thesis.budget import Budget, load_budget
-from ..studies.thesis.cell import Cell, cells_of
+from ..studies.thesis.cell import Cell, cells_of, DIGITS, Store
 from ..studies.thesis.chart import write_chart
 from ..studies.thesis.measure import METRICS
-from ..studies.thesis.page import write_page
-from ..studies.thesis.runner import Folders, run_cells
-from ..studies.thesis.store import DIGITS, Store
 from ..studies.thesis.study import Experiment, load_experiment, shipped_experiments
 from ..studies.thesis.table import make_table
-from ..studies.thesis.text import format_table
+from ..studies.thesis.text import format_table, write_page
+from ..studies.thesis.work import Folders, run_cells
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -22,15 +22,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .completion import completes, shipped_models
+from .arguments import completes, shipped_models
 from ..files.strict_json import write_json
 from ..installation.versions import PACKAGE, version_of
 from ..running.progress import Progress
+from ..studies.chaos_floor import LEAST_FLOOR, References
 from ..studies.hard_cases.case import Case
 from ..studies.hard_cases.cases import DRIFT, ENERGY_RISE, hard_cases
-from ..studies.hard_cases.checks import LEAST_FLOOR, TEACHER_ENERGY_RISE
+from ..studies.hard_cases.checks import TEACHER_ENERGY_RISE
 from ..studies.hard_cases.engines import load_engine, run_cases, TEACHER
-from ..studies.hard_cases.references import References
 from ..studies.hard_cases.report import format_summary, format_table
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings

@@ -24,7 +24,7 @@ import platform
 import re
 from typing import Any
 
-from .completion import completes, shipped_models
+from .arguments import completes, shipped_models
 from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, LAWS, load_card
 from ..installation.extras import remedy
 from ..installation.probes import Probes
@@ -135,7 +135,7 @@ def format_info(info: dict[str, Any]) -> str:
         ('engine', _engine(info['engine'])),
         ('torch', _probed(info['torch'], 'train, the model gns')),
         ('GPU', _gpu(info['torch'], info['graphics'])),
-        ('pybullet', _probed(info['pybullet'], 'the teacher: generate, teacher-card')),
+        ('pybullet', _probed(info['pybullet'], 'the teacher: generate, closed-forms')),
         ('ROS', _ros(info['ros'])),
     ]
     for name, found in info['optional'].items():

@@ -29,9 +29,8 @@ import warnings
 
 import numpy as np
 
-from .completion import completes, configs, shipped_models
+from .arguments import completes, configs, positive, shipped_models
 from ..data.records import Record, write_record
-from ..files.config import positive
 from ..rollout.rollout import load_simulator
 from ..running.progress import Progress
 from ..scenes.sampling import load_scene, sample_start

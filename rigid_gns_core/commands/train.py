@@ -19,8 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .completion import completes, configs, shipped_models
-from ..files.config import positive
+from .arguments import completes, configs, positive, shipped_models
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 import dataclasses
 from pathlib import Path
@@ -135,13 +134,6 @@ def check_positive(config: object, *names: str) -> None:
         value = getattr(config, name)
         if not value > 0:
             raise ValueError(f'{name} is {value}, expected more than 0')
-
-
-def positive(text: str) -> int:
-    """Type of a command line option that takes a whole number from 1 on."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a whole number, at least 1')
-    return int(text)
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

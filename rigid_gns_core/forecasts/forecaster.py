@@ -121,7 +121,7 @@ class Forecaster:
 
     Args:
         model: Name or path of the model; empty: the shipped default.
-        scene: Name of a shipped scene, or a YAML file.
+        scene: It, or the name of a shipped one, or a YAML file.
         rate: Predictions per second [Hz]; 0: one per step of the model.
         threads: CPU threads of the model.
         gravity_direction: See `turned_gravity`.
@@ -133,14 +133,15 @@ class Forecaster:
     def __init__(
         self,
         model: str,
-        scene: str,
+        scene: Scene | str,
         *,
         rate: float = 0.0,
         threads: int = 1,
         gravity_direction: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        self.scene_name = scene
-        self.scene = turned_gravity(load_scene(scene)[0], gravity_direction)
+        self.scene_name = scene if isinstance(scene, str) else 'of the recording'
+        scene = scene if isinstance(scene, Scene) else load_scene(scene)[0]
+        self.scene = turned_gravity(scene, gravity_direction)
         # late, so that a node's signal handlers are in place while it loads and compiles
         from ..rollout.rollout import load_simulator
 

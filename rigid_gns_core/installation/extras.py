@@ -31,8 +31,6 @@ _DISTRIBUTIONS = {
     'rerun': 'rerun-sdk',
     'yaml': 'PyYAML',
 }
-# what no extra brings, since it is large and its own choice
-_OTHERS = {'ray': 'pip install ray'}
 # another way than pip
 _ALSO = {'rclpy': 'source the setup.bash of a ROS 2 Jazzy, or '}
 
@@ -45,8 +43,6 @@ def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str |
         python: Version of the interpreter it is for.
     """
     top = module.partition('.')[0]
-    if top in _OTHERS:
-        return _OTHERS[top]
     wanted = _canonical(_DISTRIBUTIONS.get(top, top))
     for name, requirement in _requirements():
         if _canonical(name) != wanted:

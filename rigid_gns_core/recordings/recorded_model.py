@@ -17,31 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-import tempfile
 from typing import Any
-
-import yaml
 
 from ..files.checkpoint import CheckpointError
 from ..forecasts.forecaster import Forecaster
 from ..forecasts.parameters import SIMULATOR
 from ..forecasts.window_setup import window_of
 from ..rollout.rollout import load_simulator
-from ..scenes.scene import Scene
 from ..tracking.window import TrackingWindow
-
-
-def forecaster(scene: Scene, model: str, *, rate: float = 0.0, threads: int = 1) -> Forecaster:
-    """Return a forecaster of a scene that is no file.
-
-    Raises:
-        ValueError: There is no such model, or it cannot serve the scene.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'scene.yaml'  # YAML keeps every digit of a float
-        path.write_text(yaml.safe_dump({'scene': scene.to_mapping()}), encoding='utf-8')
-        return Forecaster(model, str(path), rate=rate, threads=threads)
 
 
 def tracking_window(model: Forecaster, parameters: Mapping[str, Any]) -> TrackingWindow:

@@ -37,7 +37,7 @@ from ..files.checkpoint import (
     load_weights,
 )
 from ..files.config import from_mapping
-from ..running.threads import in_threads, paired, usable_cores
+from ..running.threads import in_threads, usable_cores
 from ..scenes.scene import Scene
 from ..scenes.similarity import in_units, ModelUnits, Similarity
 from ..scenes.state import State, Trajectory
@@ -220,7 +220,7 @@ class Simulator(ABC):
         if workers is not None and workers < 1:
             raise ValueError(f'workers is {workers}, expected at least 1')
         steps, rollouts = _checked(steps), []
-        for index, (scene, start) in enumerate(paired(scenes, starts)):
+        for index, (scene, start) in enumerate(_paired(scenes, starts)):
             given = vars(start) if isinstance(start, State) else {'positions': start}
             try:
                 rollouts.append(self._begin(scene, **given))
@@ -302,3 +302,23 @@ def load_simulator(
     config = from_mapping(kind.config, card['config'], f'{path}: config')
     tensors = load_weights(path, card['weights_sha256'], config.shapes)
     return kind.simulator(tensors, card, path.stem, threads=threads, **options)
+
+
+def _paired(
+    scenes: Scene | Sequence[Scene], starts: Sequence[State | ArrayLike] | NDArray[Any]
+) -> Iterator[tuple[Scene, State | ArrayLike]]:
+    """Each start with its scene; one scene serves all.
+
+    Raises:
+        ValueError: There are not as many scenes as starts.
+    """
+    if isinstance(starts, State):
+        raise ValueError('starts is one State, expected several; for one there is rollout')
+    if isinstance(scenes, Scene):
+        scenes = [scenes] * len(starts)
+    if len(scenes) != len(starts):
+        raise ValueError(
+            f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '
+            'one per start'
+        )
+    return zip(scenes, starts, strict=True)

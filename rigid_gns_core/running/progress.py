@@ -54,10 +54,8 @@ class Progress:
         self._bar = self._make_bar() if self._stream.isatty() else None
 
     def _make_bar(self) -> Any:
-        try:
-            from tqdm import tqdm
-        except ModuleNotFoundError:  # a bar is a comfort: plain lines say the same
-            return None
+        from tqdm import tqdm
+
         return tqdm(
             total=self.total,
             desc=self.description,
@@ -95,11 +93,14 @@ class Progress:
             self._print()
 
     def _print(self) -> None:
+        from tqdm import tqdm
+
+        clock = tqdm.format_interval
         self._printed, self._shown = time.monotonic(), self.done
         elapsed = self._printed - self._begin
         fresh = self.done - self._initial
         left = elapsed / fresh * (self.total - self.done) if fresh else 0.0
-        times = f'{_clock(elapsed)} elapsed' + (f', {_clock(left)} left' if left else '')
+        times = f'{clock(elapsed)} elapsed' + (f', {clock(left)} left' if left else '')
         values = f'; {self._values}' if self._values else ''
         self.line(f'{self.description}: {self.unit} {self.done} of {self.total}, {times}{values}')
 
@@ -115,9 +116,3 @@ class Progress:
         if kind is not None and self.done == self._initial:
             self._shown = self.done  # nothing was done: the error alone says it in a log
         self.close()
-
-
-def _clock(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f'{hours}:{minutes:02d}:{seconds:02d}' if hours else f'{minutes}:{seconds:02d}'

@@ -12,42 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Many rollouts at once: which scene each start has, and the threads that run them."""
+"""Many calls of one function in threads of this process."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import os
-from typing import Any, TypeVar
-
-from numpy.typing import ArrayLike, NDArray
-
-from ..scenes.scene import Scene
-from ..scenes.state import State
+from typing import TypeVar
 
 Work = TypeVar('Work')
 Result = TypeVar('Result')
-
-
-def paired(
-    scenes: Scene | Sequence[Scene], starts: Sequence[State | ArrayLike] | NDArray[Any]
-) -> Iterator[tuple[Scene, State | ArrayLike]]:
-    """Each start with its scene; one scene serves all.
-
-    Raises:
-        ValueError: There are not as many scenes as starts.
-    """
-    if isinstance(starts, State):
-        raise ValueError('starts is one State, expected several; for one there is rollout')
-    if isinstance(scenes, Scene):
-        scenes = [scenes] * len(starts)
-    if len(scenes) != len(starts):
-        raise ValueError(
-            f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '
-            'one per start'
-        )
-    return zip(scenes, starts, strict=True)
 
 
 def in_threads(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Many calls of one function on processes of this machine, or on a user's Dask or Ray cluster.
+"""Many calls of one function on processes of this machine, or on a user's Dask cluster.
 
 joblib does the work; functions and arguments must be picklable, and on a cluster the folders they
 name must be the same files for all workers.
@@ -20,11 +20,9 @@ name must be the same files for all workers.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 import contextlib
 from dataclasses import dataclass
-from itertools import islice
 import os
 import threading
 import time
@@ -34,7 +32,7 @@ import warnings
 from .threads import usable_cores
 
 T = TypeVar('T')
-BACKENDS = ('loky', 'dask', 'ray')
+BACKENDS = ('loky', 'dask')
 
 
 class WorkerDied(RuntimeError):
@@ -47,7 +45,7 @@ class Workers:
 
     Args:
         count: Processes; None: one per usable core. With 1 on this machine, this process.
-        backend: 'loky': processes of this machine; 'dask' or 'ray': a cluster.
+        backend: 'loky': processes of this machine; 'dask': a cluster.
         scheduler: Address of the cluster, such as tcp://host:8786; None: the one that is running
             or configured for this process.
     """
@@ -62,7 +60,7 @@ class Workers:
         if self.backend not in BACKENDS:
             raise ValueError(f'backend is {self.backend!r}, allowed: {", ".join(BACKENDS)}')
         if self.scheduler is not None and self.backend == 'loky':
-            raise ValueError('a scheduler needs the backend dask or ray; give --backend')
+            raise ValueError('a scheduler needs the backend dask; give --backend')
 
     @property
     def here(self) -> bool:
@@ -80,8 +78,7 @@ class Workers:
     ) -> Iterator[T]:
         """Results of `function(*call)`, in the order in which they are done.
 
-        On this machine a call is taken from `calls` when a process is free for it. Ray makes as
-        many calls at a time as it has workers, and takes more when the slowest is done.
+        On this machine a call is taken from `calls` when a process is free for it.
 
         Args:
             function: Importable by name.
@@ -97,87 +94,40 @@ class Workers:
             for call in calls:
                 yield function(*call)
             return
-        from joblib import delayed
-
-        jobs = (delayed(function)(*call) for call in calls)
-        take = self._in_turns if self.backend == 'ray' else self._as_done
-        with self._connected():
-            yield from take(jobs, processes)
-
-    def _as_done(self, jobs: Iterator[Any], processes: int) -> Iterator[Any]:
-        from joblib import Parallel, parallel_config
+        from joblib import delayed, Parallel, parallel_config
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
         own = {'initializer': _leave_with_parent} if self.here else {}
-        with parallel_config(self.backend, n_jobs=processes, **own):
-            parallel = Parallel(
-                return_as='generator_unordered',
-                batch_size=1,
-                pre_dispatch='n_jobs' if self.here else 'all',
-            )
-        results = parallel(jobs)
-        try:
-            for result in results:  # noqa: UP028, which would close it with a warning
-                yield result
-        except TerminatedWorkerError as error:
-            raise WorkerDied(str(error)) from error
-        finally:
-            with warnings.catch_warnings():
-                warnings.simplefilter('ignore')  # that a stopped run was stopped
-                results.close()
+        with self._connected():
+            with parallel_config(self.backend, n_jobs=processes, **own):
+                parallel = Parallel(
+                    return_as='generator_unordered',
+                    batch_size=1,
+                    pre_dispatch='n_jobs' if self.here else 'all',
+                )
+            results = parallel(delayed(function)(*call) for call in calls)
+            try:
+                for result in results:  # noqa: UP028, which would close it with a warning
+                    yield result
+            except TerminatedWorkerError as error:
+                raise WorkerDied(str(error)) from error
+            finally:
+                with warnings.catch_warnings():
+                    warnings.simplefilter('ignore')  # that a stopped run was stopped
+                    results.close()
 
-    def _in_turns(self, jobs: Iterator[Any], processes: int) -> Iterator[Any]:
-        """As many jobs at a time as there are workers: Ray's backend hands nothing out before."""
-        from joblib import effective_n_jobs, Parallel, parallel_config
+    def _connected(self) -> contextlib.AbstractContextManager[Any]:
+        """Return the client of a cluster; without an address, the process has one already."""
+        if self.here:
+            return contextlib.nullcontext()
+        from distributed import Client
 
-        with parallel_config(self.backend, n_jobs=processes):
-            parallel, together = Parallel(batch_size=1), effective_n_jobs(processes)
-        with parallel:  # the same workers for all turns
-            while some := list(islice(jobs, together)):
-                yield from parallel(some)
-
-    @contextlib.contextmanager
-    def _connected(self) -> Iterator[None]:
-        if self.backend == 'dask':
-            from distributed import Client
-
-            # without an address the client that this process has made before is taken
-            with (
-                Client(self.scheduler)  # type: ignore[no-untyped-call,unused-ignore]
-                if self.scheduler
-                else contextlib.nullcontext()
-            ):
-                yield
-        elif self.backend == 'ray':
-            import ray
-            from ray.util.joblib import register_ray
-
-            ray.init(address=self.scheduler, ignore_reinit_error=True)
-            register_ray()
-            yield
-        else:
-            yield
-
-
-def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options that say who does the work."""
-    parser.add_argument(
-        '--workers', type=int, metavar='N', help='processes; default: one per core'
-    )
-    parser.add_argument(
-        '--backend',
-        choices=BACKENDS,
-        default='loky',
-        help='processes of this machine (loky, the default), or a cluster that shares the folders',
-    )
-    parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='of the cluster, such as tcp://host:8786'
-    )
-
-
-def chosen_workers(arguments: argparse.Namespace) -> Workers:
-    """Workers of the options of `add_worker_arguments`."""
-    return Workers(arguments.workers, arguments.backend, arguments.scheduler)
+        client: contextlib.AbstractContextManager[Any] = (
+            Client(self.scheduler)  # type: ignore[no-untyped-call,unused-ignore]
+            if self.scheduler
+            else contextlib.nullcontext()
+        )
+        return client
 
 
 def _leave_with_parent() -> None:

@@ -30,7 +30,7 @@ import numpy as np
 from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .error import check_comparable
 from .table import format_table
-from ..commands.completion import completes, configs, shipped_models
+from ..commands.arguments import completes, configs, shipped_models
 from ..files.strict_json import write_json
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from ..commands.completion import completes, configs
+from ..commands.arguments import completes, configs
 from ..data.records import read_record, Record
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory

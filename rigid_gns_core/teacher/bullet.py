@@ -15,7 +15,7 @@
 """The teacher: Bullet with settings under which spheres obey closed-form mechanics.
 
 The only importer of pybullet. `docs/teacher.md` gives the reason and the measured effect of every
-setting; `rigid-gns teacher-card` measures them again.
+setting; `rigid-gns closed-forms` measures them again.
 
 Bullet works here in units of its own: lengths in median radii and masses in millions of mean
 masses, because some of its thresholds are absolute numbers. Time stays in seconds.

@@ -30,7 +30,7 @@ import numpy as np
 from ..data.records import Record
 from ..files.checkpoint import CheckpointError, find_model, Tensors
 from ..files.config import to_mapping
-from ..prediction.simulators import GNSSimulator
+from ..prediction.gns import GNSSimulator
 from ..rollout.rollout import load_simulator
 from ..scenes.similarity import ModelUnits, Similarity
 from ..scenes.state import Trajectory

@@ -189,7 +189,7 @@ def test_the_rate_of_a_rollout_counts_its_own_steps_alone(
     assert 'rollout: step 6 of 6' in capsys.readouterr().err
 
 
-# `experiment` and `teacher-card` with a check that fails: test_experiments_run, test_teacher_card
+# `experiment` and `closed-forms` with a check that fails: test_experiments_run, test_closed_forms
 def test_a_failed_check_exits_with_1(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -235,7 +235,7 @@ def read_until(terminal: int, text: str) -> str:
     [
         ('rollout --steps 5000 --out a.h5', 'rollout:', 'numba'),
         ('hard-cases --no-teacher', 'hard cases:', 'numba'),
-        ('teacher-card', 'teacher card:', 'pybullet'),
+        ('closed-forms', 'closed forms:', 'pybullet'),
         ('generate --config smoke --trajectories 999 --workers 1 --out a', 'a:', 'pybullet'),
         ('generate --scene box_154 --steps 999 --out a.h5', 'box_154:', 'pybullet'),
     ],
@@ -299,7 +299,7 @@ def test_other_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ('train --data a --out b', 'torch', 'torch'),
         ('generate --scene box_154 --steps 1 --out a.h5', 'pybullet', 'teacher'),
-        ('teacher-card', 'pybullet', 'teacher'),
+        ('closed-forms', 'pybullet', 'teacher'),
         ('generate --config smoke --backend dask --out a', 'distributed', 'cluster'),
     ],
 )

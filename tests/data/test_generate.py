@@ -233,6 +233,6 @@ def test_progress_is_plain_lines_where_there_is_no_terminal() -> None:
         progress.line('a cat')
         progress.update(2)
     lines = stream.getvalue().splitlines()
-    assert lines[0].startswith('sweep: room 2 of 4, 0:00 elapsed') and 'dust 0.5' in lines[0]
+    assert lines[0].startswith('sweep: room 2 of 4, 00:00 elapsed') and 'dust 0.5' in lines[0]
     assert lines[1] == 'a cat'
     assert lines[2].startswith('sweep: room 4 of 4') and len(lines) == 3

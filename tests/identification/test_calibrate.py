@@ -20,17 +20,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_gns_core.commands.calibrate import format_calibration
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record
 from rigid_gns_core.files.config import from_mapping
-from rigid_gns_core.identification.calibrate import (
-    _least_known,
-    calibrate,
-    Calibration,
-    Fitted,
-    format_calibration,
-)
+from rigid_gns_core.identification.calibrate import _least_known, calibrate, Calibration, Fitted
 from rigid_gns_core.identification.windows import windows_of, with_materials
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.scenes.sampling import load_scene

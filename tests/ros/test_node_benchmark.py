@@ -27,7 +27,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / 'benchmarks' / 'node_benchmark.py'
+SCRIPT = ROOT / 'benchmarks' / 'node' / 'node_benchmark.py'
 CASES = {
     'rate': '50 spheres, 71 Hz, every, idle',
     'horizon': '50 spheres of 1 m, tracker at 10 Hz, first',
@@ -90,7 +90,7 @@ def test_what_is_measured_is_kept(report: tuple[Path, dict[str, Any]]) -> None:
     assert 'recorder' in done.stdout and CASES['soak'] in done.stdout
     after = json.loads(path.read_text(encoding='utf-8'))
     assert after['parts']['soak'] == content['parts']['soak']
-    assert after['parts']['kills']['made_by'] == 'benchmarks/bag_kills.py'
+    assert after['parts']['kills']['made_by'] == 'benchmarks/bags/bag_kills.py'
 
 
 @pytest.mark.slow

@@ -16,15 +16,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing
-from itertools import starmap
 import operator
 from pathlib import Path
 import subprocess
 import sys
 
-from joblib import delayed
 import pytest
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import record_path
@@ -41,9 +37,9 @@ def test_calls_run_wherever(workers: Workers) -> None:
 def test_a_wrong_choice_is_refused() -> None:
     with pytest.raises(ValueError, match='workers is 0, expected at least 1'):
         Workers(0)
-    with pytest.raises(ValueError, match="backend is 'threads', allowed: loky, dask, ray"):
+    with pytest.raises(ValueError, match="backend is 'threads', allowed: loky, dask"):
         Workers(backend='threads')
-    with pytest.raises(ValueError, match='a scheduler needs the backend dask or ray'):
+    with pytest.raises(ValueError, match='a scheduler needs the backend dask'):
         Workers(scheduler='tcp://localhost:1')
 
 
@@ -77,44 +73,10 @@ def test_a_dask_cluster_takes_cells_and_trajectories(tmp_path: Path) -> None:
             assert one.get(key) == other.get(key)
 
 
-@pytest.mark.slow
-def test_ray_takes_trajectories(tmp_path: Path) -> None:
-    pytest.importorskip('pybullet', reason='generation runs Bullet')
-    ray = pytest.importorskip('ray', reason='Ray is no dependency, and large: pip install ray')
-    command = ['generate', '--config', 'experiment_smoke', '--trajectories', '3']
-    on_ray = ['--backend', 'ray', '--workers', '2']
-    try:
-        assert main([*command, '--out', str(tmp_path / 'ray'), *on_ray]) == 0
-    finally:
-        ray.shutdown()
-    assert main([*command, '--out', str(tmp_path / 'here'), '--workers', '1']) == 0
-    for index in range(3):
-        one, other = (record_path(tmp_path / where, index) for where in ('ray', 'here'))
-        assert one.read_bytes() == other.read_bytes()
-
-
-def test_in_turns_calls_are_taken_as_they_are_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    # joblib's own pool of processes hands out nothing before the end either
-    monkeypatch.setattr('rigid_gns_core.running.workers.BACKENDS', ('multiprocessing',))
-    taken: list[int] = []
-
-    def calls() -> Iterator[tuple[int, int]]:
-        for number in range(5):
-            taken.append(number)
-            yield number, 2
-
-    workers = Workers(2, 'multiprocessing')
-    seen = []
-    with closing(workers._in_turns(starmap(delayed(operator.pow), calls()), 2)) as results:
-        for result in results:
-            seen.append((result, len(taken)))
-    assert seen == [(0, 2), (1, 2), (4, 4), (9, 4), (16, 5)]
-
-
 def test_no_cluster_is_needed_to_import_this() -> None:
     code = (
         'import sys, rigid_gns_core.data.generate, rigid_gns_core.running.workers\n'
-        "print({'joblib', 'distributed', 'dask', 'ray'} & set(sys.modules))"
+        "print({'joblib', 'distributed', 'dask'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == 'set()'

@@ -19,17 +19,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 import shutil
-import time
 
 import pytest
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.studies.thesis.budget import load_budget
-from rigid_gns_core.studies.thesis.cell import Cell
+from rigid_gns_core.studies.thesis.cell import Cell, commit, Store
 from rigid_gns_core.studies.thesis.sets import training_set
-from rigid_gns_core.studies.thesis.store import commit, Store
 from rigid_gns_core.studies.thesis.study import shipped_experiments
-from rigid_gns_core.studies.thesis.tally import Tally
-from rigid_gns_core.studies.thesis.work import run_cell
+from rigid_gns_core.studies.thesis.work import run_cell, Tally
 
 pytest.importorskip('pybullet', reason='experiments make their own data')
 torch = pytest.importorskip('torch', reason='experiments train')
@@ -103,18 +100,20 @@ def test_a_cell_that_was_stopped_goes_on(done: Path, tmp_path: Path) -> None:
 
     cell = Cell('train', 'base', 0, BUDGET)
     store = Store(tmp_path / 'cells')
-    whole = run_cell(cell, done / 'data', tmp_path / 'whole')
+    _, whole = run_cell(cell, done / 'data', tmp_path / 'whole')
     records = training_set(BUDGET, done / 'data')
     folder = tmp_path / 'parts' / cell.training_key
     trainer = Trainer(BUDGET.training({}, 0), records, [], folder, BUDGET.data.train)
-    an_hour_ago = time.monotonic() - 3600
-    with Tally(folder, 0, 'an earlier commit', an_hour_ago):
+    with Tally(folder, 0) as tally:
         trainer.run(stop_at=2)
-    store.write(cell, run_cell(cell, done / 'data', tmp_path / 'parts', quiet=True))
+    tally_file = folder / 'tally.json'
+    earlier = {'from_step': 0, 'commit': 'an earlier commit', 'seconds': 3600.0 + tally.seconds}
+    tally_file.write_text(json.dumps({'runs': [earlier]}))
+    store.write(*run_cell(cell, done / 'data', tmp_path / 'parts', quiet=True))
     parts = store.read(cell)
     assert parts is not None
     seconds = parts['seconds']
-    assert (seconds['resumed_at_step'], seconds['counted_from_step']) == (2, 0)
+    assert seconds['counted_from_step'] == 0
     assert seconds['all'] > seconds['training'] > seconds['earlier_processes'] > 3600
     assert parts['commits'] == ['an earlier commit', *([commit()] if commit() else [])]
     assert whole['seconds']['earlier_processes'] == 0 and whole['seconds']['all'] < 3600

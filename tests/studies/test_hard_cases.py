@@ -162,10 +162,10 @@ def test_errors_are_over_the_floor_of_the_teacher() -> None:
     )
     errors = measure_errors(case, wrong, [truth, near, far])
     assert errors is not None and list(errors) == ['10', '30']
-    assert list(errors['30'].values()) == pytest.approx([0.9, 0.15, 6.0])
+    assert list(errors['30'].values()) == pytest.approx([0.9, 0.15, 1.8])
     errors = measure_errors(case, wrong, [truth, near, near])
     assert errors is not None
-    assert list(errors['10'].values()) == pytest.approx([0.3, 0.01, 30.0])
+    assert list(errors['10'].values()) == pytest.approx([0.3, 0.001, 0.6])
     blown = made(case, lambda t: upwards(1.0 * t))
     assert measure_errors(case, wrong, [truth, near, blown]) is None
     errors = measure_errors(case, lost(case.scene, case.start, 40), [truth, near, far])
@@ -190,7 +190,7 @@ def test_refusals_breaks_and_warnings() -> None:
     assert rows[0]['refused'] == 'one radius only' and rows[0]['laws'] is None
     assert rows[1]['failed'] == rows[2]['failed'] == ['finite']
     text = format_table(rows)
-    assert 'refuses  refused: one radius only' in text
+    assert 'refused' in text and 'one radius only' in text
     assert 'no!' in text and '(3) friction is new' in text and 'ratio' not in text
     assert 'breaks: 0 ok, 1 FAILED, 0 refused (corner)' in format_summary(rows)
 
@@ -245,13 +245,13 @@ def test_command_writes_all_numbers(tmp_path, capsys) -> None:
     assert code == 0  # only the default model is judged
     assert report['thresholds']['energy_rise'] == 1e-4 and report['version']
     assert report['cases']['half_below']['steps'] == 60
-    assert 'refused: mass differs' in capsys.readouterr().out
+    assert 'mass differs' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(('simulate', 'code'), [(frozen, 0), (climbing, 1)])
 def test_only_the_default_model_decides_the_exit_code(simulate, code: int, monkeypatch) -> None:
     monkeypatch.setattr(
-        'rigid_gns_core.studies.hard_cases.command.load_engine',
+        'rigid_gns_core.commands.hard_cases.load_engine',
         lambda name, *_: Engine(name, simulate, 'given'),
     )
     words = ['hard-cases', '--cases', 'tower', '--no-teacher']
@@ -261,9 +261,9 @@ def test_only_the_default_model_decides_the_exit_code(simulate, code: int, monke
 
 def test_the_teacher_is_kept_in_the_cache(tmp_path, monkeypatch) -> None:
     pytest.importorskip('pybullet', reason='pybullet is not installed (extra: teacher)')
-    from rigid_gns_core.studies.hard_cases import references as module
+    from rigid_gns_core.studies import chaos_floor as module
+    from rigid_gns_core.studies.chaos_floor import References
     from rigid_gns_core.studies.hard_cases.engines import teacher_engine
-    from rigid_gns_core.studies.hard_cases.references import References
     from rigid_gns_core.teacher.settings import TeacherSettings
 
     settings = TeacherSettings(substeps=12)
@@ -271,7 +271,7 @@ def test_the_teacher_is_kept_in_the_cache(tmp_path, monkeypatch) -> None:
     case = CASES['corner']
     fresh = list(run_cases(engines, [case], References(settings, tmp_path)))
     own = fresh[0]['errors']['30']
-    assert own['error'] == own['ratio'] == 0 and own['floor'] >= 0.01
+    assert own['error'] == own['ratio'] == 0 and own['floor'] > 0
     assert fresh[1]['errors']['10']['ratio'] > 3
     assert 'ratio' in format_table(fresh)
 
@@ -280,9 +280,10 @@ def test_the_teacher_is_kept_in_the_cache(tmp_path, monkeypatch) -> None:
 
     monkeypatch.setattr(module, 'bullet', never)
     assert list(run_cases(engines, [case], References(settings, tmp_path))) == fresh
+    other = CASES['half_below']
     with pytest.raises(AssertionError, match='in the cache'):  # another start is another file
-        References(settings, tmp_path).of(CASES['half_below'], DT)
+        References(settings, tmp_path).of('corner', other.scene, other.start, 10, DT)
     for path in tmp_path.glob('*.npz'):
         path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(OSError, match='damaged, delete it'):
-        References(settings, tmp_path).of(case, DT)
+        list(run_cases(engines, [case], References(settings, tmp_path)))

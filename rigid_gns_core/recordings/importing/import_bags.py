@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from .tracks import ImportOptions, read_tracks
-from ...commands.completion import completes, configs, shipped_models
+from ...commands.arguments import completes, configs, shipped_models
 from ...data.common_scene import fingerprint
 from ...data.recipe import DataRecipe, recipe_hash
 from ...data.records import (

@@ -30,7 +30,7 @@ from ..resample import resample
 from ..tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
 from ...bags.reader import read_bag
 from ...data.records import Record
-from ...forecasts.forecaster import scene_of
+from ...forecasts.forecaster import Forecaster, scene_of
 from ...rollout.rollout import load_simulator
 from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
@@ -193,9 +193,8 @@ def _cut(
         return cut(decoded.frames, gap * 1e9), why
     # late: the model need not run otherwise
     from ..matched_tracks import cut_matched
-    from ..recorded_model import forecaster
 
-    model = forecaster(scene, options.model)
+    model = Forecaster(options.model, scene)
     return cut_matched(decoded, model, parameters or {}, gap * 1e9), why
 
 

@@ -142,9 +142,10 @@ def _identified(
         return None
     # late: the model, which gives the length of its steps, need not be there otherwise
     from ..identified import IdentifiedFrames
-    from ..recorded_model import find_recorded_model, forecaster, tracking_window
+    from ..recorded_model import find_recorded_model, tracking_window
+    from ...forecasts.forecaster import Forecaster
 
-    model = forecaster(scene, find_recorded_model(recorded, None, 'the bag'))
+    model = Forecaster(find_recorded_model(recorded, None, 'the bag'), scene)
     return IdentifiedFrames(tracked, starts, tracking_window(model, parameters), model)
 
 

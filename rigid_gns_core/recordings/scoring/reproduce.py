@@ -28,7 +28,7 @@ import numpy as np
 from ..alignment import decode_topic, Decoded
 from ..forecast_starts import recorded_starts, Start, starts_of
 from ..prediction_runs import from_one_start
-from ..recorded_model import find_recorded_model, forecaster, tracking_window
+from ..recorded_model import find_recorded_model, tracking_window
 from ..replay import replayed
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
@@ -97,9 +97,9 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
                 'computed again; record with this package'
             )
     parameters = recorded['parameters']
-    maker = forecaster(
-        Scene.from_mapping(recorded['scene'], 'scene of the bag'),
+    maker = Forecaster(
         find_recorded_model(recorded, model, str(bag.path)),
+        Scene.from_mapping(recorded['scene'], 'scene of the bag'),
         rate=float(parameters.get('rate', 0.0)),
         threads=int(parameters.get('threads', 1)),
     )

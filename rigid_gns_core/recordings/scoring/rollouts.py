@@ -28,7 +28,7 @@ from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
 from .timing import lateness
 from ..alignment import AlignmentError, decode_topic
 from ..matched_tracks import cut_matched
-from ..recorded_model import forecaster, tracking_window
+from ..recorded_model import tracking_window
 from ..resample import resample
 from ..tracked_segments import cut, MATCH_REMEDY, Segment
 from ...bags.reader import Bag, Topic
@@ -116,7 +116,7 @@ def score_rollouts(
             f'{bag.path}: {topic.name} holds {len(stamps)} frames, no two of which follow each '
             'other; record for longer'
         )
-    model = forecaster(scene, options.model)
+    model = Forecaster(options.model, scene)
     gap = GAP * float(np.median(rising))
     parts = (
         cut_matched(decoded, model, {'velocity_window': options.window}, gap)

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -28,8 +27,6 @@ from ...scoring.figure import clean_axes, GRID, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.text import Annotation
-    from matplotlib.transforms import Bbox
 
 LEAST = 1e-6
 """Errors below this [m] are drawn here."""
@@ -47,9 +44,6 @@ LEGEND = {
     'GNS': "thesis' network",
     'laws': 'laws, by substeps',
 }
-# where a label may be beside its point [points], the best first
-_PLACES = [(0, 9), (0, -9), (11, 0), (-11, 0), (9, 8), (-9, 8), (9, -8), (-9, -8)]
-_PLACES += [(0, 17), (0, -17), (18, 0), (-18, 0)]
 
 
 def write_charts(folder: str | Path, scene: Mapping[str, Any], reference: str) -> list[Path]:
@@ -97,9 +91,6 @@ def write_charts(folder: str | Path, scene: Mapping[str, Any], reference: str) -
         x=0.01,
         ha='left',
     )
-    figure.draw_without_rendering()  # labels are placed where everything else will be
-    for axes in panels:
-        _place_labels(axes)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f'benchmark_{scene["name"]}.{suffix}' for suffix in ('png', 'svg')]
@@ -139,7 +130,7 @@ def _draw(axes: Axes, scene: Mapping[str, Any], name: str) -> None:
             _draw_family(axes, own, name, family, colour, marker, top)
     if floor is not None:
         style: dict[str, Any] = {'color': INK, 'linewidth': 1.0, 'linestyle': (0, (4, 3))}
-        axes.axhline(max(LEAST, floor), label='reference at half its substeps', zorder=1, **style)
+        axes.axhline(max(LEAST, floor), label='reference against itself', zorder=1, **style)
     axes.set_ylim(low, top)
     axes.margins(x=0.12)
     _number(axes)
@@ -194,7 +185,7 @@ def _draw_family(
             axes.annotate(
                 peer['label'],
                 (x, y),
-                _PLACES[0],
+                (0, 9 if family == 'MuJoCo' else -9),  # whose line is near Bullet's
                 textcoords='offset points',
                 ha='center',
                 va='center',
@@ -228,33 +219,3 @@ def _number(axes: Axes) -> None:
 def _legend(axes: Axes) -> tuple[list[str], list[Any]]:
     handles, texts = axes.get_legend_handles_labels()
     return texts, handles
-
-
-def _place_labels(axes: Axes) -> None:
-    """Move each label to the first place beside its point where it covers nothing."""
-    from matplotlib.text import Annotation
-    from matplotlib.transforms import Bbox
-
-    labels = [child for child in axes.texts if isinstance(child, Annotation)]
-    dot = axes.figure.dpi / 72.0
-    taken = []
-    for line in axes.lines:
-        points = line.get_transform().transform(line.get_xydata())
-        taken += [_square(Bbox, point, 4 * dot) for point in points]
-        for one, other in pairwise(points):
-            steps = np.linspace(0.0, 1.0, 40)[:, None]
-            taken += [_square(Bbox, point, dot) for point in one + steps * (other - one)]
-    for label in labels:
-        boxes = [(_moved(label, place), place) for place in _PLACES]
-        free = (place for box, place in boxes if not any(box.overlaps(other) for other in taken))
-        best = next(free, _PLACES[0])
-        taken.append(_moved(label, best))
-
-
-def _square(kind: type[Bbox], middle: Any, half: float) -> Bbox:
-    return kind.from_extents(*(np.asarray(middle) - half), *(np.asarray(middle) + half))
-
-
-def _moved(label: Annotation, place: tuple[int, int]) -> Bbox:
-    label.set_position(place)
-    return label.get_window_extent()

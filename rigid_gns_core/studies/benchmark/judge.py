@@ -23,6 +23,7 @@ import numpy as np
 
 from .race import Lane
 from .scenes import BenchScene, FRAME
+from ..chaos_floor import worst
 from ...scenes.scene import Scene
 from ...scenes.state import Array, Trajectory
 from ...scoring import chamfer, passed_through
@@ -107,12 +108,12 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
     return max(0.0, float((energy.max() - begin) / scale))
 
 
-def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float] | None:
-    """Errors of the reference at half its substeps against itself; there is no truth below."""
+def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float | None] | None:
+    """Return the floor of chaos, of the reference and those at other substeps."""
     if runs is None:
         return None
-    half, finest = runs[0], runs[2]
-    return position_errors(half.positions, finest.positions)
+    reference, *others = (run.positions for run in runs)
+    return worst([position_errors(other, reference) for other in others])
 
 
 def result(scene: BenchScene, lane: Lane, reference: Array | None) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .judge import HORIZONS
+from ...files.tables import format_rows, number
 
 COMPARED = 'laws 8'
 """The shipped model as it is, whose speed the others' are set beside."""
@@ -29,14 +30,16 @@ def format_scene(scene: Mapping[str, Any], reference: str | None) -> str:
     """Table of one scene of a report of `command.run`: one line per peer."""
     head = ['peer', 'frames/s', 'ms/frame (10..90 %)', 'p50/p99/worst ms', f'{COMPARED} is']
     errors = _error_names(scene)
-    head += [_error_head(name) for name in errors]
-    rows = [[*_speed_cells(peer), *_error_cells(peer, errors)] for peer in scene['peers']]
+    head += [*(_error_head(name) for name in errors), '']
+    rows = [
+        [*_speed_cells(peer), *_error_cells(peer, errors), _remark(peer)]
+        for peer in scene['peers']
+    ]
     if scene['floor'] is not None:
-        floor = [_short(scene['floor'][name]) for name in errors]
-        rows.append(['(reference, half substeps)', '', '', '', '', *floor])
+        floor = [number(scene['floor'][name]) for name in errors]
+        rows.append(['(reference against itself)', '', '', '', '', *floor, ''])
     lines = [f'{scene["name"]}: {scene["text"]}; {scene["spheres"]} spheres', '']
-    remarks = [_remark(peer) for peer in scene['peers']] + ['']
-    lines += _aligned(head, rows, remarks)
+    lines.append(format_rows(head, rows, left=(0, -1)))
     if reference is not None:
         lines += ['', f'errors against {reference}; [m], Chamfer [m^2]']
     return '\n'.join(lines)
@@ -47,14 +50,14 @@ def format_scaling(scaling: Mapping[str, Any]) -> str:
     rows = [
         [
             str(row['spheres']),
-            _short(1e3 * row['seconds_per_step']['median']),
+            number(1e3 * row['seconds_per_step']['median']),
             _spread(row['seconds_per_step']),
-            _short(row['steps_per_second']),
+            number(row['steps_per_second']),
         ]
         for row in scaling['rows']
     ]
     lines = ['scaling of the laws: bouncing boxes of one density', '']
-    lines += _aligned(['spheres', 'ms/step', '(10..90 %)', 'steps/s'], rows)
+    lines.append(format_rows(['spheres', 'ms/step', '(10..90 %)', 'steps/s'], rows))
     if scaling['exponent'] is not None:
         lines += ['', f'time ~ spheres^{scaling["exponent"]:.2f} from {scaling["fitted_from"]} on']
     return '\n'.join(lines)
@@ -78,8 +81,8 @@ def format_processes(processes: Mapping[str, Any]) -> str:
     )
     for row in processes['busy_core']:
         lines.append(
-            f'{row["peer"]} in {row["scene"]}: {_short(row["alone"])} steps/s, with one core kept '
-            f'busy {_short(row["beside_a_busy_core"])}: {100 * row["ratio"]:.0f} %'
+            f'{row["peer"]} in {row["scene"]}: {number(row["alone"])} steps/s, with one core kept '
+            f'busy {number(row["beside_a_busy_core"])}: {100 * row["ratio"]:.0f} %'
         )
     return '\n'.join(lines)
 
@@ -103,15 +106,15 @@ def _speed_cells(peer: Mapping[str, Any]) -> list[str]:
     ratio = peer['compared']
     return [
         peer['name'],
-        _short(timing['frames_per_second']),
-        ' '.join([_short(1e3 * frame['median']), _spread(frame)]),
-        '/'.join(_short(1e3 * latency[name]) for name in ('p50', 'p99', 'worst')),
-        '' if ratio is None else f'{_short(ratio)} x',
+        number(timing['frames_per_second']),
+        ' '.join([number(1e3 * frame['median']), _spread(frame)]),
+        '/'.join(number(1e3 * latency[name]) for name in ('p50', 'p99', 'worst')),
+        '' if ratio is None else f'{number(ratio)} x',
     ]
 
 
 def _error_cells(peer: Mapping[str, Any], names: Sequence[str]) -> list[str]:
-    return ['' if peer['errors'] is None else _short(peer['errors'][name]) for name in names]
+    return ['' if peer['errors'] is None else number(peer['errors'][name]) for name in names]
 
 
 def _remark(peer: Mapping[str, Any]) -> str:
@@ -120,29 +123,8 @@ def _remark(peer: Mapping[str, Any]) -> str:
 
 
 def _spread(seconds: Mapping[str, float]) -> str:
-    return f'({_short(1e3 * seconds["p10"])}..{_short(1e3 * seconds["p90"])})'
+    return f'({number(1e3 * seconds["p10"])}..{number(1e3 * seconds["p90"])})'
 
 
 def _megabytes(value: int | None) -> str:
     return 'unknown' if value is None else f'{value / 1e6:.0f} MB'
-
-
-def _aligned(
-    head: Sequence[str], rows: Sequence[Sequence[str]], remarks: Sequence[str] = ()
-) -> list[str]:
-    """Lines of columns, the first to the left; a remark ends its line."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-
-    def line(cells: Sequence[str]) -> str:
-        pairs = zip(cells, widths, strict=True)
-        return '  '.join(c.rjust(w) if i else c.ljust(w) for i, (c, w) in enumerate(pairs))
-
-    ends = list(remarks) + [''] * (len(rows) - len(remarks))
-    body = [f'{line(row)}  {end}'.rstrip() for row, end in zip(rows, ends, strict=False)]
-    return [line(head), '-' * (sum(widths) + 2 * (len(widths) - 1)), *body]
-
-
-def _short(value: float) -> str:
-    if 100 <= abs(value) < 1e6:
-        return f'{value:.0f}'
-    return f'{value:.2g}' if abs(value) < 10 else f'{value:.3g}'

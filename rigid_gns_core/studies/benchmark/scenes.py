@@ -21,12 +21,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..hard_cases.case import Case
+from ..chaos_floor import References
 from ...data.recipe import load_recipe
 from ...scenes.plane import Plane
 from ...scenes.sampling import load_scene, sample_start
 from ...scenes.scene import Scene
-from ...scenes.state import Array, State
+from ...scenes.state import Array, State, Trajectory
 
 FRAME = 0.1
 """Time between two frames [s]; that of the learned simulators for spheres of 1 m."""
@@ -57,10 +57,10 @@ class BenchScene:
         if not 1 <= self.frames <= FRAMES:
             raise ValueError(f'frames of {self.name!r} is {self.frames}, expected 1 to {FRAMES}')
 
-    @property
-    def case(self) -> Case:
-        """The same for the cache of references."""
-        return Case(f'bench-{self.name}', self.text, self.scene, self.start, self.frames)
+    def references(self, references: References) -> list[Trajectory] | None:
+        """Return the teacher and those that tell its floor."""
+        name = f'bench-{self.name}'
+        return references.of(name, self.scene, self.start, self.frames, FRAME)
 
 
 def bench_scenes(

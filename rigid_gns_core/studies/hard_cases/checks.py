@@ -24,6 +24,7 @@ import numpy as np
 
 from .case import Case
 from .cases import DRIFT, ENERGY_RISE
+from ..chaos_floor import least_floor, over_floor
 from ...scenes.scene import Scene
 from ...scenes.state import Array, Trajectory
 from ...scoring import divergence, energy, passed_through, sphere_penetration, surface_penetration
@@ -31,8 +32,6 @@ from ...scoring.evaluate import Velocities
 
 HORIZONS = (10, 30, 100)
 """Steps at which errors against the teacher are reported."""
-LEAST_FLOOR = 0.01
-"""Errors below this [r] are not told apart."""
 TEACHER_ENERGY_RISE = 0.1
 """A teacher whose energy rises by more has blown up, and is no truth to measure against."""
 _BELOW = 1e-9  # centres this far behind a surface [r] are on it, but for rounding
@@ -132,7 +131,7 @@ def energy_rise(case: Case, trajectory: Trajectory) -> tuple[float, float]:
 
 def measure_errors(
     case: Case, trajectory: Trajectory, references: Sequence[Trajectory]
-) -> dict[str, dict[str, float]] | None:
+) -> dict[str, dict[str, float | None]] | None:
     """Errors against the teacher, and the floor that its own step size sets.
 
     Args:
@@ -141,18 +140,19 @@ def measure_errors(
         references: The teacher, then the teacher at other substeps; may be shorter.
 
     Returns:
-        By step: `error` and `floor`, means over the spheres of the distance [m], and `ratio`. None
-        where the teacher blew up: then there is no truth.
+        By step: `error` and `floor`, means over the spheres of the distance [m], and `ratio`, see
+        `chaos_floor`. None where the teacher blew up: then there is no truth.
     """
     if not all(_is_sound(case, reference) for reference in references):
         return None
     truth, *others = references
-    least = LEAST_FLOOR * float(case.scene.per_sphere('radius', truth.count).mean())
+    least = least_floor('position_error', case.scene.radius)
     errors = {}
     for step in (step for step in HORIZONS if step <= min(trajectory.steps, truth.steps)):
         error = _distance(trajectory, truth, step)
-        floor = max(least, *(_distance(other, truth, step) for other in others))
-        errors[str(step)] = {'error': error, 'floor': floor, 'ratio': error / floor}
+        floor = max(_distance(other, truth, step) for other in others)
+        ratio = over_floor(error, floor, least)
+        errors[str(step)] = {'error': error, 'floor': floor, 'ratio': ratio}
     return errors
 
 

@@ -24,8 +24,8 @@ import warnings
 import numpy as np
 
 from .case import Case
-from .checks import failures, measure_errors, measure_laws
-from .references import References
+from .checks import failures, HORIZONS, measure_errors, measure_laws
+from ..chaos_floor import References
 from ...scenes.scene import Scene
 from ...scenes.state import State, Trajectory
 from ...scoring.evaluate import Velocities
@@ -131,7 +131,8 @@ def _row(case: Case, engine: Engine, references: References | None) -> dict[str,
         'laws': laws,
     }
     if references is not None:
-        runs = references.of(case, trajectory.dt)
+        steps = min(case.steps, max(HORIZONS))
+        runs = references.of(case.name, case.scene, case.start, steps, trajectory.dt)
         row['errors'] = None if runs is None else measure_errors(case, trajectory, runs)
         row['teacher'] = row['errors'] is not None
     return row

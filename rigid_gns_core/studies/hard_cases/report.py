@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from .cases import DRIFT, ENERGY_RISE
-from .checks import HORIZONS, LEAST_FLOOR
+from .checks import HORIZONS
+from ...files.tables import format_rows, number
 
 _LAWS = ('case', 'model', 'verdict', 'finite', 'inside', 'deepest', 'at end', 'energy rise')
 _LAWS += ('drift', 'speed')
@@ -33,16 +34,8 @@ def format_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Text of rows of `command.run_cases`; columns that no row fills are left out."""
     columns = [*_LAWS, *(_ERRORS if any(row['errors'] for row in rows) else ())]
     notes: dict[str, int] = {}
-    cells = [[_cell(row, column) for column in columns] for row in rows]
-    remarks = [_remark(row, notes) for row in rows]
-    widths = [max(map(len, column)) for column in zip(columns, *cells, strict=True)]
-    lines = [_line(columns, widths)]
-    lines.append('-' * len(lines[0]))
-    for row, texts, remark in zip(rows, cells, remarks, strict=True):
-        if row['refused'] is not None:  # nothing was measured, so the reason takes the room
-            lines.append(f'{_line(texts[:2], widths)}  refused: {row["refused"]}')
-        else:
-            lines.append(f'{_line(texts, widths)}  {remark}'.rstrip())
+    cells = [[*(_cell(row, column) for column in columns), _remark(row, notes)] for row in rows]
+    lines = [format_rows([*columns, ''], cells, left=(0, 1, 2, -1))]
     lines += ['', _legend(len(columns) > len(_LAWS))]
     lines += [f'({number}) {text}' for text, number in notes.items()]
     return '\n'.join(lines)
@@ -71,16 +64,10 @@ def _legend(errors: bool) -> str:
         steps = '/'.join(map(str, HORIZONS))
         text += (
             f'\nerror [m] against the teacher after {steps} steps; floor [m]: the teacher against '
-            f'itself at half and twice the substeps, at least {LEAST_FLOOR:g} r.'
+            'itself at half and twice the substeps; ratio: error over floor, or half a radius '
+            'where that is more.'
         )
     return text
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """Return a row: the first three cells are words, the rest numbers."""
-    pairs = zip(cells, widths, strict=False)
-    aligned = [c.ljust(w) if i < 3 else c.rjust(w) for i, (c, w) in enumerate(pairs)]
-    return '  '.join(aligned)
 
 
 def _cell(row: Mapping[str, Any], column: str) -> str:
@@ -91,30 +78,26 @@ def _cell(row: Mapping[str, Any], column: str) -> str:
         return ''
     if column in _ERRORS:
         errors = row['errors'] or {}
-        return '/'.join(_short(values[column]) for values in errors.values()) or '-'
+        return '/'.join(number(values[column], 2) for values in errors.values()) or '-'
     if column == 'inside':
         return 'yes' if laws['inside'] else f'{laws["escaped"]} out!'
     if column == 'finite':
         return 'yes' if laws['finite'] else 'no!'
     names = {'at end': 'final_depth', 'energy rise': 'energy_rise', 'speed': 'final_speed'}
     name = names.get(column, column)
-    if laws[name] is None:
-        return '-'
-    return _short(laws[name]) + ('!' if name in row['failed'] else '')
+    return number(laws[name], 2) + ('!' if name in row['failed'] else '')
 
 
 def _remark(row: Mapping[str, Any], notes: dict[str, int]) -> str:
     """Return what else there is to say; long texts go below the table, under a number."""
+    if row['refused'] is not None:
+        return str(row['refused'])
     parts = []
     laws = row['laws'] or {}
     if 0 < laws.get('push_out', 0.0) < np.inf:
-        parts.append(f'pushed out by {_short(laws["push_out"])}')
+        parts.append(f'pushed out by {number(laws["push_out"], 2)}')
     if row['teacher'] is False:
         parts.append('teacher: no')
     for text in row['warnings']:
         parts.append(f'({notes.setdefault(text, len(notes) + 1)})')
     return ', '.join(parts)
-
-
-def _short(value: float) -> str:
-    return f'{value:.2g}'

@@ -12,25 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A cell: one variant with one seed. What determines it is its key, so it never runs twice."""
+"""A cell, one variant with one seed: what determines it is its key, its result a JSON file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, MISSING
 from functools import cache, cached_property
 import hashlib
 import json
+from pathlib import Path
+import platform
+import subprocess
 from typing import Any
 
 from .budget import Budget
-from .study import Experiment, Kind, Variant
+from .study import Experiment, Kind, SETS, Variant
 from ...data.generate import resolve
 from ...data.recipe import load_recipe, recipe_hash
+from ...files.config import ConfigError, to_mapping
+from ...files.strict_json import read_json, write_compact_json
+from ...installation.versions import PACKAGE, versions_of
 from ...scenes.sampling import load_scene
 
 VERSION = 1
 """Raised where the same configuration gives other numbers than before, so that cells run again."""
+DIGITS = 6
+"""Significant digits that are kept."""
+_PACKAGES = (PACKAGE, 'numpy', 'scipy', 'torch', 'pybullet')
 
 
 @dataclass(frozen=True)
@@ -138,6 +147,96 @@ def differing(config: Any) -> dict[str, Any]:
         elif value != default:
             result[entry.name] = value
     return result
+
+
+class Store:
+    """Finished cells in a folder.
+
+    Args:
+        folder: Holds one JSON file for each cell; made on the first `write`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def find(self, cell: Cell) -> Path | None:
+        """File of a finished cell, under whatever name an experiment gave it."""
+        return next(iter(sorted(self.folder.glob(f'*_{cell.key}.json'))), None)
+
+    def read(self, cell: Cell) -> dict[str, Any] | None:
+        """Return the result of a cell; None: it has not run.
+
+        Raises:
+            ConfigError: Its file is damaged.
+        """
+        path = self.find(cell)
+        if path is None:
+            return None
+        try:
+            result = read_json(path)
+            if result['key'] != cell.key:
+                raise ValueError(f'key is {result["key"]!r}')
+        except (ValueError, KeyError, TypeError) as error:
+            raise ConfigError(
+                f'{path}: damaged ({error}); remove it, and the same command runs the cell again'
+            ) from error
+        return result
+
+    def write(self, cell: Cell, result: Mapping[str, Any]) -> Path:
+        """Write a result whole, or leave the old file."""
+        path = self.folder / cell.file_name
+        write_compact_json(path, {**describe_cell(cell), **result}, DIGITS)
+        return path
+
+
+def describe_cell(cell: Cell) -> dict[str, Any]:
+    """Return what a cell is and what made it; no path and no name of a machine."""
+    budget = cell.budget
+    config: dict[str, Any] = {'changes': cell.changes}
+    keys = {'key': cell.key}
+    if cell.kind == 'train':
+        config = to_mapping(budget.training(cell.changes, cell.seed))
+        keys['training_key'] = cell.training_key
+    return {
+        'version': VERSION,
+        'kind': cell.kind,
+        'name': cell.name,
+        'seed': cell.seed,
+        **keys,
+        'budget': {
+            'name': budget.name,
+            'words': budget.words,
+            'data': to_mapping(budget.data.named),
+        },
+        'steps': {which: cell.steps(which) for which in SETS},
+        'config': config,
+        'commit': commit(),
+        'versions': versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of this package, Python, and what computes."""
+    found = versions_of(_PACKAGES)
+    present = {name: version for name, version in found.items() if version is not None}
+    return {'python': platform.python_version(), **present}
+
+
+@cache
+def commit() -> str | None:
+    """Git commit of the source tree, with a + where files differ; None: no checkout."""
+    root = Path(__file__).resolve().parents[3]
+    if not (root / '.git').exists():
+        return None
+
+    def git(*words: str) -> str:
+        done = subprocess.run(
+            ['git', '-C', str(root), *words], capture_output=True, text=True, check=False
+        )
+        return done.stdout.strip()
+
+    changed = git('status', '--porcelain', '--untracked-files=no')
+    return (git('rev-parse', 'HEAD') + ('+' if changed else '')) or None
 
 
 def _hash(what: dict[str, Any]) -> str:

@@ -16,26 +16,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
-import warnings
 
 import numpy as np
 
+from ..chaos_floor import least_floor, worst
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
 from ...data.records import Record
-from ...rollout.rollout import Simulator
 from ...scenes.state import Trajectory
 from ...scoring import LAW_KEYS
 from ...scoring.evaluate import evaluate, Velocities
 
 HORIZONS = (10, 30, 50, 100)
-# errors that are read beside the floor, and the floor's exponent of a radius
-SQUARED = ('mse', 'chamfer')
-LEAST_FLOOR = 0.25
-"""Squared errors below this [r^2], half a radius, are not told apart (docs/metrics.md)."""
-_ERRORS = (*SQUARED, 'position_error', 'predictability_time', 'predictable_to_end')
+_ERRORS = ('mse', 'chamfer', 'position_error', 'predictability_time', 'predictable_to_end')
 _ERRORS += ('resting_drift', 'velocity_error', 'spin_error')
 _HORIZON_ERRORS = ('position_error', 'mse')
 METRICS = {
@@ -52,16 +47,6 @@ METRICS = {
 
 Values = dict[str, float | None]
 Columns = dict[str, list[float | None]]
-
-
-def roll_outs(simulator: Simulator, records: Sequence[Record], steps: int) -> Iterator[Trajectory]:
-    """Yield a rollout from each record's start, one after another; NaN from where it diverges."""
-    for record in records:
-        start = vars(record.trajectory[0])
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # a divergence is counted, not told
-            predicted = simulator.rollout(record.scene, **start, steps=steps)
-        yield predicted
 
 
 def measure(
@@ -92,27 +77,20 @@ def floor_of(record: Record, others: Sequence[Record], steps: int) -> Values:
         ValueError: They start elsewhere.
     """
     start = record.trajectory.positions[0]
-    worst: Values = {}
     for other in others:
         there = other.trajectory.positions[0]
         if there.shape != start.shape or np.abs(there - start).max() > 1e-6:
             raise ValueError(f'{record.name} {record.index}: its floor has another start')
-        values = measure(other.trajectory, record, steps)
-        for key in (*_ERRORS, *(f'{key}_{h}' for key in _HORIZON_ERRORS for h in HORIZONS)):
-            value, known = values.get(key), worst.get(key)
-            pick = min if key.startswith('predictab') else max
-            worst[key] = value if known is None or value is None else pick(value, known)
-    return worst
+    found = worst([measure(other.trajectory, record, steps) for other in others])
+    names = (*_ERRORS, *(f'{key}_{h}' for key in _HORIZON_ERRORS for h in HORIZONS))
+    return {name: found.get(name) for name in names}
 
 
-def least_floor(key: str, record: Record) -> float | None:
-    """Below it an error has no ratio to the floor: half a radius; None: it never has one."""
+def least_floors(names: Iterable[str], record: Record) -> Values:
+    """Bounds of floors, by `least_` and name of the error."""
     radius = record.scene.per_sphere('radius', record.trajectory.count)
-    if key.startswith(SQUARED):
-        return LEAST_FLOOR * float(np.mean(radius**2))
-    if key.startswith('position_error'):
-        return float(np.sqrt(LEAST_FLOOR) * radius.mean())
-    return None
+    bounds = {f'least_{name}': least_floor(name, radius) for name in names}
+    return {name: bound for name, bound in bounds.items() if bound is not None}
 
 
 def columns(rows: Sequence[Mapping[str, float | None]]) -> Columns:

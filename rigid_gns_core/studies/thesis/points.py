@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
+from .study import SETS
 from .table import MEDIANS
 
-SETS = ('test', 'ood')
 _TRUTH = {'poses': 'ours, by differences of poses', 'given': "ours, by Bullet's own velocities"}
 
 

@@ -23,17 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from .budget import Budget, Data, short
-from ...data.generate import generate, generate_scene, resolve
-from ...data.recipe import DataRecipe, load_recipe, recipe_hash
-from ...data.records import (
-    Dataset,
-    DatasetError,
-    read_recipe,
-    read_record,
-    RECIPE_NAME,
-    Record,
-    record_path,
-)
+from ...data.generate import generate, generate_scene
+from ...data.recipe import DataRecipe, load_recipe
+from ...data.records import Dataset, DatasetError, read_record, Record
 from ...running.workers import Workers
 from ...scenes.sampling import load_scene, sample_start
 from ...scenes.scene import Scene
@@ -64,8 +56,7 @@ def make_sets(budget: Budget, folder: Path, kinds: Sequence[str], workers: Worke
                     f'have up to {budget.long_steps} (long_steps of the budget); make steps of '
                     'the recipe as many, or long_steps fewer'
                 )
-        if not _is_there(folder / short(name), recipe):
-            generate(recipe, folder / short(name), workers=workers)
+        generate(recipe, folder / short(name), workers=workers)
     if {'train', 'teacher'} & set(kinds):
         for scene in data.ood:
             _make_scene(scene, folder, data)
@@ -94,15 +85,6 @@ def references(budget: Budget, folder: Path, which: str, ending: str = '') -> li
 def _first(folder: Path, count: int) -> list[Record]:
     """Return the first `count` trajectories: a folder may hold more of the same recipe."""
     return Dataset(folder, partial=True)[:count]
-
-
-def _is_there(folder: Path, recipe: DataRecipe) -> bool:
-    """Whether the files of this recipe are there; `Dataset` checks each when it reads it."""
-    if not (folder / RECIPE_NAME).is_file():
-        return False
-    if recipe_hash(read_recipe(folder)) != recipe_hash(resolve(recipe)):
-        return False  # and `generate` says what differs
-    return all(record_path(folder, index).is_file() for index in range(recipe.trajectories))
 
 
 def _make_scene(name: str, folder: Path, data: Data) -> None:

@@ -144,18 +144,14 @@ def load_experiment(name: str | Path) -> Experiment:
 
 def shipped_experiments() -> dict[str, Experiment]:
     """All shipped experiments by name, in the order of the thesis."""
-    names = [path.stem for path in (config_folder() / 'experiments').glob('*.yaml')]
-    order: tuple[str, ...] = (
+    order = [
         'ground_truth',
         'history',
         'message_passing',
         'connectivity',
         'speed',
         'ablation',
-    )
-    order += ('stability',)
-
-    def place(name: str) -> tuple[int, str]:
-        return order.index(name) if name in order else len(order), name
-
-    return {name: load_experiment(name) for name in sorted(names, key=place)}
+        'stability',
+    ]
+    names = sorted(path.stem for path in (config_folder() / 'experiments').glob('*.yaml'))
+    return {name: load_experiment(name) for name in [*order, *names] if name in names}

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from .budget import Budget
-from .cell import Cell, cells_of, teacher_cells
-from .store import Store
+from .cell import Cell, cells_of, Store, teacher_cells
 from .study import Experiment, SETS, Variant
+from ..chaos_floor import over_floor
 
 Result = Mapping[str, Any]
 Statistic = dict[str, float | int | None]
@@ -120,8 +120,11 @@ def _score(measured: Sequence[Result], floor: Result | None) -> dict[str, Any]:
     seeds = {name: [columns[name] for columns in measured] for name in names}
     for name in names:
         if floor is not None and f'least_{name}' in floor:
-            bound = _larger(floor[name], floor[f'least_{name}'])
-            seeds[f'{name}_ratio'] = [_divided(values, bound) for values in seeds[name]]
+            bounds = floor[name], floor[f'least_{name}']
+            seeds[f'{name}_ratio'] = [
+                [over_floor(*one) for one in zip(values, *bounds, strict=True)]
+                for values in seeds[name]
+            ]
     metrics = {name: _statistic(values) for name, values in seeds.items()}
     metrics |= {f'{k}_median': _median(values) for k, values in seeds.items() if k in MEDIANS}
     known = {name: value for name, value in metrics.items() if value is not None}
@@ -238,13 +241,3 @@ def _over_rollouts(values: Sequence[float | None]) -> Statistic:
         'std': float(np.std(finite, ddof=1)) if len(finite) > 1 else None,
         'count': len(finite),
     }
-
-
-def _larger(values: Sequence[float | None], bounds: Sequence[float | None]) -> list[float | None]:
-    pairs = zip(values, bounds, strict=True)
-    return [None if v is None or b is None else max(v, b) for v, b in pairs]
-
-
-def _divided(values: Sequence[float | None], by: Sequence[float | None]) -> list[float | None]:
-    pairs = zip(values, by, strict=True)
-    return [None if v is None or b is None else v / b for v, b in pairs]

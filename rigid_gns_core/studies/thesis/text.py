@@ -17,10 +17,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
 
+from .study import shipped_experiments
+from ...files.config import ConfigError
+from ...files.strict_json import read_json
+from ...files.tables import format_rows, mean_std, number
 from ...scoring.table import LAWS
 
 SET_NAMES = {'test': 'test set', 'ood': 'unseen scenes'}
@@ -62,6 +69,7 @@ LATE = {
 THESIS_STEPS = 2000
 """Length of the thesis' trajectories, taken to be that of the rollouts in its table 2."""
 PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
+_BLOCK = re.compile(r'(<!-- experiment: (\w+) -->\n)(.*?)(<!-- end -->)', re.DOTALL)
 _TRUTH = [key for key in LAWS if key != 'time_to_rest']
 
 
@@ -86,25 +94,11 @@ def format_table(table: Mapping[str, Any]) -> str:
     return '\n\n'.join(block for block in blocks if block) + '\n'
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """Return a number of so many significant digits, as short as can be read."""
-    if value is None:
-        return ''
-    if value == 0 or not np.isfinite(value):
-        return f'{value:g}'
-    if 1e-3 <= abs(value) < 1e5:
-        places = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
-        text = f'{value:.{places}f}'
-        return text.rstrip('0').rstrip('.') if '.' in text else text
-    mantissa, exponent = f'{value:.{digits - 1}e}'.split('e')
-    return f'{mantissa}e{int(exponent)}'
-
-
 def spread(mean: float | None, std: float | None) -> str:
     """`mean ± std`, or the mean alone."""
     if mean is None:
         return 'diverged'
-    return number(mean) if std is None else f'{number(mean)} ± {number(std, 2)}'
+    return mean_std(mean, std)
 
 
 def printed(value: Any) -> str:
@@ -147,7 +141,8 @@ def _block(
         key for key in PRINTED if key in columns and any(_thesis(r, which, key) for r in rows)
     ]
     head = ['variant', 'diverged', *(columns[key] for key in keys)]
-    lines = [head + [f'thesis, {THESIS_STEPS} steps: {PRINTED[key]}' for key in words]]
+    head += [f'thesis, {THESIS_STEPS} steps: {PRINTED[key]}' for key in words]
+    lines = []
     for row, score in zip(rows, scores, strict=True):
         lost = f'{score["diverged"]} of {score["rollouts"]}'
         if row['untrainable']:
@@ -157,7 +152,7 @@ def _block(
     if any(key in floor for key in keys):
         known = [number(floor.get(key)) for key in keys]
         lines.append(['*Bullet against itself*', '', *known, *[''] * len(words)])
-    return markdown(lines)
+    return format_rows(head, lines, markdown=True)
 
 
 def _teacher_block(table: Mapping[str, Any]) -> str:
@@ -168,7 +163,7 @@ def _teacher_block(table: Mapping[str, Any]) -> str:
     for row in rows:
         head += [f'thesis: {row["label"]}', f'ours, by differences of poses: {row["label"]}']
         head += [f"ours, by Bullet's own velocities: {row['label']}"]
-    lines = [head]
+    lines = []
     names = LAWS | {'escaped': ('Escaped', '%')}
     for key in (*_TRUTH, 'escaped'):
         name, unit = names[key]
@@ -178,16 +173,16 @@ def _teacher_block(table: Mapping[str, Any]) -> str:
             line += [_cell(row['laws'][kind].get(key)) for kind in ('poses', 'given')]
         lines.append(line)
     steps = ', '.join(f'{row["label"]}: {row["steps"]} steps' for row in rows)
-    return f'{markdown(lines)}\n\nMean ± standard deviation over trajectories; {steps}.'
+    text = format_rows(head, lines, markdown=True)
+    return f'{text}\n\nMean ± standard deviation over trajectories; {steps}.'
 
 
 def _speed_block(table: Mapping[str, Any]) -> str:
     rows = [row for row in table['rows'] if 'values' in row]
     if not rows:
         return ''
-    lines = [
-        ['variant', 'frames per second', 'edges', 'surface edges', 'thesis: frames per second']
-    ]
+    head = ['variant', 'frames per second', 'edges', 'surface edges', 'thesis: frames per second']
+    lines = []
     for row in rows:
         cells = [_cell(row['values'][k]) for k in ('frames_per_second', 'edges', 'surface_edges')]
         lines.append([row['label'], *cells, _thesis(row, 'test', 'frames_per_second')])
@@ -197,7 +192,7 @@ def _speed_block(table: Mapping[str, Any]) -> str:
         f'{number(first["spheres"])} spheres on average, width {first["width"]}, one thread of '
         f'{first["cpu"]}.'
     )
-    return f'{markdown(lines)}\n\n{note}'
+    return f'{format_rows(head, lines, markdown=True)}\n\n{note}'
 
 
 def _thesis(row: Mapping[str, Any], which: str, key: str) -> str:
@@ -208,12 +203,36 @@ def _cell(statistic: Mapping[str, Any] | None) -> str:
     return '' if statistic is None else spread(statistic['mean'], statistic['std'])
 
 
-def markdown(lines: Sequence[Sequence[str]]) -> str:
-    """Return a table whose first line is its head, columns as wide as they need."""
-    widths = [max(3, *(len(line[i]) for line in lines)) for i in range(len(lines[0]))]
-    rows = [
-        '| ' + ' | '.join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + ' |'
-        for line in lines
-    ]
-    rows.insert(1, '|' + '|'.join('-' * (width + 2) for width in widths) + '|')
-    return '\n'.join(rows)
+def write_page(page: Path, results: Path) -> None:
+    """Replace what is between `<!-- experiment: NAME -->` and `<!-- end -->` by table and figure.
+
+    Args:
+        page: Markdown file; all else in it stays.
+        results: Folder of a budget's tables.
+
+    Raises:
+        ConfigError: A marker names no experiment; the allowed ones are listed.
+    """
+    known = shipped_experiments()
+
+    def fill(match: re.Match[str]) -> str:
+        name = match[2]
+        if name not in known:
+            raise ConfigError(f'{page}: no experiment {name!r}, allowed: {", ".join(known)}')
+        return f'{match[1]}{_content(name, page, results)}{match[4]}'
+
+    text = _BLOCK.sub(fill, page.read_text(encoding='utf-8'))
+    page.write_text(text, encoding='utf-8')
+
+
+def _content(name: str, page: Path, results: Path) -> str:
+    path = results / f'{name}.json'
+    if not path.is_file():
+        return f'\nNot run yet: `rigid-gns experiment {name} --budget {results.name}`.\n\n'
+    table = read_json(path)
+    content = f'\nBudget {table["budget"]["words"]}.\n\n{format_table(table)}\n'
+    figure = path.with_suffix('.png')
+    if figure.is_file():
+        link = Path(os.path.relpath(figure, page.parent)).as_posix()
+        content += f'![{table["title"]}]({link})\n\n'
+    return content

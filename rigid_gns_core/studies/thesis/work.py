@@ -12,41 +12,98 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs a cell, in whatever process; returns what its JSON will hold."""
+"""Runs the cells that have no result yet, side by side or on a cluster."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 import contextlib
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 import threading
 import time
 import traceback
-from typing import Any, TYPE_CHECKING
+from typing import Any
+import warnings
 
-from .cell import Cell
-from .devices import Devices
-from .measure import columns, describe, floor_of, least_floor, measure, roll_outs, Values
-from .sets import references, training_set
+from .budget import Budget
+from .cell import Cell, commit, Store
+from .measure import columns, describe, floor_of, least_floors, measure, Values
+from .sets import make_sets, references, training_set
 from .speed import measure_speed
-from .store import commit
-from .tally import Tally
 from ...data.common_scene import fingerprint
 from ...data.records import Record
+from ...files.strict_json import read_json, write_compact_json
+from ...running.progress import Progress
+from ...running.workers import Workers
 from ...scoring import LAW_KEYS
 from ...scoring.evaluate import Velocities
-
-if TYPE_CHECKING:
-    import torch
 
 LOG = 'output.txt'
 # a cluster's worker may have threads, but seeds and standard error are of the process
 _ONE_AT_A_TIME = threading.Lock()
 
 
+@dataclass(frozen=True)
+class Folders:
+    """Where things lie.
+
+    Args:
+        data: Data sets, which are made where they are absent.
+        runs: Checkpoints of cells that are being trained.
+        out: Results.
+    """
+
+    data: Path
+    runs: Path
+    out: Path
+
+
+def run_cells(
+    cells: Sequence[Cell], budget: Budget, folders: Folders, store: Store, workers: Workers
+) -> list[str]:
+    """Run what is missing; returns a line for each cell that failed.
+
+    A cell that was stopped goes on from its last checkpoint. Where this machine trains on a GPU,
+    cells run one at a time. Timings run one at a time, after all else, in this process.
+    """
+    missing = [cell for cell in cells if store.find(cell) is None]
+    if not missing:
+        return []
+    make_sets(budget, folders.data, sorted({cell.kind for cell in missing}), workers)
+    side_by_side = [cell for cell in missing if cell.kind != 'speed']
+    timed = [cell for cell in missing if cell.kind == 'speed']
+    if workers.here and _on_gpu(budget):
+        workers = replace(workers, count=1)
+    failed = []
+    with Progress(
+        len(cells), 'cells', unit='cell', initial=len(cells) - len(missing), interval=0.0
+    ) as progress:
+        for group, by in ((side_by_side, workers), (timed, Workers(1))):
+            alone = by.here and by.processes(len(group)) == 1
+            if group and not alone:
+                progress.line(f'what each cell does: {folders.runs / "*" / LOG}')
+            calls = (
+                (cell, folders.data, folders.runs, not alone)
+                for cell in group
+                if store.find(cell) is None  # still: others may work on the same folder
+            )
+            for cell, result in by.run(run_cell, calls, len(group)):
+                if 'error' in result:
+                    what = f'{cell.name}, seed {cell.seed}'
+                    failed.append(f'{what}: {result["error"].strip().splitlines()[-1]}')
+                    progress.line(f'{what} failed:\n{result["error"]}')
+                else:
+                    store.write(cell, result)
+                minutes = result.get('seconds', {}).get('all', 0.0) / 60
+                progress.update(cell=f'{cell.name}/{cell.seed}', minutes=minutes)
+    return failed
+
+
 def run_cell(
-    cell: Cell, data: Path, runs: Path, *, quiet: bool = False, devices: Devices | None = None
-) -> dict[str, Any]:
+    cell: Cell, data: Path, runs: Path, quiet: bool = False
+) -> tuple[Cell, dict[str, Any]]:
     """Do the work of a cell; what was trained before is not trained again.
 
     Args:
@@ -54,63 +111,103 @@ def run_cell(
         data: Folder of the data sets, see `sets.make_sets`.
         runs: Folder of checkpoints, one for each cell.
         quiet: Write progress into `output.txt` of the run's folder, not to standard error.
-        devices: CUDA devices, of which this process takes its own; None: what the budget says.
 
     Returns:
-        The result, with `seconds`, those of earlier processes included; or `error` with a
-        traceback, so that others go on.
+        The cell, and its result with `seconds`, those of earlier processes included; or `error`
+        with a traceback, so that others go on.
     """
+    import torch
+
     with _ONE_AT_A_TIME:
-        return _run_cell(cell, data, runs, quiet, devices)
+        torch.set_num_threads(1)  # cells run side by side
+        begin = time.monotonic()
+        folder = runs / (cell.training_key if cell.kind == 'train' else cell.key)
+        try:
+            with _redirected(folder / LOG) if quiet else contextlib.nullcontext():
+                if cell.kind == 'teacher':
+                    result = _teacher(cell, data)
+                elif cell.kind == 'speed':
+                    result = measure_speed(cell, references(cell.budget, data, 'test'))
+                else:
+                    result = _train(cell, data, folder)
+        except Exception:
+            return cell, {'error': traceback.format_exc()}
+        seconds = result.get('seconds', {})
+        whole = seconds.get('earlier_processes', 0.0) + time.monotonic() - begin
+        return cell, {**result, 'seconds': {**seconds, 'all': whole}}
 
 
-def _run_cell(
-    cell: Cell, data: Path, runs: Path, quiet: bool, devices: Devices | None
-) -> dict[str, Any]:
+class Tally:
+    """How long a cell was trained and by which commits, over all processes that worked on it.
+
+    A context manager around the training, which keeps it beside the checkpoints.
+
+    Args:
+        folder: Of the checkpoints.
+        step: Where this process begins. Earlier ones count if they came further than they began.
+    """
+
+    def __init__(self, folder: Path, step: int) -> None:
+        self._path, self._begin = folder / 'tally.json', time.monotonic()
+        known = read_json(self._path)['runs'] if self._path.is_file() else []
+        self._earlier = [run for run in known if run['from_step'] < step]
+        self._own: dict[str, Any] = {'from_step': step, 'commit': commit(), 'seconds': None}
+
+    def __enter__(self) -> Tally:
+        self._write()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._own['seconds'] = self.seconds
+        self._write()
+
+    @property
+    def seconds(self) -> float:
+        """Training of this process [s]."""
+        return time.monotonic() - self._begin
+
+    @property
+    def earlier(self) -> float:
+        """Training of the processes before this one [s]."""
+        return float(sum(run['seconds'] or 0.0 for run in self._earlier))
+
+    @property
+    def counted_from_step(self) -> int:
+        """Step from which on seconds are known: 0, unless a process was killed before."""
+        runs = [*self._earlier, self._own]
+        killed = [after for run, after in pairwise(runs) if run['seconds'] is None]
+        return int((killed or runs[:1])[-1]['from_step'])
+
+    @property
+    def commits(self) -> list[str]:
+        """Those of all processes, in order, each once."""
+        runs = [*self._earlier, self._own]
+        return list(dict.fromkeys(run['commit'] for run in runs if run['commit']))
+
+    def _write(self) -> None:
+        write_compact_json(self._path, {'runs': [*self._earlier, self._own]}, digits=6)
+
+
+def _on_gpu(budget: Budget) -> bool:
+    if budget.device == 'cpu':
+        return False
     import torch
 
-    torch.set_num_threads(1)  # cells run side by side
-    begin = time.monotonic()
-    folder = runs / (cell.training_key if cell.kind == 'train' else cell.key)
-    try:
-        with _redirected(folder / LOG) if quiet else contextlib.nullcontext():
-            if cell.kind == 'teacher':
-                result = _teacher(cell, data)
-            elif cell.kind == 'speed':
-                result = measure_speed(cell, references(cell.budget, data, 'test'))
-            else:
-                result = _train(cell, data, folder, devices)
-    except Exception:
-        return {'error': traceback.format_exc()}
-    seconds = result.get('seconds', {})
-    whole = seconds.get('earlier_processes', 0.0) + time.monotonic() - begin
-    return {**result, 'seconds': {**seconds, 'all': whole}}
+    return torch.cuda.is_available()
 
 
-def device_for(cell: Cell, devices: Devices | None) -> torch.device:
-    """Return where a cell is trained and rolled out by this process."""
-    import torch
-
-    from ...training.distributed import find_device
-
-    if devices is not None:
-        return torch.device('cuda', devices.mine())
-    return find_device(cell.budget.device)
-
-
-def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dict[str, Any]:
+def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     """Train, then roll out on the test set and on the scenes unlike the training set."""
     from ...rollout.rollout import load_simulator
+    from ...training.distributed import find_device
     from ...training.train import Trainer
 
     config = cell.budget.training(cell.changes, cell.seed)
-    device = device_for(cell, devices)
+    device = find_device(cell.budget.device)
     records = training_set(cell.budget, data)
-    begin = time.monotonic()
     trainer = Trainer(config, records, [], folder, cell.budget.data.named.train, device)
-    done = trainer.learner.step
     failed = None
-    tally = Tally(folder, done, commit(), begin)
+    tally = Tally(folder, trainer.learner.step)
     try:
         with tally:
             trainer.run()
@@ -125,8 +222,7 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
             'parameters': sum(parameter.numel() for parameter in trainer.learner.parameters),
         },
         'seconds': {
-            'training': tally.earlier + time.monotonic() - begin,
-            'resumed_at_step': done,
+            'training': tally.earlier + tally.seconds,
             'counted_from_step': tally.counted_from_step,
             'earlier_processes': tally.earlier,
         },
@@ -144,8 +240,11 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
             continue
         lengths = cell.steps(which)
         rows: dict[int, list[Values]] = {steps: [] for steps in lengths}
-        made = roll_outs(simulator, held_out, lengths[-1])
-        for record, predicted in zip(held_out, made, strict=True):
+        for record in held_out:
+            with warnings.catch_warnings():
+                warnings.simplefilter('ignore')  # a divergence is counted, not told
+                start = vars(record.trajectory[0])
+                predicted = simulator.rollout(record.scene, steps=lengths[-1], **start)
             for steps in lengths:
                 rows[steps].append(measure(predicted, record, steps))
         result['measures'][which] = _by_steps(held_out, rows)
@@ -167,8 +266,7 @@ def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
     for record, *pair in zip(held_out, *others, strict=True):
         for steps in lengths:
             floor = floor_of(record, pair, steps)
-            bounds = {f'least_{key}': least_floor(key, record) for key in floor}
-            floors[steps].append(floor | {k: v for k, v in bounds.items() if v is not None})
+            floors[steps].append(floor | least_floors(floor, record))
     result['floor'] = _by_steps(held_out, floors)
     return result
 

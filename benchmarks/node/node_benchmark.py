@@ -14,9 +14,9 @@
 
 """The simulator node in real time: lateness, what is recorded, time of a future, memory.
 
-    python benchmarks/node_benchmark.py --json docs/model/node_benchmark.json    # 50 minutes
-    python benchmarks/node_benchmark.py rate horizon --seconds 10 --only '50 spheres'
-    python benchmarks/node_benchmark.py soak --minutes 30 --again
+    python benchmarks/node/node_benchmark.py --json docs/model/node_benchmark.json    # 50 minutes
+    python benchmarks/node/node_benchmark.py rate horizon --seconds 10 --only '50 spheres'
+    python benchmarks/node/node_benchmark.py soak --minutes 30 --again
 
 Tracker, simulator and listener are three processes that talk by DDS. The tracker plays what the
 contact model made of spheres that fall into a box, with noise of 0.5 % of the radius, there and
@@ -30,7 +30,7 @@ horizon  From the arrival of a tracked frame to the publication of its future of
          from just before it is published to the arrival of its future at the listener (`heard`):
          also both ways through DDS, and the wake-up of two Python processes. Recorded too. A frame
          overtaken by the next one has no future.
-kills    What is left of a bag after a SIGKILL: made by benchmarks/bag_kills.py, only shown here.
+kills    What is left of a bag after a SIGKILL: made by benchmarks/bags/bag_kills.py, shown here.
 soak     100 Hz, recorded in files of 50 MB (1.2 GB in 30 minutes, into a temporary folder): memory
          of the simulator, which must not grow after the first minute, and errors in its log.
 
@@ -47,16 +47,16 @@ import sys
 import tempfile
 from typing import Any
 
-from node_benchmark_parts import CASES, measure_horizon, measure_rate, measure_soak
-from node_benchmark_run import Case, run
-from node_benchmark_table import BOUNDS, broken_bounds, format_kills, format_part
+from parts import CASES, measure_horizon, measure_rate, measure_soak
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.running.machine import describe_machine
 from rigid_gns_ros.demo import DemoError
+from run import Case, run
+from table import BOUNDS, broken_bounds, format_kills, format_part
 
 PARTS = ('rate', 'horizon', 'kills', 'soak')
 MEASURES = {'rate': measure_rate, 'horizon': measure_horizon, 'soak': measure_soak}
-KILLS = Path(__file__).parents[1] / 'docs' / 'model' / 'bag_kills.json'
+KILLS = Path(__file__).parents[2] / 'docs' / 'model' / 'bag_kills.json'
 TOLD = 30.0  # between two lines of a soak [s]
 
 
@@ -100,7 +100,7 @@ def load_report(path: Path | None) -> dict[str, Any]:
     """
     machine = json.loads(json.dumps(describe_machine()))
     report = {
-        'command': 'python benchmarks/node_benchmark.py',
+        'command': 'python benchmarks/node/node_benchmark.py',
         'machine': machine,
         'bounds': BOUNDS,
         'parts': {},
@@ -162,7 +162,7 @@ def measure_part(part: str, report: dict[str, Any], arguments: argparse.Namespac
     """Measure the cases of a part that the report does not hold, and write it after each."""
     done = report['parts'].setdefault(part, {})
     if part == 'kills':
-        done.update(made_by='benchmarks/bag_kills.py', file='bag_kills.json')
+        done.update(made_by='benchmarks/bags/bag_kills.py', file='bag_kills.json')
     seconds = 60 * arguments.minutes if part == 'soak' else arguments.seconds
     for case in CASES.get(part, ()):
         if arguments.only not in case.name or (case.name in done and not arguments.again):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Truth for benchmarks/tracking_filter.py: what spheres did, and when they touched something."""
+"""Truth for tracking_filter.py: what spheres did, and when they touched something."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The fit that benchmarks/tracking_filter.py compares with: one motion through all of a window."""
+"""What tracking_filter.py compares with: a fit of one motion through all of a window."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@
 
 """Who talks to the simulator: a tracker that plays poses, and a listener. One process each.
 
-    python benchmarks/node_benchmark_peers.py play POSES.npy --dt 0.1 --noise 0.005 --out sent.npy
-    python benchmarks/node_benchmark_peers.py listen --out heard.npz
+    python benchmarks/node/peers.py play POSES.npy --dt 0.1 --noise 0.005 --out sent.npy
+    python benchmarks/node/peers.py listen --out heard.npz
 
 Both end at SIGINT or SIGTERM and then write what they noted. Times are of the monotonic clock,
 which all processes of a machine share, and of the system's, which is the node's [ns].

@@ -14,7 +14,8 @@
 
 """What is left of a bag whose recorder was killed, at any moment.
 
-    python benchmarks/bag_kills.py --kills 100 --node-kills 10 --json docs/model/bag_kills.json
+    python benchmarks/bags/bag_kills.py --kills 100 --node-kills 10 \
+        --json docs/model/bag_kills.json
 
 A process records what the simulator records, 154 spheres at 100 Hz, and gets SIGKILL at a random
 moment; every second one splits its bag. Loss is the time from the last message read back to the

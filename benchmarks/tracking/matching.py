@@ -24,7 +24,7 @@ import numpy as np
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.window import RejectedFrame, TrackingWindow
-from tracking_filter_truth import Truth
+from truth import Truth
 
 LENGTH = 6
 

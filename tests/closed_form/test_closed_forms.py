@@ -12,18 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The teacher card on Bullet, and on engines that are right or wrong by construction."""
+"""The closed forms on Bullet, on a model, and on engines right or wrong by construction."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 import json
 
 import numpy as np
 import pytest
 from rigid_gns_core.closed_form import Check, GROUPS, laws, run_checks
 from rigid_gns_core.closed_form.bounces import bounces
+from rigid_gns_core.closed_form.engines import scaled
 from rigid_gns_core.commands.cli import main
-from rigid_gns_core.commands.teacher_card import table
+from rigid_gns_core.commands.closed_forms import format_checks
+from rigid_gns_core.files.checkpoint import DEFAULT_MODEL
+from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State, Trajectory
 
@@ -74,7 +78,9 @@ def test_wrong_engine_fails() -> None:
 
 
 def test_table_shows_the_worst_case() -> None:
-    text = table([Check('a', 'good', 1, 1, 0, 0.1), Check('a', 'bad', 2, 1, 1, 0.1)])
+    checks = [Check('a', 'good', 1, 1, 0, 0.1), Check('a', 'bad', 2, 1, 1, 0.1)]
+    of = {'radius': 1.0}
+    text = format_checks([asdict(one) | of | {'passed': one.passed} for one in checks])
     assert 'FAIL  bad' in text
     assert 'good' not in text
 
@@ -119,15 +125,43 @@ def test_bullet_passes(group: str) -> None:
     from rigid_gns_core.teacher.bullet import simulate
 
     failed = [c for c in run_checks(simulate, quick=True, groups=(group,)) if not c.passed]
-    assert not failed, table(failed)
+    assert not failed
 
 
 def test_command_fails_where_a_check_does(tmp_path, capsys) -> None:
     pytest.importorskip('pybullet', reason='pybullet is not installed (extra: teacher)')
     file = tmp_path / 'card.json'
     # at 8 substeps per 0.1 s a bounce is off by more than 1 %
-    assert main(['teacher-card', '--quick', '--substeps', '8', '--json', str(file)]) == 1
+    assert main(['closed-forms', '--quick', '--substeps', '8', '--json', str(file)]) == 1
     assert 'FAIL' in capsys.readouterr().out
     card = json.loads(file.read_text())
-    assert card['settings']['substeps'] == 8
-    assert any(not check['passed'] for check in card['checks'])
+    assert card['models']['teacher']['settings']['substeps'] == 8
+    assert any(not check['passed'] for check in card['models']['teacher']['checks'])
+
+
+def test_another_size_is_the_same_check() -> None:
+    scene = Scene(surfaces=Plane.box(8.0, 9.0), radius=(1.0, 2.0), mass=3.0, restitution=0.6)
+    start = State(positions=np.array([[0.0, 0.0, 4.0], [3.0, 0.0, 9.0]]))
+    seen: list[Scene] = []
+
+    def engine(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
+        seen.append(scene)
+        return ballistic()(scene, start, steps, dt)
+
+    small = scaled(engine, 0.02)(scene, start, 30, 0.1)
+    assert seen[0].radius == pytest.approx((0.02, 0.04)) and seen[0].mass == pytest.approx(2.4e-5)
+    assert seen[0].surfaces[1].length_y == pytest.approx(0.02 * scene.surfaces[1].length_y)
+    whole = ballistic()(scene, start, 30, 0.1)
+    np.testing.assert_allclose(small.positions, whole.positions, rtol=1e-12)
+    np.testing.assert_allclose(small.velocities, whole.velocities, atol=1e-12)
+    assert small.dt == pytest.approx(0.1)
+
+
+def test_the_default_model_passes_at_any_size(tmp_path) -> None:
+    file = tmp_path / 'card.json'
+    words = ['--model', DEFAULT_MODEL, '--radius', '1', '0.02', '--quick', '--json', str(file)]
+    assert main(['closed-forms', *words]) == 0
+    checks = json.loads(file.read_text())['models'][DEFAULT_MODEL]['checks']
+    done = {(check['radius'], check['group']) for check in checks}
+    assert {group for radius, group in done if radius == 1} == set(GROUPS)
+    assert {group for radius, group in done if radius == 0.02} == set(GROUPS) - {'bounce'}

@@ -14,7 +14,7 @@
 
 """What publishing a PoseArray costs: CDR bytes from one array, beside Python message objects.
 
-    python benchmarks/publish.py --subscriber --json publish.json
+    python benchmarks/node/publish.py --subscriber --json publish.json
 
 Compared, in one run and in turns, per message: `bytes`, encode and publish as the simulator does;
 `objects`, build a message of new Pose objects and publish it; `reused`, the best that objects can
@@ -41,6 +41,7 @@ import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rigid_gns_core.files.tables import format_rows, number
 from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.running.machine import cpu_name
 
@@ -175,14 +176,16 @@ def main() -> int:
     print(', '.join(f'{key} {value}' for key, value in report['machine'].items()))
     with_or_without = 'with' if child else 'without'
     print(f'{with_or_without} a subscriber; wall median (10 to 90 %), CPU median [ms] per message')
-    print(f'{"poses":>6}' + ''.join(f'{name:>34}' for name in ('bytes', 'objects', 'reused')))
+    rows = []
     for count, row in results.items():
         cells = [
-            f'{v["median_ms"]:.3f} ({v["p10_ms"]:.3f} to {v["p90_ms"]:.3f}), '
-            f'{v["cpu_median_ms"]:.3f}'
+            '{} ({} to {}), {}'.format(
+                *(number(v[key]) for key in ('median_ms', 'p10_ms', 'p90_ms', 'cpu_median_ms'))
+            )
             for v in row.values()
         ]
-        print(f'{count:6d}' + ''.join(f'{cell:>34}' for cell in cells))
+        rows.append([str(count), *cells])
+    print(format_rows(['poses', 'bytes', 'objects', 'reused'], rows, left=()))
     if 300 in results:
         median = results[300]['bytes']['median_ms']
         verdict = 'within' if median < BOUND_MS else 'OVER'

@@ -14,7 +14,7 @@
 
 """What tracked poses teach: errors on further bags before and after learning from some.
 
-    python benchmarks/learn_from_tracks.py --work runs/tracks \
+    python benchmarks/learning/learn_from_tracks.py --work runs/tracks \
         --json docs/model/learn_from_tracks.json
 
 Bullet throws spheres of a material that the GNS has not seen into boxes; bags of their poses, with
@@ -34,10 +34,11 @@ import time
 from typing import Any, NamedTuple
 import warnings
 
-from learn_from_tracks_bags import BELIEVED, FINE, Lab, STEP, TRACKED, tracked, TRUE, write_bag
+from bags import BELIEVED, FINE, Lab, STEP, TRACKED, tracked, TRUE, write_bag
 import numpy as np
 from rigid_gns_core.data.records import Dataset, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
+from rigid_gns_core.files.tables import format_rows, mean_std, number
 from rigid_gns_core.identification.calibrate import calibrate
 from rigid_gns_core.recordings.importing.import_bags import import_bags
 from rigid_gns_core.rollout.rollout import load_simulator, Simulator
@@ -166,28 +167,29 @@ def case(
 def table(report: dict[str, Any]) -> str:
     """Mean ± standard deviation (n - 1) over seeds, as Markdown."""
     cases = report['cases']
-    heads = ' | '.join(f'{time:g} s' for time in report['horizons'])
-    lines = [f'| noise | model | {heads} |', '|---|---|' + '---|' * len(report['horizons'])]
+    head = ['noise', 'model', *(f'{time:g} s' for time in report['horizons'])]
+    rows = []
     for noise in sorted({one['noise'] for one in cases}):
         own = [one['errors'] for one in cases if one['noise'] == noise]
         for name in own[0]:
             values = np.array([errors[name] for errors in own])
-            cells = [f'{mean:.2g}' for mean in values.mean(axis=0)]
+            means, spread = values.mean(axis=0), [None] * values.shape[1]
             if len(own) > 1:
                 spread = values.std(axis=0, ddof=1)
-                cells = [f'{cell} ± {std:.1g}' for cell, std in zip(cells, spread, strict=True)]
-            lines.append(f'| {1e3 * noise:g} mm | {name} | ' + ' | '.join(cells) + ' |')
-    lines += ['', '| noise | material | true | fitted, by seed | its own standard errors |']
-    lines += ['|---|---|---|---|---|']
+            cells = [mean_std(mean, std, 2) for mean, std in zip(means, spread, strict=True)]
+            rows.append([f'{1e3 * noise:g} mm', name, *cells])
+    errors_table = format_rows(head, rows, left=(0, 1), markdown=True)
+    head = ['noise', 'material', 'true', 'fitted, by seed', 'its own standard errors']
+    rows = []
     for noise in sorted({one['noise'] for one in cases}):
         fits = [one['fit']['materials'] for one in cases if one['noise'] == noise]
         for name, true in report['true'].items():
             values = ', '.join(f'{fit[name]["value"]:.4f}' for fit in fits)
-            spread = ', '.join(
-                f'{fit[name]["error"]:.1g}' if fit[name]['told'] else 'not told' for fit in fits
+            deviations = ', '.join(
+                number(fit[name]['error'], 2) if fit[name]['told'] else 'not told' for fit in fits
             )
-            lines.append(f'| {1e3 * noise:g} mm | {name} | {true} | {values} | {spread} |')
-    return '\n'.join(lines) + '\n'
+            rows.append([f'{1e3 * noise:g} mm', name, str(true), values, deviations])
+    return f'{errors_table}\n\n{format_rows(head, rows, left=(0, 1), markdown=True)}\n'
 
 
 def main() -> int:

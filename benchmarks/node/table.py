@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from rigid_gns_core.files.strict_json import read_json
+from rigid_gns_core.files.tables import format_rows
 
 BOUNDS = {
     'missed': 0,
@@ -78,9 +79,9 @@ def format_part(part: str, report: Mapping[str, Any]) -> str:
 
 
 def format_kills(path: Path) -> str:
-    """Return what benchmarks/bag_kills.py has measured."""
+    """Return what benchmarks/bags/bag_kills.py has measured."""
     if not path.is_file():
-        return f'kills: {path.name} is not there; python benchmarks/bag_kills.py makes it'
+        return f'kills: {path.name} is not there; python benchmarks/bags/bag_kills.py makes it'
     report = read_json(path)
     rows = [
         {
@@ -141,13 +142,4 @@ def _machine_cells(case: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _aligned(rows: Sequence[Mapping[str, str]]) -> str:
-    table = [list(rows[0]), *(list(row.values()) for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = [
-        '  '.join(
-            cell.rjust(width) if place else cell.ljust(width)
-            for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        ).rstrip()
-        for cells in table
-    ]
-    return '\n'.join([lines[0], '-' * len(lines[0]), *lines[1:]])
+    return format_rows(list(rows[0]), [list(row.values()) for row in rows])

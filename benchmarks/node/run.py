@@ -26,8 +26,8 @@ import sys
 import time
 from typing import Any
 
-from node_benchmark_outcome import errors_of, Outcome, read_counts, read_recorded
 import numpy as np
+from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.running.machine import load_average
 from rigid_gns_core.scenes.sampling import sample_start
@@ -37,7 +37,7 @@ from rigid_gns_core.studies.benchmark.busy_core import busy_core
 from rigid_gns_ros.demo import node_environment, NodeProcess
 import yaml
 
-PEERS = Path(__file__).with_name('node_benchmark_peers.py')
+PEERS = Path(__file__).with_name('peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm
 PLAYED = 150  # model steps of motion that the tracker plays there and back
 COMPILING = 600.0  # a first run compiles the engine [s]

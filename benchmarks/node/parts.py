@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from node_benchmark_outcome import Outcome, quantiles
-from node_benchmark_run import Case
 import numpy as np
+from outcome import Outcome, quantiles
+from run import Case
 
 SETTLING = 60.0  # memory is compared with that after so long, in shorter runs after half of it [s]
 

@@ -22,8 +22,8 @@ import re
 from typing import Any
 
 from mcap.records import Channel, Message
-from node_benchmark_peers import stamp_of
 import numpy as np
+from peers import stamp_of
 from rigid_gns_core.bags.mcap_records import read_records
 from rigid_gns_core.messages.poses import decode_float64
 import yaml
@@ -60,8 +60,8 @@ class Outcome:
     Args:
         period: Of predictions [s].
         tracked_dt: Time between tracked frames [s].
-        sent: See `node_benchmark_peers.play`.
-        heard: See `node_benchmark_peers.listen`.
+        sent: See `peers.play`.
+        heard: See `peers.listen`.
         counts: The node's own: published, late, skipped, rejected.
         recorded: The bag.
         memory: Seconds since the start and resident bytes of the simulator, shape (samples, 2).

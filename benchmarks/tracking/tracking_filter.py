@@ -14,7 +14,7 @@
 
 """Velocities from noisy tracked poses, and who is who, against Bullet's own states.
 
-    python benchmarks/tracking_filter.py --json docs/model/tracking_filter.json
+    python benchmarks/tracking/tracking_filter.py --json docs/model/tracking_filter.json
 
 Windows of 2 to 10 frames of three scenes with noise added are given to the estimator of
 rigid_gns_core.tracking.velocity and to a plain fit; then whole runs with shuffled order, lost and
@@ -25,20 +25,22 @@ pybullet. Prints the tables of docs/tracking.md.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
 import os
 from pathlib import Path
 import time
 from typing import Any
 
+from matching import cost_of_a_frame, follow
 import numpy as np
+from plain import plain_fit
 from rigid_gns_core.files.strict_json import read_json, write_json
+from rigid_gns_core.files.tables import format_rows, number
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.surroundings import Surroundings
 from rigid_gns_core.tracking.velocity import estimate_motion
-from tracking_filter_matching import cost_of_a_frame, follow
-from tracking_filter_plain import plain_fit
-from tracking_filter_truth import box, table, Truth
+from truth import box, table, Truth
 
 NOISE = (5e-3, 1.5e-2, 5e-2, 0.15, 0.5)  # radii: 0.1 to 10 mm for 20 mm
 FINE = (1e-4, 3e-4, 1e-3, 3e-3)  # radii: 0.1 to 3 mm for 1 m
@@ -128,42 +130,40 @@ def _median(squares: Array) -> float | None:
 def velocity_table(report: dict[str, Any]) -> str:
     """Errors by scene and noise for a few windows, as Markdown."""
     shown = (2, 3, 4, 5, 6, 8, 10)
+    head = ['noise', 'spheres', *(f'{w} frames' for w in shown)]
     lines = []
     for scene in report['velocity']:
         lines += [
             f'\n**{scene["scene"]}**, velocity error in m/s, rms: filter / plain fit\n',
-            '| noise | spheres | ' + ' | '.join(f'{w} frames' for w in shown) + ' |',
-            '|---|---|' + '---|' * len(shown),
+            format_rows(head, _velocity_rows(scene['cases'], shown), left=(0, 1), markdown=True),
         ]
-        for case in scene['cases']:
-            rows = {row['window']: row for row in case['rows']}
-            for kind in ('all', 'flight', 'bounce', 'bounce, median', 'touching'):
-                if rows[shown[-1]]['filter'][kind] is None:
-                    continue
-                cells = [
-                    f'{rows[w]["filter"][kind]:.2g} / {rows[w]["plain"][kind]:.2g}'
-                    if rows[w]['filter'][kind] is not None
-                    else '-'
-                    for w in shown
-                ]
-                noise = f'{1e3 * case["noise"]:g} mm' if kind == 'all' else ''
-                lines.append(f'| {noise} | {kind} | ' + ' | '.join(cells) + ' |')
     return '\n'.join(lines) + '\n'
+
+
+def _velocity_rows(cases: list[dict[str, Any]], shown: Sequence[int]) -> Iterator[list[str]]:
+    for case in cases:
+        rows = {row['window']: row for row in case['rows']}
+        for kind in ('all', 'flight', 'bounce', 'bounce, median', 'touching'):
+            if rows[shown[-1]]['filter'][kind] is None:
+                continue
+            cells = [
+                ' / '.join(number(rows[w][name][kind], 2) for name in ('filter', 'plain'))
+                for w in shown
+            ]
+            yield [f'{1e3 * case["noise"]:g} mm' if kind == 'all' else '', kind, *cells]
 
 
 def matching_table(report: dict[str, Any]) -> str:
     """Return matching errors, as Markdown."""
-    lines = [
-        '| scene | noise | tracker | sphere-frames | switches | untracked | false | noise told |'
+    counts = ('sphere_frames', 'switches', 'untracked', 'false')
+    head = ['scene', 'noise', 'tracker', 'sphere-frames', *counts[1:], 'noise told']
+    rows = [
+        [row['scene'], f'{1e3 * row["noise"]:g} mm', row['tracker']]
+        + [str(row[name]) for name in counts]
+        + [f'{number(1e3 * row["noise_told"])} mm']
+        for row in report['matching']
     ]
-    lines += ['|---|---|---|---|---|---|---|---|']
-    for row in report['matching']:
-        lines.append(
-            f'| {row["scene"]} | {1e3 * row["noise"]:g} mm | {row["tracker"]} | '
-            f'{row["sphere_frames"]} | {row["switches"]} | {row["untracked"]} | {row["false"]} | '
-            f'{1e3 * row["noise_told"]:.3g} mm |'
-        )
-    return '\n'.join(lines) + '\n'
+    return format_rows(head, rows, left=(0, 2), markdown=True) + '\n'
 
 
 def main() -> int:

@@ -1,0 +1,88 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Engines as the checks call them: a simulator, and any engine with spheres of another size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .bounces import Simulate
+from ..rollout.rollout import Simulator
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import State, Trajectory
+
+
+def simulator_engine(simulator: Simulator) -> Simulate:
+    """Return the simulator as the checks call it."""
+
+    def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
+        native = simulator.native_dt(scene)
+        if abs(native - dt) > 1e-9 * dt:
+            raise ValueError(f'a check asks for steps of {dt:g} s, the model makes {native:g} s')
+        return simulator.rollout(scene, steps=steps, **vars(start))
+
+    return simulate
+
+
+def scaled(simulate: Simulate, length: float) -> Simulate:
+    """Return an engine that simulates the check `length` times as large, under the same gravity.
+
+    What it says is scaled back. By hand, not by `Similarity`, which is part of what is checked.
+    Masses scale as volumes do, times with the root of lengths.
+    """
+    time = float(np.sqrt(length))
+
+    def times(value: float | tuple[float, ...], by: float) -> float | tuple[float, ...]:
+        return tuple(v * by for v in value) if isinstance(value, tuple) else value * by
+
+    def surface(plane: Plane) -> Plane:
+        x, y, z = plane.point
+        return replace(
+            plane,
+            point=(length * x, length * y, length * z),
+            length_x=length * plane.length_x,
+            length_y=length * plane.length_y,
+        )
+
+    def simulate_scaled(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
+        other = replace(
+            scene,
+            surfaces=tuple(map(surface, scene.surfaces)),
+            radius=times(scene.radius, length),
+            mass=times(scene.mass, length**3),
+        )
+        run = simulate(
+            other,
+            State(
+                positions=length * start.positions,
+                quaternions=start.quaternions,
+                velocities=length / time * start.velocities,
+                angular_velocities=start.angular_velocities / time,
+            ),
+            steps,
+            time * dt,
+        )
+        return Trajectory(
+            positions=run.positions / length,
+            quaternions=run.quaternions,
+            velocities=run.velocities * (time / length),
+            angular_velocities=run.angular_velocities * time,
+            dt=run.dt / time,
+        )
+
+    return simulate_scaled

@@ -1,0 +1,111 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`rigid-gns calibrate`: fit materials to tracked poses, and write a scene with them."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+import json
+from pathlib import Path
+
+import yaml
+
+from .arguments import completes, positive, shipped_models
+from ..data.records import Dataset
+from ..identification.calibrate import calibrate, Calibration, DEFAULT
+from ..identification.fit import MATERIALS
+from ..identification.windows import with_materials
+from ..rollout.rollout import load_simulator
+from ..scenes.scene import Scene
+
+
+def format_calibration(found: Calibration, scene: Scene) -> str:
+    """Return the fitted materials as a table, with what they are for pairs of two such things.
+
+    Args:
+        found: What was fitted.
+        scene: With these materials.
+    """
+    lines = [f'{"material":20} {"before":>8} {"fitted":>8} {"error":>8}']
+    for name, one in found.materials.items():
+        error = f'{one.error:8.2g}' if one.told and one.error is not None else '       -'
+        lines.append(
+            f'{name:20} {one.before:8.4g} {one.value:8.4g} {error}'
+            + ('' if one.told else '  the data cannot tell it: kept')
+        )
+    values = found.values
+    for name in ('restitution', 'friction'):
+        if name in values:
+            pairs = sorted({f'{values[name] * one:.3g}' for one in scene.surface_values(name)})
+            surface = f', of a sphere and a surface {" or ".join(pairs)}' if pairs else ''
+            lines.append(f'{name} of two spheres {values[name] ** 2:.3g}{surface}')
+    before, after = found.position_error
+    lines.append(
+        f'mean position error after {found.steps} steps in {found.windows[1] or found.windows[0]} '
+        f'windows{" held out" if found.windows[1] else ""}: {before:.4g} m before, {after:.4g} m '
+        'after'
+    )
+    return '\n'.join(lines)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns calibrate`."""
+    parser.add_argument(
+        '--data', required=True, type=Path, nargs='+', help='folders made by import'
+    )
+    model = parser.add_argument(
+        '--model', default='', help='contact model: a shipped name or a path'
+    )
+    completes(model, shipped_models)
+    parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write all numbers')
+    parser.add_argument(
+        '--fit',
+        nargs='+',
+        choices=tuple(MATERIALS),
+        default=DEFAULT,
+        help=f'materials to fit (default {" ".join(DEFAULT)})',
+    )
+    parser.add_argument('--steps', type=positive, default=6, help='of a window (default 6)')
+    parser.add_argument(
+        '--windows', type=positive, default=300, help='largest number of windows (default 300)'
+    )
+    parser.epilog = (
+        'examples:\n  rigid-gns calibrate --data data/lab --out lab.yaml\n'
+        '  rigid-gns import bags/first --scene lab.yaml --out data/lab_fitted'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `rigid-gns calibrate`."""
+    for path in filter(None, (arguments.out, arguments.json)):
+        if path.exists():
+            raise FileExistsError(f'{path} exists; remove it or give another name')
+        path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    simulator = load_simulator(arguments.model)
+    records = [record for folder in arguments.data for record in Dataset(folder)]
+    found = calibrate(
+        simulator, records, names=arguments.fit, steps=arguments.steps, most=arguments.windows
+    )
+    fitted = with_materials(records[0].scene, found.values)
+    print(format_calibration(found, fitted))
+    scene = fitted.to_mapping()
+    head = f'# Materials fitted by `rigid-gns calibrate` to {arguments.data[0].name}\n'
+    arguments.out.write_text(head + yaml.safe_dump({'scene': scene}, sort_keys=False), 'utf-8')
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(asdict(found), indent=1) + '\n', 'utf-8')
+    print(f'scene: {arguments.out}')
+    return 0

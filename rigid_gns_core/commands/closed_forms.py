@@ -1,0 +1,135 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`rigid-gns closed-forms`: how far the teacher, or a model, is from closed-form mechanics."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .arguments import completes, shipped_models
+from ..closed_form import GROUPS, run_checks
+from ..closed_form.bounces import Simulate
+from ..closed_form.engines import scaled, simulator_engine
+from ..files.strict_json import write_json
+from ..files.tables import format_rows, number
+from ..rollout.rollout import load_simulator
+from ..running.progress import Progress
+
+TEACHER = 'teacher'
+OWN_RADII = 'bounce'
+"""Group of checks that has spheres of 1 m and of 20 mm by itself."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns closed-forms`."""
+    model = parser.add_argument(
+        '--model',
+        nargs='+',
+        default=[TEACHER],
+        metavar='NAME',
+        help=f'shipped names, paths, or {TEACHER} (default), which is Bullet',
+    )
+    completes(model, lambda: [*shipped_models(), TEACHER])
+    parser.add_argument(
+        '--radius', nargs='+', type=float, default=[1.0], help='of the spheres [m] (default: 1)'
+    )
+    parser.add_argument('--substeps', type=int, help='of the teacher per 0.1 s (default: 240)')
+    parser.add_argument('--quick', action='store_true', help='fewer cases, a few seconds')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write all checks to FILE')
+    parser.epilog = (
+        'exit code: 1 where a check is out of bounds\n'
+        'examples:\n'
+        '  rigid-gns closed-forms --json teacher_card.json\n'
+        '  rigid-gns closed-forms --model gns --radius 1 0.02'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print a table of each model; 1 where a check is out of bounds."""
+    engines = {name: _engine(name, arguments.substeps) for name in arguments.model}
+    work = [
+        (radius, group)
+        for radius in arguments.radius
+        for group in GROUPS
+        if radius == 1.0 or group != OWN_RADII
+    ]
+    models: dict[str, dict[str, Any]] = {}
+    with Progress(len(engines) * len(work), 'closed forms', unit='group') as progress:
+        for name, (described, simulate) in engines.items():
+            checks: list[dict[str, Any]] = []
+            models[name] = {**described, 'checks': checks}
+            for radius, group in work:
+                engine = simulate if radius == 1.0 else scaled(simulate, radius)
+                for check in run_checks(engine, arguments.quick, (group,)):
+                    of = {'group': group, 'radius': radius, 'passed': check.passed}
+                    if not np.isfinite(check.error):  # it diverged
+                        of |= {'measured': np.inf, 'error': np.inf}
+                    checks.append(asdict(check) | of)
+                progress.update(model=name, group=group)
+    failed = 0
+    for name, model in models.items():
+        lost = sum(not check['passed'] for check in model['checks'])
+        failed += lost
+        print(f'{name}\n\n{format_checks(model["checks"])}\n')
+        print(f'{len(model["checks"]) - lost} of {len(model["checks"])} checks passed\n')
+    if arguments.json:
+        write_json(arguments.json, {'quick': arguments.quick, 'models': models})
+    return int(failed > 0)
+
+
+def format_checks(checks: Sequence[dict[str, Any]]) -> str:
+    """One line per check name and radius: its worst case."""
+    worst: dict[tuple[str, float], dict[str, Any]] = {}
+    for check in checks:
+        known = worst.setdefault((check['name'], check['radius']), check)
+        if not abs(check['error']) <= abs(known['error']):
+            worst[check['name'], check['radius']] = check
+    head = ['check (worst case)', 'radius', 'measured', 'expected', 'error', 'bound', '', '']
+    rows = [
+        [
+            check['name'],
+            f'{check["radius"]:g} m',
+            number(check['measured'], 4),
+            number(check['expected'], 4),
+            f'{check["error"]:+.1e}',
+            f'{check["bound"]:.0e}',
+            'pass' if check['passed'] else 'FAIL',
+            check['case'],
+        ]
+        for check in worst.values()
+    ]
+    return format_rows(head, rows, left=(0, -2, -1))
+
+
+def _engine(name: str, substeps: int | None) -> tuple[dict[str, Any], Simulate]:
+    """Return what an engine is, for the JSON, and itself."""
+    if name != TEACHER:
+        simulator = load_simulator(name)
+        return {'card': simulator.card}, simulator_engine(simulator)
+    from ..teacher.bullet import load_pybullet, simulate
+    from ..teacher.settings import TeacherSettings
+
+    load_pybullet()
+    settings = TeacherSettings() if substeps is None else TeacherSettings(substeps=substeps)
+    return (
+        {'settings': asdict(settings)},
+        lambda scene, start, steps, dt: simulate(scene, start, steps, dt, settings),
+    )

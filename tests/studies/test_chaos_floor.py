@@ -1,0 +1,70 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The floor of chaos: which of two errors counts, what bounds it, and starts beside a start."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigid_gns_core.scenes.state import State
+from rigid_gns_core.studies.chaos_floor import (
+    half_and_twice,
+    least_floor,
+    MOVED,
+    moved,
+    over_floor,
+    worst,
+)
+from rigid_gns_core.teacher.settings import TeacherSettings
+
+
+def test_the_worse_of_both_is_the_floor() -> None:
+    half = {'mse': 2.0, 'predictability_time': 3.0, 'spin_error': None, 'resting_drift': None}
+    twice = {'mse': 1.0, 'predictability_time': 4.0, 'spin_error': 0.5, 'resting_drift': None}
+    assert worst([half, twice]) == {
+        'mse': 2.0,
+        'predictability_time': 3.0,
+        'spin_error': 0.5,
+        'resting_drift': None,
+    }
+
+
+def test_less_than_half_a_radius_is_not_told_apart() -> None:
+    radii = np.array([1.0, 3.0])
+    assert least_floor('mse_30', radii) == least_floor('chamfer', radii) == 0.25 * 5.0
+    assert least_floor('position_error', radii) == 0.5 * 2.0
+    assert least_floor('spin_error', radii) is None
+    assert over_floor(3.0, 2.0, 0.5) == 1.5
+    assert over_floor(3.0, 0.1, 0.5) == 6.0
+    assert over_floor(3.0, None, 0.5) is over_floor(3.0, 2.0, None) is None
+    assert over_floor(float('inf'), 2.0, 0.5) == float('inf')
+
+
+def test_draws_are_a_millimetre_off_and_never_lower() -> None:
+    start = State(positions=np.arange(30.0).reshape(10, 3))
+    one, other = moved(start, 0), moved(start, 1)
+    for draw in (one, other):
+        way = draw.positions - start.positions
+        assert np.linalg.norm(way, axis=1) == pytest.approx(MOVED)
+        assert (way[:, 2] >= 0).all()
+    assert not np.allclose(one.positions, other.positions, atol=1e-6)
+    assert np.array_equal(one.positions, moved(start, 0).positions)
+
+
+def test_only_the_substeps_differ() -> None:
+    half, twice = half_and_twice(TeacherSettings(substeps=25, solver_iterations=7))
+    assert (half.substeps, twice.substeps) == (12, 50)
+    assert half.solver_iterations == twice.solver_iterations == 7
+    assert half_and_twice(TeacherSettings(substeps=1))[0].substeps == 1
