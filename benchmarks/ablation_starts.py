@@ -19,8 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rigid_gns_core.scenes.sampling import load_scene, sample_start, StartRecipe
+from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.start import StartRecipe
 from rigid_gns_core.scenes.state import Array, State
 
 

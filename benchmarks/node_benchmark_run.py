@@ -30,8 +30,9 @@ from node_benchmark_outcome import errors_of, Outcome, read_counts, read_recorde
 import numpy as np
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.running.machine import load_average
-from rigid_gns_core.scenes.sampling import sample_start, StartRecipe
+from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.start import StartRecipe
 from rigid_gns_core.studies.benchmark.busy_core import busy_core
 from rigid_gns_ros.demo import node_environment, NodeProcess
 import yaml

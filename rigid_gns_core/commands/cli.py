@@ -33,10 +33,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'rollout': ('rigid_gns_core.commands.rollout', 'predict a trajectory from start positions'),
     'report': (
-        'rigid_gns_core.show.command',
+        'rigid_gns_core.commands.report',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
-    'render': ('rigid_gns_core.show.render.command', 'a moving picture of a rollout or a bag'),
+    'render': ('rigid_gns_core.commands.render', 'a moving picture of a rollout or a bag'),
     'view': ('rigid_gns_core.show.view', 'a rollout or a bag in the viewer Rerun'),
     'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
     'import': (
@@ -50,15 +50,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'train': ('rigid_gns_core.commands.train', 'train a simulator from a YAML recipe'),
     'benchmark': (
-        'rigid_gns_core.studies.benchmark.command',
+        'rigid_gns_core.commands.benchmark',
         'speed against error, beside Bullet and MuJoCo',
     ),
     'hard-cases': (
-        'rigid_gns_core.studies.hard_cases.command',
+        'rigid_gns_core.commands.hard_cases',
         'check the stability of simulators on hard cases',
     ),
     'experiment': (
-        'rigid_gns_core.studies.thesis.command',
+        'rigid_gns_core.commands.experiment',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
     'teacher-card': (

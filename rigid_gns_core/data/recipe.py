@@ -25,8 +25,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
-from ..scenes.sampling import check_range, Layout, sample_start, StartRecipe
+from ..scenes.sampling import sample_start
 from ..scenes.scene import Plane, Scene
+from ..scenes.start import check_range, Layout, StartRecipe
 from ..scenes.state import State
 
 Range = float | tuple[float, float]  # a number, or a range to draw from

@@ -28,7 +28,7 @@ from .versions import version_of
 TIME_LIMIT = 60.0
 """Seconds that an import may take, from a cold disk perhaps."""
 _ENGINE = """
-    from rigid_gns_core.engine.jit import is_compiled
+    from rigid_gns_core.kernels.jit import is_compiled
     found['compiled'] = is_compiled()
     found['remedy'] = None if is_compiled() else 'python -m rigid_gns_core.engine'
 """

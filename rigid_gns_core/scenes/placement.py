@@ -27,7 +27,7 @@ from .scene import Scene
 from .state import Array
 
 if TYPE_CHECKING:
-    from .sampling import StartRecipe
+    from .start import StartRecipe
 
 # a sphere that found no place in so many throws will hardly find one
 _THROWS = 2000

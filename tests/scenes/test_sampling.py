@@ -24,8 +24,9 @@ import pytest
 from rigid_gns_core.files.config import config_folder, ConfigError
 from rigid_gns_core.scenes.placement import SamplingError
 from rigid_gns_core.scenes.plane import closest_points
-from rigid_gns_core.scenes.sampling import Block, load_scene, sample_start, StartRecipe
+from rigid_gns_core.scenes.sampling import load_scene, sample_start
 from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.start import Block, StartRecipe
 
 from .apart import assert_apart, gaps
 

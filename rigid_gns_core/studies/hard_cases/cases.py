@@ -28,8 +28,9 @@ import numpy as np
 
 from .case import Case
 from ...scenes.plane import Plane
-from ...scenes.sampling import sample_start, StartRecipe
+from ...scenes.sampling import sample_start
 from ...scenes.scene import Scene
+from ...scenes.start import StartRecipe
 from ...scenes.state import Array, State
 
 ENERGY_RISE = 1e-4
