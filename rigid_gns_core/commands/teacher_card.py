@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from ..closed_form import Check, GROUPS, run_checks
+from ..files.tables import format_rows, number
 from ..running.progress import Progress
 
 
@@ -33,15 +34,20 @@ def table(checks: list[Check]) -> str:
         known = worst.get(check.name)
         if known is None or not abs(check.error) <= abs(known.error):
             worst[check.name] = check
-    head = ('measured', 'expected', 'error', 'bound')
-    lines = [f'{"check (worst case)":44} {head[0]:>10} {head[1]:>9} {head[2]:>9} {head[3]:>7}']
-    for check in worst.values():
-        verdict = 'pass' if check.passed else 'FAIL'
-        lines.append(
-            f'{check.name:44} {check.measured:10.4g} {check.expected:9.4g} {check.error:+9.1e}'
-            f' {check.bound:7.0e} {verdict}  {check.case}'
-        )
-    return '\n'.join(lines)
+    rows = [
+        [
+            check.name,
+            number(check.measured, 4),
+            number(check.expected, 4),
+            f'{check.error:+.1e}',
+            number(check.bound, 1),
+            'pass' if check.passed else 'FAIL',
+            check.case,
+        ]
+        for check in worst.values()
+    ]
+    head = ['check (worst case)', 'measured', 'expected', 'error', 'bound', '', '']
+    return format_rows(head, rows, left=(0, -2, -1))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -36,6 +36,7 @@ from .windows import deviations, noise_of, Window, windows_of, with_materials
 from ..commands.completion import completes, shipped_models
 from ..data.records import Dataset, Record
 from ..files.config import positive
+from ..files.tables import format_rows, number
 from ..rollout.rollout import load_simulator, Simulator
 from ..running.progress import Progress
 from ..scenes.scene import Scene
@@ -206,13 +207,12 @@ def format_calibration(found: Calibration, scene: Scene) -> str:
         found: What was fitted.
         scene: With these materials.
     """
-    lines = [f'{"material":20} {"before":>8} {"fitted":>8} {"error":>8}']
+    rows = []
     for name, one in found.materials.items():
-        error = f'{one.error:8.2g}' if one.told and one.error is not None else '       -'
-        lines.append(
-            f'{name:20} {one.before:8.4g} {one.value:8.4g} {error}'
-            + ('' if one.told else '  the data cannot tell it: kept')
-        )
+        fitted = number(one.before, 4), number(one.value, 4)
+        error = number(one.error if one.told else None, 2)
+        rows.append([name, *fitted, error, '' if one.told else 'the data cannot tell it: kept'])
+    lines = [format_rows(['material', 'before', 'fitted', 'error', ''], rows, left=(0, -1))]
     values = found.values
     for name in ('restitution', 'friction'):
         if name in values:
