@@ -40,7 +40,7 @@ from ..teacher.settings import TeacherSettings
 
 REFERENCE_SUBSTEPS = 384
 QUICK_REFERENCE_SUBSTEPS = 24
-BUSY = ('contact 8', 'GNS', 'Bullet 24')
+BUSY = ('laws 8', 'GNS', 'Bullet 24')
 """Peers that are run beside a busy core."""
 
 
@@ -212,7 +212,7 @@ def _run_scaling(repeats: int, quick: bool) -> dict[str, Any]:
     counts = QUICK_COUNTS if quick else COUNTS
     with Progress(repeats * len(counts), 'scaling', unit='run') as progress:
         return measure_scaling(
-            load_simulator('contact'), counts, repeats, lambda n: progress.update(spheres=str(n))
+            load_simulator('laws'), counts, repeats, lambda n: progress.update(spheres=str(n))
         )
 
 

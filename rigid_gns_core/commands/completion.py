@@ -40,10 +40,10 @@ def completes(
 
 
 def shipped_models() -> list[str]:
-    """Names of the shipped models."""
-    from ..files.checkpoint import WEIGHTS_FOLDER
+    """Names of the shipped models, the default first."""
+    from ..files.checkpoint import LAWS, shipped_networks
 
-    return sorted(path.stem for path in WEIGHTS_FOLDER.glob('*.safetensors'))
+    return [LAWS, *shipped_networks()]
 
 
 def configs(kind: str) -> Callable[[], list[str]]:

@@ -25,10 +25,11 @@ import re
 from typing import Any
 
 from .completion import completes, shipped_models
-from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, load_card
+from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, LAWS, load_card
 from ..installation.extras import remedy
 from ..installation.probes import Probes
 from ..installation.versions import PACKAGE, version_of, versions_of
+from ..prediction.simulators import LawsSimulator
 
 LIBRARIES = ('numpy', 'scipy', 'numba', 'h5py', 'safetensors', 'mcap', 'joblib')
 """What everything needs."""
@@ -70,11 +71,14 @@ def collect(models: list[str] | None = None) -> dict[str, Any]:
 
 
 def describe_model(name: str) -> dict[str, Any]:
-    """Return what the card of a model says, and where its file is.
+    """Return what the card of a model says, and where its file is, if it has one.
 
     Raises:
         CheckpointError: There is no such model, or its card is damaged.
     """
+    if name == LAWS:
+        card = LawsSimulator().card
+        return {'name': name, 'default': name == DEFAULT_MODEL, **card}
     path = find_model(name)
     card = load_card(path)
     training = card['training']
@@ -186,6 +190,9 @@ def _model_lines(model: dict[str, Any]) -> list[str]:
     head = f'\nmodel {model["name"]}' + (' (the default)' if model.get('default') else '')
     if 'error' in model:
         return [head, f'  damaged: {model["error"]}']
+    if model['kind'] == LAWS:
+        options = ', '.join(f'{name} {value}' for name, value in model['options'].items())
+        return [head, *_rows({'kind': model['kind'], 'options': options})]
     materials = ', '.join(
         f'{name} {value[0]:.3g} to {value[1]:.3g}'
         if isinstance(value, list)
@@ -204,7 +211,11 @@ def _model_lines(model: dict[str, Any]) -> list[str]:
         'materials': materials,
         'validation': scores,
     }
-    return [head, *(f'  {name:10} {text}' for name, text in rows.items())]
+    return [head, *_rows(rows)]
+
+
+def _rows(rows: dict[str, str]) -> list[str]:
+    return [f'  {name:10} {text}' for name, text in rows.items()]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -218,7 +229,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'examples:\n'
         '  rigid-gns info\n'
         '  rigid-gns info --json\n'
-        '  rigid-gns info --model runs/contact/best'
+        '  rigid-gns info --model runs/gns/best'
     )
 
 

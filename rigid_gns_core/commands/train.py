@@ -26,7 +26,7 @@ from ..files.config import positive
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `rigid-gns train`."""
     config = parser.add_argument(
-        '--config', default='contact', help='recipe: a file or a name in config/train'
+        '--config', default='gns', help='recipe: a file or a name in config/train'
     )
     completes(config, configs('train'))
     parser.add_argument(
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--device',
         choices=('auto', 'cpu', 'cuda'),
         default='auto',
-        help='where the network is trained; auto: CUDA for a GNS where there is one (default). '
+        help='where the network is trained; auto: CUDA where there is one (default). '
         'The same seed gives the same bytes on the CPU; on CUDA sums have no fixed order',
     )
     parser.epilog = (

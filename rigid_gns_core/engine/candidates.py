@@ -89,8 +89,8 @@ def _mark_near_plane(
     before: Array,
     extent: Array,
     awake: Flags,
-    near: Flags,
-    side: Array,
+    near_out: Flags,
+    side_out: Array,
 ) -> None:
     """Which spheres may get to a plane, shape (n, s), and on which side of it they were before."""
     axes, half = world.axes[plane], world.half[plane]
@@ -103,12 +103,12 @@ def _mark_near_plane(
         if plate:
             height = math.fabs(height)
             if dot(up, minus(row(before, i), point)) < 0:
-                side[i, plane] = -1.0
+                side_out[i, plane] = -1.0
         if height <= reach and awake[i]:
             beyond = max(
                 math.fabs(dot(one, offset)) - half_one, math.fabs(dot(two, offset)) - half_two
             )
-            near[i, plane] = beyond <= reach
+            near_out[i, plane] = beyond <= reach
 
 
 @compiled
@@ -129,4 +129,4 @@ def _merged(first: Indices, second: Indices, near: Flags, sides: Array) -> Candi
                 a[k], b[k], plane[k], side[k] = i, count, other, sides[i, other]
                 key[k] = i * (count + planes) + count + other
                 k += 1
-    return Candidates(a, b, plane, side, key)
+    return Candidates(a=a, b=b, plane=plane, side=side, key=key)

@@ -38,9 +38,9 @@ class Contacts(NamedTuple):
     candidate: which of the candidates, shape (c,); a, b, plane, side: as there; normal: unit
     normal at the time of impact, shape (c, 3); time: of impact from the start of the substep,
     negative where the bodies overlap and should have met before; gap: between the surfaces at that
-    time; open: the same for bodies that their free paths do not bring together, but that are so
-    near that other contacts may (their time is 0), else 0; approach: speed at which they approach
-    then; pull: relative acceleration of the free paths along the normal; shape (c,) each.
+    time; speculative_gap: the same for bodies that their free paths do not bring together, but
+    that are so near that other contacts may (their time is 0), else 0; approach_speed: then;
+    acceleration: relative, of the free paths along the normal; shape (c,) each.
     """
 
     candidate: Indices
@@ -51,35 +51,49 @@ class Contacts(NamedTuple):
     normal: Array
     time: Array
     gap: Array
-    open: Array
-    approach: Array
-    pull: Array
+    speculative_gap: Array
+    approach_speed: Array
+    acceleration: Array
 
 
-class Meeting(NamedTuple):
+class Impact(NamedTuple):
     """A contact as found: its fields in `Contacts`, and whether it is one."""
 
     found: bool
     normal: Vector
     time: float
     gap: float
-    open: float
-    approach: float
-    pull: float
+    speculative_gap: float
+    approach_speed: float
+    acceleration: float
 
 
 @in_place
-def _none() -> Meeting:
-    return Meeting(False, (0.0, 0.0, 1.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+def _no_impact() -> Impact:
+    return Impact(
+        found=False,
+        normal=(0.0, 0.0, 1.0),
+        time=0.0,
+        gap=0.0,
+        speculative_gap=0.0,
+        approach_speed=0.0,
+        acceleration=0.0,
+    )
 
 
 @in_place
-def meeting_of_spheres(
-    offset: Vector, moving: Vector, one: float, other: float, h: float, past: float, near: float
-) -> Meeting:
-    """Two spheres that touch or meet within h; relative motion of free paths is straight.
+def impact_of_spheres(
+    offset: Vector,
+    moving: Vector,
+    one: float,
+    other: float,
+    h: float,
+    lookback: float,
+    margin: float,
+) -> Impact:
+    """Return the contact of two spheres that touch or meet within h, on straight relative paths.
 
-    The time of impact is the first root of |x + u t| = R, exact for spheres.
+    The time of impact is the first root of |x + u t| = r_a + r_b.
 
     Args:
         offset: Relative position.
@@ -87,8 +101,8 @@ def meeting_of_spheres(
         one: Radius.
         other: Radius of the other.
         h: Length of the substep.
-        past: Spheres that overlap should have met before, up to so long ago.
-        near: Gap below which spheres are kept in view.
+        lookback: Spheres that overlap should have met before, up to so long ago.
+        margin: Gap below which spheres that do not meet are speculative contacts.
     """
     touching, distance = one + other, length(offset)
     gap = distance - touching
@@ -100,21 +114,29 @@ def meeting_of_spheres(
             ahead = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
             hits = ahead <= h
     touches = gap <= TOUCH * min(one, other)
-    if not (hits or touches or gap <= near):
-        return _none()
+    if not (hits or touches or gap <= margin):
+        return _no_impact()
     time = ahead
     if not hits:
         speed = -along / max(distance, 1e-30)
-        time = min(0.0, max(-past, gap / speed)) if speed > 0 else 0.0
+        time = min(0.0, max(-lookback, gap / speed)) if speed > 0 else 0.0
     at = plus(offset, times(max(time, 0.0), moving))
     far = length(at)
     normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
-    apart = 0.0 if hits or touches else gap
-    return Meeting(True, normal, time, far - touching, apart, -dot(normal, moving), 0.0)
+    speculative_gap = 0.0 if hits or touches else gap
+    return Impact(
+        found=True,
+        normal=normal,
+        time=time,
+        gap=far - touching,
+        speculative_gap=speculative_gap,
+        approach_speed=-dot(normal, moving),
+        acceleration=0.0,
+    )
 
 
 @in_place
-def from_rectangle(local: Vector, half: Array) -> Vector:
+def offset_from_rectangle(local: Vector, half: Array) -> Vector:
     """Vector from the closest point of a rectangle about the origin, normal along z."""
     x = max(min(local[0], half[0]), -half[0])
     y = max(min(local[1], half[1]), -half[1])
@@ -135,7 +157,7 @@ def from_plane(axes: Array, local: Vector) -> Vector:
 
 
 @in_place
-def meeting_with_plane(
+def impact_with_plane(
     world: World,
     plane: int,
     side: float,
@@ -143,10 +165,12 @@ def meeting_with_plane(
     position: Vector,
     velocity: Vector,
     h: float,
-    past: float,
-    near: float,
-) -> Meeting:
-    """Return a sphere that touches or meets a bounded plane within h, on its parabola.
+    lookback: float,
+    margin: float,
+) -> Impact:
+    """Return the contact of a sphere that touches or meets a bounded plane within h.
+
+    The time of impact is the first root of z + v t + g t^2 / 2 = r on its parabola.
 
     A plane with an infinite side is the boundary of a body: spheres are in front of it, however
     deep. One with an end on all sides is a plate that has two faces. Its edge is met at the end of
@@ -168,42 +192,42 @@ def meeting_with_plane(
     touches = gap <= TOUCH * radius
     time = ahead
     if not hits:
-        time = min(0.0, max(-past, gap / -speed)) if speed < 0 else 0.0
+        time = min(0.0, max(-lookback, gap / -speed)) if speed < 0 else 0.0
     there = _on_path(local, moving, pulling, max(time, 0.0))
     on_face = math.fabs(there[0]) <= half[0] and math.fabs(there[1]) <= half[1]
-    face = on_face and (hits or touches or gap <= near)
-    apart = 0.0 if hits or touches else gap
+    face = on_face and (hits or touches or gap <= margin)
+    speculative_gap = 0.0 if hits or touches else gap
     if not face:
         # an edge: closest points at the start and at the end of the free path
-        rim = from_rectangle(local, half)
-        rim_end = from_rectangle(_on_path(local, moving, pulling, h), half)
+        rim = offset_from_rectangle(local, half)
+        rim_end = offset_from_rectangle(_on_path(local, moving, pulling, h), half)
         if rim[0] == 0 and rim[1] == 0 and rim_end[0] == 0 and rim_end[1] == 0:
-            return _none()
+            return _no_impact()
         gap, gap_end = length(rim) - radius, length(rim_end) - radius
-        if not (gap <= max(near, TOUCH) or gap_end < 0):
-            return _none()
-        apart = gap if gap_end >= 0 else 0.0
+        if not (gap <= max(margin, TOUCH) or gap_end < 0):
+            return _no_impact()
+        speculative_gap = gap if gap_end >= 0 else 0.0
         time = 0.0
         if gap > 0 and gap_end < 0:
             time = h * min(1.0, max(0.0, gap / max(gap - gap_end, 1e-30)))
-    if apart <= TOUCH * radius:
-        apart = 0.0
+    if speculative_gap <= TOUCH * radius:
+        speculative_gap = 0.0
     before = max(time, 0.0)
     at = _on_path(local, moving, pulling, before)
     normal, distance = (0.0, 0.0, side), side * at[2]
     if not face:
-        rim = from_rectangle(at, half)
+        rim = offset_from_rectangle(at, half)
         distance = max(length(rim), 1e-30)
         normal = times(1.0 / distance, rim)
     velocity_then = plus(moving, times(before, pulling))
-    return Meeting(
-        True,
-        from_plane(axes, normal),
-        time,
-        distance - radius,
-        apart,
-        -dot(velocity_then, normal),
-        dot(pulling, normal),
+    return Impact(
+        found=True,
+        normal=from_plane(axes, normal),
+        time=time,
+        gap=distance - radius,
+        speculative_gap=speculative_gap,
+        approach_speed=-dot(velocity_then, normal),
+        acceleration=dot(pulling, normal),
     )
 
 
@@ -220,11 +244,14 @@ def find_contacts(
     candidates: Candidates,
     chosen: Flags,
     h: float,
-    past: float,
+    lookback: float,
 ) -> Contacts:
-    """Contacts of the next substep among the `chosen` candidates."""
+    """Contacts of the next substep among the `chosen` candidates.
+
+    Bodies are also contacts, if speculative, where gravity may bring them together within `h`.
+    """
     size, fixed = len(candidates.a), len(positions)
-    near = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
+    margin = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
     which, normal, values = np.empty(size, np.int64), np.empty((size, 3)), np.empty((5, size))
     count = 0
     for k in range(size):
@@ -232,47 +259,48 @@ def find_contacts(
             continue
         a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
         if b == fixed:
-            met = meeting_with_plane(
-                world,
-                plane,
-                candidates.side[k],
-                world.radius[a],
-                row(positions, a),
-                row(velocities, a),
-                h,
-                past,
-                near,
+            impact = impact_with_plane(
+                world=world,
+                plane=plane,
+                side=candidates.side[k],
+                radius=world.radius[a],
+                position=row(positions, a),
+                velocity=row(velocities, a),
+                h=h,
+                lookback=lookback,
+                margin=margin,
             )
         else:
-            met = meeting_of_spheres(
-                minus(row(positions, a), row(positions, b)),
-                minus(row(velocities, a), row(velocities, b)),
-                world.radius[a],
-                world.radius[b],
-                h,
-                past,
-                near,
+            impact = impact_of_spheres(
+                offset=minus(row(positions, a), row(positions, b)),
+                moving=minus(row(velocities, a), row(velocities, b)),
+                one=world.radius[a],
+                other=world.radius[b],
+                h=h,
+                lookback=lookback,
+                margin=margin,
             )
-        if met.found:
+        if impact.found:
             which[count] = k
-            put(normal, count, met.normal)
-            values[0, count], values[1, count], values[2, count] = met.time, met.gap, met.open
-            values[3, count], values[4, count] = met.approach, met.pull
+            put(normal, count, impact.normal)
+            values[0, count], values[1, count] = impact.time, impact.gap
+            values[2, count] = impact.speculative_gap
+            values[3, count], values[4, count] = impact.approach_speed, impact.acceleration
             count += 1
     which = which[:count]
     side = np.where(candidates.plane[which] < 0, 0.0, candidates.side[which])
     return Contacts(
-        which,
-        candidates.a[which],
-        candidates.b[which],
-        candidates.plane[which],
-        side,
-        normal[:count],
-        values[0, :count],
-        values[1, :count],
-        values[2, :count],
-        values[3, :count],
-        values[4, :count],
+        candidate=which,
+        a=candidates.a[which],
+        b=candidates.b[which],
+        plane=candidates.plane[which],
+        side=side,
+        normal=normal[:count],
+        time=values[0, :count],
+        gap=values[1, :count],
+        speculative_gap=values[2, :count],
+        approach_speed=values[3, :count],
+        acceleration=values[4, :count],
     )
 
 
@@ -285,7 +313,7 @@ def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[
         offset = minus(place, row(positions, b))
     else:
         axes = world.axes[plane]
-        rim = from_rectangle(
+        rim = offset_from_rectangle(
             to_plane(axes, minus(place, row(world.point, plane))), world.half[plane]
         )
         if rim[0] == 0 and rim[1] == 0 and contacts.side[k] * rim[2] < 0:

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Energy guard: in no frame does the energy of an island rise, whatever the weights.
+"""Energy guard: in no frame does the energy of an island rise.
 
-Energy is that of translation, rotation and height. The guard acts after the network, and reports
-how often it had to.
+E = sum of m v^2 / 2 + I w^2 / 2 - m g . x. Restitution and friction only take energy; iterations
+that have not converged, and overlaps that are undone, may add some. The guard acts after the
+solver, and reports how often it had to.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ from ..scenes.state import Array
 _ROUNDING = 1e-13
 
 
-class _Rigid(NamedTuple):
+class _RigidMotion(NamedTuple):
     """An island as one body: centre of mass, its velocity, angular momentum about it, inertia."""
 
     centre: Vector
@@ -58,7 +59,7 @@ class _Rigid(NamedTuple):
 
 
 @compiled
-def _rigid(world: World, spheres: Spheres, members: Indices) -> _Rigid:
+def _rigid_motion(world: World, spheres: Spheres, members: Indices) -> _RigidMotion:
     mass, centre, mean = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in members:
         own = 1.0 / world.inverse_mass[i]
@@ -77,7 +78,7 @@ def _rigid(world: World, spheres: Spheres, members: Indices) -> _Rigid:
             tensor[one, one] += own * square + inertia
             for other in range(3):
                 tensor[one, other] -= own * arm[one] * arm[other]
-    return _Rigid(centre, mean, momentum, tensor)
+    return _RigidMotion(centre=centre, mean=mean, momentum=momentum, tensor=tensor)
 
 
 @in_place
@@ -91,31 +92,32 @@ def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
 
 
 @compiled
-def hold(
-    world: World, before: Spheres, after: Spheres, islands: Islands, dt: float
+def limit_energy(
+    world: World, before: Spheres, islands: Islands, dt: float, after_out: Spheres
 ) -> tuple[int, float]:
-    """Keep the energy of each island at most what it was, in place.
+    """Keep the energy of each island at most what it was.
 
     An island in the air gets the linear and angular momentum of its ballistic flight, and loses
-    what energy it has too much from its inner motion, so that they stay. One that touches a
-    surface loses speed; where that is not enough, because it was lifted, it stays where it was.
+    what energy it has too much from its internal motion, v - V - W x (x - X) of each sphere, so
+    that both momenta stay. One that touches a surface has all its speeds reduced by one factor;
+    where that is not enough, because it was lifted, it stays where it was.
 
     Args:
         world: What does not move.
         before: State at the frame's start.
-        after: State at its end.
         islands: Of the frame's contacts.
         dt: Length of the frame.
+        after_out: State at its end; corrected in place.
 
     Returns:
         How many islands were held, and the energy taken from them.
     """
-    groups = groups_of(islands)
+    groups, after = groups_of(islands), after_out
     acted, removed = 0, 0.0
     for island in range(len(groups.grounded)):
         members = groups.members[groups.start[island] : groups.start[island + 1]]
         if not groups.grounded[island]:
-            _restore_momenta(world, before, after, members, dt)
+            _restore_momenta(world, before, members, dt, after)
         moving, gain, size = 0.0, 0.0, 0.0
         for i in members:
             kinetic, height = _energy(world, after, i)
@@ -128,7 +130,7 @@ def hold(
         acted += 1
         removed += gain
         if not groups.grounded[island]:
-            _calm(world, after, members, gain)
+            _damp_internal_motion(world, members, gain, after)
             continue
         slower = math.sqrt(max(0.0, 1.0 - gain / max(moving, 1e-300)))
         for i in members:
@@ -141,41 +143,44 @@ def hold(
 
 @compiled
 def _restore_momenta(
-    world: World, before: Spheres, after: Spheres, members: Indices, dt: float
+    world: World, before: Spheres, members: Indices, dt: float, after_out: Spheres
 ) -> None:
     """Give a free island the momenta that it must have.
 
     Impulses at different times within a frame, and push-out, keep the linear momentum but leave
     the angular one to a few per cent of what they exchange.
     """
-    was, is_now = _rigid(world, before, members), _rigid(world, after, members)
+    was, is_now = _rigid_motion(world, before, members), _rigid_motion(world, after_out, members)
     turn = solve_symmetric(is_now.tensor, minus(was.momentum, is_now.momentum))
     fall = (dt * world.gravity[0], dt * world.gravity[1], dt * world.gravity[2])
     push = minus(plus(was.mean, fall), is_now.mean)
     for i in members:
-        arm = minus(row(after.positions, i), is_now.centre)
-        add_to(after.velocities, i, plus(push, cross(turn, arm)))
-        add_to(after.angular_velocities, i, turn)
+        arm = minus(row(after_out.positions, i), is_now.centre)
+        add_to(after_out.velocities, i, plus(push, cross(turn, arm)))
+        add_to(after_out.angular_velocities, i, turn)
 
 
 @compiled
-def _calm(world: World, after: Spheres, members: Indices, gain: float) -> None:
+def _damp_internal_motion(world: World, members: Indices, gain: float, after_out: Spheres) -> None:
     """Take `gain` of energy from motion beyond that of one rigid body."""
-    body = _rigid(world, after, members)
-    turn, inner = solve_symmetric(body.tensor, body.momentum), 0.0
+    after = after_out
+    body = _rigid_motion(world, after, members)
+    turn, internal = solve_symmetric(body.tensor, body.momentum), 0.0
     for i in members:
-        v, w = _inner(after, body, turn, i)
-        inner += 0.5 * dot(v, v) / world.inverse_mass[i]
-        inner += 0.5 * dot(w, w) / world.inverse_inertia[i]
-    keep = math.sqrt(max(0.0, 1.0 - gain / max(inner, 1e-300)))
+        v, w = _internal_velocity(after, body, turn, i)
+        internal += 0.5 * dot(v, v) / world.inverse_mass[i]
+        internal += 0.5 * dot(w, w) / world.inverse_inertia[i]
+    keep = math.sqrt(max(0.0, 1.0 - gain / max(internal, 1e-300)))
     for i in members:
-        v, w = _inner(after, body, turn, i)
+        v, w = _internal_velocity(after, body, turn, i)
         put(after.velocities, i, plus(row(after.velocities, i), times(keep - 1.0, v)))
         put(after.angular_velocities, i, plus(turn, times(keep, w)))
 
 
 @in_place
-def _inner(after: Spheres, body: _Rigid, turn: Vector, i: int) -> tuple[Vector, Vector]:
+def _internal_velocity(
+    after: Spheres, body: _RigidMotion, turn: Vector, i: int
+) -> tuple[Vector, Vector]:
     """Velocity and spin of a sphere beyond those of the rigid body."""
     arm = minus(row(after.positions, i), body.centre)
     rigid = plus(body.mean, cross(turn, arm))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Impulses at contacts, and what they make of the bodies."""
+"""Impulses at contacts, and how they change the motion of the bodies."""
 
 from __future__ import annotations
 
@@ -44,105 +44,114 @@ class Impulses(NamedTuple):
 class Bodies(NamedTuple):
     """Moving bodies in a substep, and the fixed one last.
 
-    velocity: free of contacts, at the end of the substep; before: at its start; spin: angular
-    velocity; change, turn: what impulses add to velocity and spin; moved: displacement beyond that
-    of free flight; shape (n + 1, 3) each. load: contacts that press, weighed, and
-    most: the strongest of them, shape (n + 1,); total: sums of
-    latents, in float64 so that their order does not matter, shape (n + 1, w).
+    start_velocity: at the start of the substep; free_velocity: at its end, without contacts;
+    angular_velocity: at the start; velocity_change, angular_change: what impulses add to them;
+    displacement: beyond that of free flight; shape (n + 1, 3) each. split: parts of equal mass
+    that a body is split into, one for each active contact, by force; strongest: force of the
+    strongest of them, as a speed; shape (n + 1,).
     """
 
-    velocity: Array
-    before: Array
-    spin: Array
-    change: Array
-    turn: Array
-    moved: Array
-    load: Array
-    most: Array
-    total: Array
+    start_velocity: Array
+    free_velocity: Array
+    angular_velocity: Array
+    velocity_change: Array
+    angular_change: Array
+    displacement: Array
+    split: Array
+    strongest: Array
 
 
 @compiled
 def no_impulses(count: int) -> Impulses:
     """Zeros."""
-    return Impulses(np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)))
+    return Impulses(
+        normal=np.zeros(count), tangential=np.zeros((count, 3)), rolling=np.zeros((count, 3))
+    )
 
 
-@in_place
-def push(world: World, c: Contacts, bodies: Bodies, k: int, impulse: Vector) -> None:
-    """Apply an impulse at contact k to velocities."""
-    a, b = c.a[k], c.b[k]
-    add_to(bodies.change, a, times(world.inverse_mass[a], impulse))
-    add_to(bodies.change, b, times(-world.inverse_mass[b], impulse))
-
-
-@in_place
-def spin(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, impulse: Vector) -> None:
-    """Apply the same impulse to angular velocities."""
-    a, b = c.a[k], c.b[k]
-    torque = cross(row(c.normal, k), impulse)
-    add_to(bodies.turn, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
-    add_to(bodies.turn, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
-
-
-@in_place
-def slip_of(
-    c: Contacts, law: Law, k: int, one: Vector, other: Vector, w: Vector, u: Vector
-) -> Vector:
-    """Velocity of two surfaces against each other, of velocities and spins of a and b."""
-    normal = row(c.normal, k)
-    turning = plus(times(law.arm_a[k], w), times(law.arm_b[k], u))
-    return minus(across(minus(one, other), normal), cross(turning, normal))
-
-
-@in_place
-def slip_now(c: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
-    """Return the same with the impulses so far."""
-    a, b = c.a[k], c.b[k]
-    return slip_of(
-        c,
-        law,
-        k,
-        plus(row(bodies.velocity, a), row(bodies.change, a)),
-        plus(row(bodies.velocity, b), row(bodies.change, b)),
-        plus(row(bodies.spin, a), row(bodies.turn, a)),
-        plus(row(bodies.spin, b), row(bodies.turn, b)),
+@compiled
+def copy_impulses(impulses: Impulses) -> Impulses:
+    """Return the same in other memory."""
+    return Impulses(
+        normal=impulses.normal.copy(),
+        tangential=impulses.tangential.copy(),
+        rolling=impulses.rolling.copy(),
     )
 
 
 @in_place
-def parting_of(c: Contacts, bodies: Bodies, k: int) -> float:
-    """Return the normal velocity with the impulses so far."""
-    a, b = c.a[k], c.b[k]
-    free = minus(row(bodies.velocity, a), row(bodies.velocity, b))
-    return dot(row(c.normal, k), plus(free, minus(row(bodies.change, a), row(bodies.change, b))))
+def apply_linear(
+    world: World, contacts: Contacts, bodies: Bodies, k: int, impulse: Vector
+) -> None:
+    """Apply an impulse at contact k to velocities."""
+    a, b = contacts.a[k], contacts.b[k]
+    add_to(bodies.velocity_change, a, times(world.inverse_mass[a], impulse))
+    add_to(bodies.velocity_change, b, times(-world.inverse_mass[b], impulse))
 
 
 @in_place
-def own_slip(world: World, c: Contacts, law: Law, made: Impulses, k: int) -> Vector:
-    """Slip that the contact makes itself."""
-    arm = law.arm_a[k] * world.inverse_inertia[c.a[k]]
-    sliding = times(law.unit[k] + law.spin_a[k] + law.spin_b[k], row(made.tangential, k))
-    return plus(sliding, times(arm, cross(row(c.normal, k), row(made.rolling, k))))
+def apply_angular(
+    world: World, contacts: Contacts, law: Law, bodies: Bodies, k: int, impulse: Vector
+) -> None:
+    """Apply the torque of the same impulse to angular velocities: it acts at arms -r n and r n."""
+    a, b = contacts.a[k], contacts.b[k]
+    torque = cross(row(contacts.normal, k), impulse)
+    add_to(bodies.angular_change, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
+    add_to(bodies.angular_change, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
 
 
 @in_place
-def begin(
-    world: World, c: Contacts, law: Law, group: Indices, given: Impulses, bodies: Bodies,
-    made: Impulses,
-) -> None:  # fmt: skip
-    """Take `given` as the impulses so far."""
+def slip_velocity(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
+    """Tangential velocity of surface a on surface b with the impulses so far.
+
+    u = (v_a - v_b) across n - (r_a w_a + r_b w_b) x n.
+    """
+    a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
+    v_a = plus(row(bodies.free_velocity, a), row(bodies.velocity_change, a))
+    v_b = plus(row(bodies.free_velocity, b), row(bodies.velocity_change, b))
+    w_a = plus(row(bodies.angular_velocity, a), row(bodies.angular_change, a))
+    w_b = plus(row(bodies.angular_velocity, b), row(bodies.angular_change, b))
+    turning = plus(times(law.arm_a[k], w_a), times(law.arm_b[k], w_b))
+    return minus(across(minus(v_a, v_b), normal), cross(turning, normal))
+
+
+@in_place
+def separation_velocity(contacts: Contacts, bodies: Bodies, k: int) -> float:
+    """Return the normal velocity n . (v_a - v_b) at the end of the substep.
+
+    With the impulses so far.
+    """
+    a, b = contacts.a[k], contacts.b[k]
+    free = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
+    change = minus(row(bodies.velocity_change, a), row(bodies.velocity_change, b))
+    return dot(row(contacts.normal, k), plus(free, change))
+
+
+@in_place
+def start_from(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    group: Indices,
+    given: Impulses,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+) -> None:
+    """Warm start: take `given` as the impulses so far, and give the bodies what they make."""
     for k in group:
-        for body in (c.a[k], c.b[k]):
-            put(bodies.change, body, (0.0, 0.0, 0.0))
-            put(bodies.turn, body, (0.0, 0.0, 0.0))
+        for body in (contacts.a[k], contacts.b[k]):
+            put(bodies_out.velocity_change, body, (0.0, 0.0, 0.0))
+            put(bodies_out.angular_change, body, (0.0, 0.0, 0.0))
     for k in group:
-        normal = row(c.normal, k)
+        normal = row(contacts.normal, k)
+        # the normal has turned since the last substep
         tangential = across(row(given.tangential, k), normal)
-        made.normal[k] = given.normal[k]
-        put(made.tangential, k, tangential)
-        put(made.rolling, k, row(given.rolling, k))
-        push(world, c, bodies, k, plus(times(given.normal[k], normal), tangential))
-        spin(world, c, law, bodies, k, tangential)
-        a = c.a[k]
-        add_to(bodies.turn, a, times(world.inverse_inertia[a], row(given.rolling, k)))
+        impulses_out.normal[k] = given.normal[k]
+        put(impulses_out.tangential, k, tangential)
+        put(impulses_out.rolling, k, row(given.rolling, k))
+        impulse = plus(times(given.normal[k], normal), tangential)
+        apply_linear(world, contacts, bodies_out, k, impulse)
+        apply_angular(world, contacts, law, bodies_out, k, tangential)
+        a = contacts.a[k]
+        rolling = times(world.inverse_inertia[a], row(given.rolling, k))
+        add_to(bodies_out.angular_change, a, rolling)

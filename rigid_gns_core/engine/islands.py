@@ -51,7 +51,11 @@ class Groups(NamedTuple):
 @compiled
 def no_islands(count: int) -> Islands:
     """Every sphere on its own."""
-    return Islands(np.arange(count), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
+    return Islands(
+        parent=np.arange(count),
+        touched=np.zeros(count, np.bool_),
+        grounded=np.zeros(count, np.bool_),
+    )
 
 
 @in_place
@@ -64,15 +68,15 @@ def root_of(parent: Indices, sphere: int) -> int:
 
 
 @in_place
-def connect(islands: Islands, one: int, other: int) -> None:
+def connect(islands_out: Islands, one: int, other: int) -> None:
     """Note a contact between spheres; `other` -1: with a surface."""
-    islands.touched[one] = True
+    islands_out.touched[one] = True
     if other < 0:
-        islands.grounded[one] = True
+        islands_out.grounded[one] = True
         return
-    islands.touched[other] = True
-    first, second = root_of(islands.parent, one), root_of(islands.parent, other)
-    islands.parent[max(first, second)] = min(first, second)
+    islands_out.touched[other] = True
+    first, second = root_of(islands_out.parent, one), root_of(islands_out.parent, other)
+    islands_out.parent[max(first, second)] = min(first, second)
 
 
 @compiled
@@ -90,4 +94,4 @@ def groups_of(islands: Islands) -> Groups:
         label[t] = number[root]
         grounded[label[t]] |= islands.grounded[i]
     order, start = counting_sort(label, found)
-    return Groups(touched[order], start, grounded[:found])
+    return Groups(members=touched[order], start=start, grounded=grounded[:found])

@@ -34,8 +34,13 @@ _PASSES, _CLOSE = 500, 1e-6
 
 
 @compiled
-def push_out(world: World, positions: Array, contacts: Contacts) -> None:
-    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept."""
+def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
+    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept.
+
+    Each contact of depth d moves its bodies by d w_a / (n_a w_a + n_b w_b) and its like, with w
+    the inverse masses and n the contacts that share a body, weighed by depth.
+    """
+    positions = positions_out
     count, bodies = len(contacts.a), len(positions) + 1
     inverse = world.inverse_mass
     depth, normal = np.empty(count), np.empty((count, 3))
@@ -72,14 +77,15 @@ def push_out(world: World, positions: Array, contacts: Contacts) -> None:
 
 
 @entry
-def separate(world: World, positions: Array, dt: float) -> None:
+def separate(world: World, dt: float, positions_out: Array) -> None:
     """Make it a start without overlaps: spheres and surfaces as given may hold any.
 
     Args:
         world: What does not move.
-        positions: Shape (n, 3); moved.
         dt: Length of a frame.
+        positions_out: Shape (n, 3); moved.
     """
+    positions = positions_out
     still, everyone = np.zeros_like(positions), np.ones(len(positions), np.bool_)
     for _ in range(_PASSES):
         candidates = find_candidates(world, positions, still, dt, everyone, positions)
@@ -93,4 +99,4 @@ def separate(world: World, positions: Array, dt: float) -> None:
             deep = deep or gap < -_CLOSE * world.radius[contacts.a[k]]
         if not deep:
             return
-        push_out(world, positions, contacts)
+        push_out(world, contacts, positions)

@@ -56,23 +56,24 @@ def all_awake(radius: Array, gravity: float) -> Sleepers:
     """Nothing sleeps; without gravity nothing ever will."""
     count = len(radius)
     return Sleepers(
-        np.zeros(count, np.bool_),
-        np.full(count, -1),
-        np.zeros(count, np.int64),
-        np.zeros((count, 3)),
-        _SPEED * np.sqrt(gravity * radius),
-        np.zeros(1, np.int64),
+        asleep=np.zeros(count, np.bool_),
+        island=np.full(count, -1),
+        quiet=np.zeros(count, np.int64),
+        place=np.zeros((count, 3)),
+        limit=_SPEED * np.sqrt(gravity * radius),
+        names=np.zeros(1, np.int64),
     )
 
 
 @compiled
 def wake(
-    world: World, positions: Array, velocities: Array, dt: float, sleepers: Sleepers
+    world: World, positions: Array, velocities: Array, dt: float, sleepers_out: Sleepers
 ) -> tuple[Candidates, Flags]:
     """Candidates of the frame to come, and who is awake in it.
 
     A sleeper wakes with all its island where a sphere that is awake might touch it.
     """
+    sleepers = sleepers_out
     while True:
         awake = ~sleepers.asleep
         candidates = find_candidates(world, positions, velocities, dt, awake, positions)
@@ -90,8 +91,11 @@ def wake(
 
 
 @compiled
-def settle(sleepers: Sleepers, radius: Array, after: Spheres, islands: Islands, dt: float) -> None:
+def put_to_sleep(
+    radius: Array, islands: Islands, dt: float, after_out: Spheres, sleepers_out: Sleepers
+) -> None:
     """Put islands to sleep that have been quiet; they get no velocity."""
+    sleepers, after = sleepers_out, after_out
     count = len(sleepers.asleep)
     ready = np.zeros(count, np.bool_)
     for i in range(count):

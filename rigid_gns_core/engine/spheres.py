@@ -37,10 +37,10 @@ class Spheres(NamedTuple):
 def copy_spheres(spheres: Spheres) -> Spheres:
     """Return the same in other memory."""
     return Spheres(
-        spheres.positions.copy(),
-        spheres.quaternions.copy(),
-        spheres.velocities.copy(),
-        spheres.angular_velocities.copy(),
+        positions=spheres.positions.copy(),
+        quaternions=spheres.quaternions.copy(),
+        velocities=spheres.velocities.copy(),
+        angular_velocities=spheres.angular_velocities.copy(),
     )
 
 
@@ -59,12 +59,12 @@ def is_finite(spheres: Spheres) -> bool:
 
 
 @in_place
-def store(spheres: Spheres, made: Spheres, frame: int) -> None:
-    """Write a state into frame `frame` of `made`, shapes (frames, n, k)."""
+def store(spheres: Spheres, frame: int, frames_out: Spheres) -> None:
+    """Write a state into one of several frames, shapes (frames, n, k)."""
     for i in range(len(spheres.positions)):
         for k in range(3):
-            made.positions[frame, i, k] = spheres.positions[i, k]
-            made.velocities[frame, i, k] = spheres.velocities[i, k]
-            made.angular_velocities[frame, i, k] = spheres.angular_velocities[i, k]
+            frames_out.positions[frame, i, k] = spheres.positions[i, k]
+            frames_out.velocities[frame, i, k] = spheres.velocities[i, k]
+            frames_out.angular_velocities[frame, i, k] = spheres.angular_velocities[i, k]
         for k in range(4):
-            made.quaternions[frame, i, k] = spheres.quaternions[i, k]
+            frames_out.quaternions[frame, i, k] = spheres.quaternions[i, k]

@@ -12,26 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rolls a contact model out in the model's units: sleep, frame, energy guard."""
+"""Rolls the laws out in the model's units: sleep, frame, energy guard."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import sys
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .frame import advance
-from .guard import hold
+from .guard import limit_energy
 from .islands import Islands
-from .memory import Memory, no_memory
-from .network import no_weights, weights_of
 from .overlap import separate
-from .sleep import all_awake, settle, Sleepers
+from .sleep import all_awake, put_to_sleep, Sleepers
 from .spheres import is_finite, Spheres, store
 from .substep import Settings
+from .warm_start import cold_start, WarmStart
 from .world import World, world_of
 from ..kernels.jit import compiled, entry, is_compiled
 from ..rollout.stepper import Advance, state_at, Stepper
@@ -41,34 +37,23 @@ from ..scenes.state import State
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'
 
 
-def settings_of(
-    tensors: Mapping[str, NDArray[Any]] | None,
-    substeps: int,
-    rounds: int,
-    everywhere: bool = False,
-) -> Settings:
-    """Return a model for the engine; tensors None: the law alone."""
-    weights = no_weights() if tensors is None else weights_of(tensors, rounds)
-    return Settings(substeps, rounds, weights, no_weights(), everywhere)
-
-
 @compiled
 def _finish(
     world: World,
     before: Spheres,
-    after: Spheres,
     islands: Islands,
     dt: float,
-    sleepers: Sleepers,
     guards: bool,
     sleeps: bool,
+    after_out: Spheres,
+    sleepers_out: Sleepers,
 ) -> tuple[int, float]:
     """Guard and sleep; returns the islands that the guard held, and the energy it took."""
     acted, removed = 0, 0.0
     if guards:
-        acted, removed = hold(world, before, after, islands, dt)
+        acted, removed = limit_energy(world, before, islands, dt, after_out)
     if sleeps:
-        settle(sleepers, world.radius[:-1], after, islands, dt)
+        put_to_sleep(world.radius[:-1], islands, dt, after_out, sleepers_out)
     return acted, removed
 
 
@@ -77,74 +62,87 @@ def _advance(
     world: World,
     spheres: Spheres,
     dt: float,
-    memory: Memory,
+    warm_start: WarmStart,
     settings: Settings,
-    sleepers: Sleepers,
     guards: bool,
     sleeps: bool,
-    made: Spheres,
-) -> tuple[int, Memory, int, float]:
-    """Frames one after the other into `made`, shapes (frames, n, k), up to one that is not finite.
+    sleepers_out: Sleepers,
+    frames_out: Spheres,
+) -> tuple[int, WarmStart, int, float]:
+    """Frames into `frames_out`, shapes (frames, n, k), up to one that is not finite.
 
-    Returns how many there are, the memory, islands that the guard held, and the energy it took. In
-    one call, since the way into compiled code and back costs as much as a fifth of a frame.
+    Returns how many there are, the warm start, islands that the guard held, and the energy it
+    took. In one call, since the way into compiled code and back costs a fifth of a frame.
     """
     acted, removed = 0, 0.0
-    for frame in range(len(made.positions)):
-        after, memory, islands = advance(world, spheres, dt, memory, settings, sleepers)
-        held, taken = _finish(world, spheres, after, islands, dt, sleepers, guards, sleeps)
+    for frame in range(len(frames_out.positions)):
+        after, warm_start, islands = advance(
+            world, spheres, dt, warm_start, settings, sleepers_out
+        )
+        held, taken = _finish(
+            world=world,
+            before=spheres,
+            islands=islands,
+            dt=dt,
+            guards=guards,
+            sleeps=sleeps,
+            after_out=after,
+            sleepers_out=sleepers_out,
+        )
         if not is_finite(after):
-            return frame, memory, acted, removed
+            return frame, warm_start, acted, removed
         acted += held
         removed += taken
-        store(after, made, frame)
+        store(after, frame, frames_out)
         spheres = after
-    return len(made.positions), memory, acted, removed
+    return len(frames_out.positions), warm_start, acted, removed
 
 
 def warm_up() -> None:
     """Compile what is not compiled yet, or read it from the disk, before it is needed."""
     scene = Scene(surfaces=(Plane(),))
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
-    stepper = EngineStepper(settings_of(None, 1, 1), scene, start, 0.1)
+    stepper = EngineStepper(scene, start, 0.1, substeps=1, rounds=1)
     stepper.step()
 
 
 class EngineStepper(Stepper):
-    """Rolls a contact model out in the model's units.
+    """Rolls the laws out in the model's units.
 
     Args:
-        settings: The model.
         scene: Surfaces and sphere properties.
         state: Start.
         dt: Length of a frame.
+        substeps: K of a frame.
+        rounds: M, iterations of the contact solver in a substep.
         guard: Hold the energy of every island down.
         sleep: Let islands at rest sleep.
     """
 
     def __init__(
         self,
-        settings: Settings,
         scene: Scene,
         state: State,
         dt: float,
         *,
+        substeps: int,
+        rounds: int,
         guard: bool = True,
         sleep: bool = True,
     ) -> None:
         if not is_compiled():
             print('rigid_gns: compiling the engine, once; about a minute', file=sys.stderr)
-        self.settings, self.dt = settings, dt
+        self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
         self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))
-        self.memory = no_memory()
+        self.warm_start = cold_start()
         self.frames, self.acted, self.removed = 0, 0, 0.0
         self.spheres = Spheres(
-            np.array(state.positions),
-            np.array(state.quaternions),
-            np.array(state.velocities),
-            np.array(state.angular_velocities),
+            positions=np.array(state.positions),
+            quaternions=np.array(state.quaternions),
+            velocities=np.array(state.velocities),
+            angular_velocities=np.array(state.angular_velocities),
         )
 
     def step(self) -> State:
@@ -161,18 +159,18 @@ class EngineStepper(Stepper):
     def advance(self, steps: int) -> Advance:
         """Advance by so many dt; see `Stepper`."""
         if self.frames == 0:
-            separate(self.world, self.spheres.positions, self.dt)
+            separate(self.world, self.dt, self.spheres.positions)
         made = Spheres(*(np.empty((steps, *values.shape)) for values in self.spheres))
-        done, self.memory, acted, removed = _advance(
-            self.world,
-            self.spheres,
-            self.dt,
-            self.memory,
-            self.settings,
-            self.sleepers,
-            self.guards,
-            self.sleeps,
-            made,
+        done, self.warm_start, acted, removed = _advance(
+            world=self.world,
+            spheres=self.spheres,
+            dt=self.dt,
+            warm_start=self.warm_start,
+            settings=self.settings,
+            guards=self.guards,
+            sleeps=self.sleeps,
+            sleepers_out=self.sleepers,
+            frames_out=made,
         )
         self.frames += done
         self.acted += acted

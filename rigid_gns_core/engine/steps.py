@@ -12,91 +12,127 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The steps of a round: normal impulses, rolling friction, friction."""
+"""The steps of an iteration: normal impulses, rolling friction, friction."""
 
 from __future__ import annotations
 
 from .contacts import Contacts
-from .impulses import Bodies, Impulses, push, slip_now, spin
+from .impulses import apply_angular, apply_linear, Bodies, Impulses, slip_velocity
 from .law import Law
-from .rounds import Rounds
+from .residuals import SolverState
 from .world import World
 from ..kernels.jit import in_place
-from ..kernels.vector import across, add_to, clip, cross, dot, length, minus, plus, put, row, times
+from ..kernels.vector import (
+    across,
+    add_to,
+    clip,
+    cross,
+    dot,
+    length,
+    minus,
+    plus,
+    put,
+    row,
+    times,
+    Vector,
+)
 
 
 @in_place
-def press(world: World, c: Contacts, bodies: Bodies, made: Impulses, r: Rounds) -> None:
-    """Set normal impulses."""
-    for q, k in enumerate(r.group):
-        a, b, old = c.a[k], c.b[k], made.normal[k]
-        split = bodies.load[a] * world.inverse_mass[a] + bodies.load[b] * world.inverse_mass[b]
-        more = r.pace[q, 2] * (old - r.last_normal[q]) + r.pace[q, 0] * r.lacking[q] / split
-        r.last_normal[q] = old
-        made.normal[k] = max(old + more, 0.0) if r.pressing[q] else 0.0
-    for q, k in enumerate(r.group):
-        push(world, c, bodies, k, times(made.normal[k] - r.last_normal[q], row(c.normal, k)))
+def step_normal(
+    world: World, contacts: Contacts, bodies_out: Bodies, impulses_out: Impulses,
+    state_out: SolverState,
+) -> None:  # fmt: skip
+    """Step normal impulses: they push, and never pull (Signorini: N >= 0)."""
+    for q, k in enumerate(state_out.group):
+        a, b, old = contacts.a[k], contacts.b[k], impulses_out.normal[k]
+        one = bodies_out.split[a] * world.inverse_mass[a]
+        inverse_mass = one + bodies_out.split[b] * world.inverse_mass[b]
+        repeated = state_out.momentum[q] * (old - state_out.previous_normal[q])
+        more = repeated + state_out.residual[q] / inverse_mass
+        state_out.previous_normal[q] = old
+        impulses_out.normal[k] = max(old + more, 0.0) if state_out.active[q] else 0.0
+    for q, k in enumerate(state_out.group):
+        step = impulses_out.normal[k] - state_out.previous_normal[q]
+        apply_linear(world, contacts, bodies_out, k, times(step, row(contacts.normal, k)))
 
 
 @in_place
-def _stiffness(world: World, c: Contacts, law: Law, bodies: Bodies, k: int, pace: float) -> float:
-    """Inverse of the tangential impulse that a unit of slip calls for."""
-    a, b = c.a[k], c.b[k]
-    one = bodies.load[a] * (world.inverse_mass[a] + law.spin_a[k])
-    return (one + bodies.load[b] * (world.inverse_mass[b] + law.spin_b[k])) / pace
+def _slip_and_inverse_mass(
+    world: World, contacts: Contacts, law: Law, bodies: Bodies, state: SolverState, q: int
+) -> tuple[Vector, float]:
+    """Slip that friction acts on, and change of it by a unit of impulse, of bodies split."""
+    k = state.group[q]
+    a, b = contacts.a[k], contacts.b[k]
+    one = bodies.split[a] * (world.inverse_mass[a] + law.rotation_a[k])
+    inverse_mass = one + bodies.split[b] * (world.inverse_mass[b] + law.rotation_b[k])
+    slip = minus(slip_velocity(contacts, law, bodies, k), row(state.gravity_slip, q))
+    return slip, inverse_mass
 
 
 @in_place
-def resist_rolling(
-    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds
+def step_rolling(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+    state_out: SolverState,
 ) -> None:
-    """Torque of rolling friction: at most rho r N, and no more than stops the rolling.
+    """Step the angular impulse of rolling friction: at most rho r N, enough to stop the rolling.
 
-    Where the contact sticks, what rolls is the angular momentum about the contact point, which
-    friction does not change; where it slips, that about the centre.
+    Where the contact sticks, what rolls is the angular momentum about the contact point,
+    L = I w + m r n x v, which friction does not change; where it slips, that about the centre.
+    About the normal it resists spinning, up to the same bound.
     """
-    for q, k in enumerate(r.group):
-        put(r.step, q, (0.0, 0.0, 0.0))
+    for q, k in enumerate(state_out.group):
+        put(state_out.step, q, (0.0, 0.0, 0.0))
         if law.rolling[k] == 0:
             continue
-        a, normal, old = c.a[k], row(c.normal, k), row(made.rolling, k)
-        stiffness = _stiffness(world, c, law, bodies, k, r.pace[q, 1])
-        slip = minus(slip_now(c, law, bodies, k), row(r.drag, q))
-        wanted = minus(row(made.tangential, k), times(1.0 / stiffness, slip))
-        spinning = plus(row(bodies.spin, a), row(bodies.turn, a))
-        about = times(1.0 / world.inverse_inertia[a], spinning)
-        flat = across(about, normal)
+        a, normal, old = contacts.a[k], row(contacts.normal, k), row(impulses_out.rolling, k)
+        slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, q)
+        sticking = minus(row(impulses_out.tangential, k), times(1.0 / inverse_mass, slip))
+        w = plus(row(bodies_out.angular_velocity, a), row(bodies_out.angular_change, a))
+        about_centre = times(1.0 / world.inverse_inertia[a], w)
+        flat = across(about_centre, normal)
         rolls = flat
-        if length(wanted) <= law.friction[k] * made.normal[k]:
-            moving = plus(row(bodies.velocity, a), row(bodies.change, a))
-            orbit = cross(normal, across(moving, normal))
-            rolls = across(plus(about, times(law.arm_a[k] / world.inverse_mass[a], orbit)), normal)
-        resist = minus(old, times(1.0 / bodies.load[a], plus(rolls, minus(about, flat))))
-        most = law.rolling[k] * made.normal[k]
-        twist = min(max(dot(resist, normal), -most), most)
-        resist = plus(clip(across(resist, normal), most), times(twist, normal))
-        put(made.rolling, k, resist)
-        put(r.step, q, minus(resist, old))
-    for q, k in enumerate(r.group):
-        a = c.a[k]
-        add_to(bodies.turn, a, times(world.inverse_inertia[a], row(r.step, q)))
+        if length(sticking) <= law.friction[k] * impulses_out.normal[k]:
+            v = plus(row(bodies_out.free_velocity, a), row(bodies_out.velocity_change, a))
+            orbit = times(law.arm_a[k] / world.inverse_mass[a], cross(normal, across(v, normal)))
+            rolls = across(plus(about_centre, orbit), normal)
+        about_normal = minus(about_centre, flat)
+        new = minus(old, times(1.0 / bodies_out.split[a], plus(rolls, about_normal)))
+        limit = law.rolling[k] * impulses_out.normal[k]
+        spinning = min(max(dot(new, normal), -limit), limit)
+        new = plus(clip(across(new, normal), limit), times(spinning, normal))
+        put(impulses_out.rolling, k, new)
+        put(state_out.step, q, minus(new, old))
+    for q, k in enumerate(state_out.group):
+        a = contacts.a[k]
+        step = times(world.inverse_inertia[a], row(state_out.step, q))
+        add_to(bodies_out.angular_change, a, step)
 
 
 @in_place
-def resist_slip(
-    world: World, c: Contacts, law: Law, bodies: Bodies, made: Impulses, r: Rounds
+def step_friction(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+    state_out: SolverState,
 ) -> None:
-    """Friction: it stops slip, as far as the cone allows."""
-    for q, k in enumerate(r.group):
-        old = row(made.tangential, k)
-        stiffness = _stiffness(world, c, law, bodies, k, r.pace[q, 1])
-        more = times(r.pace[q, 2], minus(old, row(r.last_tangential, q)))
-        slip = minus(slip_now(c, law, bodies, k), row(r.drag, q))
-        wanted = plus(old, minus(more, times(1.0 / stiffness, slip)))
-        new = clip(wanted, law.friction[k] * made.normal[k])
-        put(r.last_tangential, q, old)
-        put(made.tangential, k, new)
-        put(r.step, q, minus(new, old))
-    for q, k in enumerate(r.group):
-        push(world, c, bodies, k, row(r.step, q))
-        spin(world, c, law, bodies, k, row(r.step, q))
+    """Step friction impulses, Coulomb's law: T stops the slip, as far as |T| <= mu N."""
+    for q, k in enumerate(state_out.group):
+        old = row(impulses_out.tangential, k)
+        slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, q)
+        before = row(state_out.previous_tangential, q)
+        repeated = times(state_out.momentum[q], minus(old, before))
+        sticking = plus(old, minus(repeated, times(1.0 / inverse_mass, slip)))
+        new = clip(sticking, law.friction[k] * impulses_out.normal[k])
+        put(state_out.previous_tangential, q, old)
+        put(impulses_out.tangential, k, new)
+        put(state_out.step, q, minus(new, old))
+    for q, k in enumerate(state_out.group):
+        apply_linear(world, contacts, bodies_out, k, row(state_out.step, q))
+        apply_angular(world, contacts, law, bodies_out, k, row(state_out.step, q))

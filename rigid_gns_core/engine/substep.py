@@ -22,10 +22,9 @@ import numpy as np
 
 from .candidates import Candidates
 from .contacts import Contacts, find_contacts
-from .impulses import Bodies, Impulses, no_impulses
+from .impulses import Bodies, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
 from .law import law_of
-from .network import Weights
 from .overlap import push_out
 from .solver import solve
 from .world import UNIT_GRAVITY, World
@@ -34,9 +33,9 @@ from ..kernels.neighbours import counting_sort, Flags, Indices
 from ..kernels.vector import put, row
 from ..scenes.state import Array
 
-# islands whose last round still changed a contact by this part of g h get so many more of the law,
-# or fewer where they change all by less than that part of it
-_UNSETTLED, _MORE, _SETTLED = 1.0, 24, 0.1
+# islands whose last iteration changed a contact by more than this part of g h have not converged,
+# as after a blow; they get so many more, or fewer where one changes all by less than that part
+_UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 1.0, 24, 0.1
 
 
 class Motion(NamedTuple):
@@ -52,163 +51,192 @@ class Motion(NamedTuple):
 def copy_motion(motion: Motion) -> Motion:
     """Return the same in other memory."""
     p, v, w = motion.positions, motion.velocities, motion.angular_velocities
-    return Motion(p.copy(), v.copy(), w.copy(), motion.awake)
+    return Motion(
+        positions=p.copy(), velocities=v.copy(), angular_velocities=w.copy(), awake=motion.awake
+    )
 
 
 class Settings(NamedTuple):
-    """A model.
+    """How finely a frame is solved.
 
-    substeps: K of a frame; rounds: M of a substep; weights: of the network; none: no weights;
-    everywhere: spheres that nothing can touch take part in all substeps too, and isolated contacts
-    in all rounds, with the network (to measure what leaving them out saves).
+    substeps: K of a frame; iterations: M of the solver in a substep.
     """
 
     substeps: int
-    rounds: int
-    weights: Weights
-    none: Weights
-    everywhere: bool
+    iterations: int
 
 
 @compiled
 def substep(
     world: World,
-    motion: Motion,
     candidates: Candidates,
     chosen: Flags,
     h: float,
-    pace: float,
-    memory: Impulses,
-    settings: Settings,
-    islands: Islands,
+    nominal_h: float,
+    iterations: int,
+    motion_out: Motion,
+    impulses_out: Impulses,
+    islands_out: Islands,
 ) -> None:
-    """Advance the motion by `h`, in place.
+    """Advance the motion by `h`.
 
     Args:
         world: What does not move.
-        motion: Of its spheres.
         candidates: What may touch.
         chosen: Which of them to look at.
         h: Length; 0 for one that only mends what the last one missed.
-        pace: Length of a substep as such, to which speeds are compared.
-        memory: Impulses of the last substep by candidate; overwritten with those of this one.
-        settings: The model; contacts on their own need neither its network nor its rounds.
-        islands: What touched is added.
+        nominal_h: Length of a substep as such, to which speeds are compared.
+        iterations: Of the solver; contacts on their own need but one.
+        motion_out: Of the spheres; advanced in place.
+        impulses_out: By candidate; those of the last substep, which warm start this one, are
+            overwritten.
+        islands_out: What touched is added.
     """
-    p, v, w = motion.positions, motion.velocities, motion.angular_velocities
-    count, none = len(p), settings.none
-    contacts = find_contacts(world, p, v, candidates, chosen, h, pace)
+    motion, p = motion_out, motion_out.positions
+    v, w = motion_out.velocities, motion_out.angular_velocities
+    count = len(p)
+    contacts = find_contacts(world, p, v, candidates, chosen, h, nominal_h)
     size = len(contacts.a)
     if size == 0:
         _fly(world, motion, h)
-        _forget(memory)
+        _clear(impulses_out)
         return
-    alone, shared = _by_company(contacts, count, settings.everywhere)
+    alone, shared = _isolated_and_shared(contacts, count)
     law = law_of(world, contacts)
-    bodies = _bodies(world, motion, h, settings.weights.encoder.shape[1])
-    made, start = no_impulses(size), no_impulses(size)
-    solve(world, contacts, law, alone, bodies, start, start, h, pace, 1, 0.0, none, made)
-    for k in shared:
-        _copy(memory, contacts.candidate[k], start, k)
-    rounds, weights = settings.rounds, settings.weights
-    unsettled = solve(
-        world, contacts, law, shared, bodies, start, start, h, pace, rounds, 0.0, weights, made
+    bodies = _bodies(world, motion, h)
+    found, start = no_impulses(size), no_impulses(size)
+    solve(
+        world=world,
+        contacts=contacts,
+        law=law,
+        group=alone,
+        start=start,
+        lasting=start,
+        h=h,
+        nominal_h=nominal_h,
+        iterations=1,
+        tolerance=0.0,
+        bodies_out=bodies,
+        impulses_out=found,
     )
-    again, begin = _struck(contacts, shared, unsettled, pace, count)
+    for k in shared:
+        _copy(impulses_out, contacts.candidate[k], start, k)
+    change = solve(
+        world=world,
+        contacts=contacts,
+        law=law,
+        group=shared,
+        start=start,
+        lasting=start,
+        h=h,
+        nominal_h=nominal_h,
+        iterations=iterations,
+        tolerance=0.0,
+        bodies_out=bodies,
+        impulses_out=found,
+    )
+    again, begin = _unconverged(contacts, shared, change, nominal_h, count)
     if len(again):
-        first = Impulses(made.normal.copy(), made.tangential.copy(), made.rolling.copy())
-        enough = _SETTLED * UNIT_GRAVITY * pace
+        first = copy_impulses(found)
         for island in range(len(begin) - 1):
             some = again[begin[island] : begin[island + 1]]
             solve(
-                world,
-                contacts,
-                law,
-                some,
-                bodies,
-                first,
-                start,
-                h,
-                pace,
-                _MORE,
-                enough,
-                none,
-                made,
+                world=world,
+                contacts=contacts,
+                law=law,
+                group=some,
+                start=first,
+                lasting=start,
+                h=h,
+                nominal_h=nominal_h,
+                iterations=_EXTRA_ITERATIONS,
+                tolerance=_CONVERGED * UNIT_GRAVITY * nominal_h,
+                bodies_out=bodies,
+                impulses_out=found,
             )
     _fly(world, motion, h)
     for i in range(count):
         for axis in range(3):
-            p[i, axis] += bodies.moved[i, axis]
-            v[i, axis] += bodies.change[i, axis]
-            w[i, axis] += bodies.turn[i, axis]
-    _forget(memory)
+            p[i, axis] += bodies.displacement[i, axis]
+            v[i, axis] += bodies.velocity_change[i, axis]
+            w[i, axis] += bodies.angular_change[i, axis]
+    _clear(impulses_out)
     for k in range(size):
-        _copy(made, k, memory, contacts.candidate[k])
-        if contacts.open[k] == 0 or made.normal[k] > 0:
-            connect(islands, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
-    push_out(world, p, contacts)
+        _copy(found, k, impulses_out, contacts.candidate[k])
+        if contacts.speculative_gap[k] == 0 or found.normal[k] > 0:
+            connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
+    push_out(world, contacts, p)
 
 
 @in_place
-def _fly(world: World, motion: Motion, h: float) -> None:
-    for i in range(len(motion.positions)):
+def _fly(world: World, motion_out: Motion, h: float) -> None:
+    p, v = motion_out.positions, motion_out.velocities
+    for i in range(len(p)):
         for axis in range(3):
-            pull = h * world.gravity[axis] if motion.awake[i] else 0.0
-            motion.positions[i, axis] += h * (motion.velocities[i, axis] + 0.5 * pull)
-            motion.velocities[i, axis] += pull
+            fall = h * world.gravity[axis] if motion_out.awake[i] else 0.0
+            p[i, axis] += h * (v[i, axis] + 0.5 * fall)
+            v[i, axis] += fall
 
 
 @compiled
-def _bodies(world: World, motion: Motion, h: float, width: int) -> Bodies:
+def _bodies(world: World, motion: Motion, h: float) -> Bodies:
     count = len(motion.positions)
     rows = np.zeros((6, count + 1, 3))
     for i in range(count):
         for axis in range(3):
-            rows[0, i, axis] = motion.velocities[i, axis] + h * world.gravity[axis]
-            rows[1, i, axis] = motion.velocities[i, axis]
+            rows[0, i, axis] = motion.velocities[i, axis]
+            rows[1, i, axis] = motion.velocities[i, axis] + h * world.gravity[axis]
             rows[2, i, axis] = motion.angular_velocities[i, axis]
-    load, most, total = np.zeros(count + 1), np.zeros(count + 1), np.zeros((count + 1, width))
-    return Bodies(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], load, most, total)
+    return Bodies(
+        start_velocity=rows[0],
+        free_velocity=rows[1],
+        angular_velocity=rows[2],
+        velocity_change=rows[3],
+        angular_change=rows[4],
+        displacement=rows[5],
+        split=np.zeros(count + 1),
+        strongest=np.zeros(count + 1),
+    )
 
 
 @in_place
-def _copy(one: Impulses, i: int, other: Impulses, k: int) -> None:
-    other.normal[k] = one.normal[i]
-    put(other.tangential, k, row(one.tangential, i))
-    put(other.rolling, k, row(one.rolling, i))
+def _copy(impulses: Impulses, i: int, target_out: Impulses, k: int) -> None:
+    target_out.normal[k] = impulses.normal[i]
+    put(target_out.tangential, k, row(impulses.tangential, i))
+    put(target_out.rolling, k, row(impulses.rolling, i))
 
 
 @in_place
-def _forget(memory: Impulses) -> None:
-    memory.normal[:] = 0.0
-    memory.tangential[:] = 0.0
-    memory.rolling[:] = 0.0
+def _clear(impulses_out: Impulses) -> None:
+    impulses_out.normal[:] = 0.0
+    impulses_out.tangential[:] = 0.0
+    impulses_out.rolling[:] = 0.0
 
 
 @compiled
-def _by_company(contacts: Contacts, count: int, everywhere: bool) -> tuple[Indices, Indices]:
-    """Contacts that share no body with another, and need no network and no rounds; the rest."""
-    load = np.zeros(count + 1, np.int64)
+def _isolated_and_shared(contacts: Contacts, count: int) -> tuple[Indices, Indices]:
+    """Contacts that share no moving body with another, and need one iteration; the rest."""
+    contacts_of = np.zeros(count + 1, np.int64)
     for k in range(len(contacts.a)):
-        load[contacts.a[k]] += 1
-        load[contacts.b[k]] += 1
-    load[count] = 0
+        contacts_of[contacts.a[k]] += 1
+        contacts_of[contacts.b[k]] += 1
+    contacts_of[count] = 0
     shared = np.empty(len(contacts.a), np.bool_)
     for k in range(len(contacts.a)):
-        shared[k] = everywhere or load[contacts.a[k]] > 1 or load[contacts.b[k]] > 1
+        shared[k] = contacts_of[contacts.a[k]] > 1 or contacts_of[contacts.b[k]] > 1
     return np.flatnonzero(~shared), np.flatnonzero(shared)
 
 
 @compiled
-def _struck(
-    contacts: Contacts, shared: Indices, unsettled: Array, pace: float, count: int
+def _unconverged(
+    contacts: Contacts, shared: Indices, change: Array, nominal_h: float, count: int
 ) -> tuple[Indices, Indices]:
-    """Contacts of islands that a blow has left far from the law's end; where each island begins.
+    """Contacts of islands that have not converged; where each island begins.
 
     Island by island, so that none feels what happens elsewhere.
     """
-    loud = unsettled > _UNSETTLED * UNIT_GRAVITY * pace
-    if not loud.any():
+    large = change > _UNCONVERGED * UNIT_GRAVITY * nominal_h
+    if not large.any():
         return shared[:0], np.zeros(1, np.int64)
     islands = no_islands(count)
     for k in range(len(contacts.a)):
@@ -217,7 +245,7 @@ def _struck(
     number, found = np.full(count, -1), 0
     for q in range(len(shared)):
         root = root_of(islands.parent, contacts.a[shared[q]])
-        if loud[q] and number[root] < 0:
+        if large[q] and number[root] < 0:
             number[root] = found
             found += 1
     label = np.empty(len(shared), np.int64)

@@ -31,7 +31,9 @@ from .atomic_file import whole_file
 
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parents[1] / 'weights'
-DEFAULT_MODEL = 'contact'
+LAWS = 'laws'
+"""Name of the laws of rigid contact, a model without weights."""
+DEFAULT_MODEL = LAWS
 CARD_KEYS = {
     'format_version',
     'kind',
@@ -100,14 +102,18 @@ def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def find_model(name: str | Path | None = None) -> Path:
-    """Path of a model's .safetensors: of a shipped name, a path (suffix or not), or the default.
+def shipped_networks() -> dict[str, Path]:
+    """Trained models that are shipped: weights by name."""
+    return {path.stem: path for path in sorted(WEIGHTS_FOLDER.glob('*.safetensors'))}
+
+
+def find_model(name: str | Path) -> Path:
+    """Path of a trained model's .safetensors: of a shipped name, or a path (suffix or not).
 
     Raises:
         CheckpointError: There is no such model; the shipped ones are listed.
     """
-    name = DEFAULT_MODEL if name in (None, '') else name
-    shipped = {path.stem: path for path in sorted(WEIGHTS_FOLDER.glob('*.safetensors'))}
+    shipped = shipped_networks()
     if str(name) in shipped:
         return shipped[str(name)]
     path = Path(str(name))
@@ -116,7 +122,7 @@ def find_model(name: str | Path | None = None) -> Path:
         return path
     raise CheckpointError(
         f'no model {str(name)!r}: neither a file {path} nor one of the shipped '
-        f'({", ".join(shipped) or "none"})'
+        f'({", ".join([LAWS, *shipped])})'
     )
 
 

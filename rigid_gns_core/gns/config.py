@@ -23,52 +23,12 @@ from .graph import Connectivity, Reach
 from ..files.checkpoint import Shapes
 from ..files.config import check_least
 
-# what a contact and a round tell the contact model's network
-CONTACT_FEATURES = 17
-ROUND_FEATURES = 7
-
 
 def mlp_shapes(name: str, inputs: tuple[int, ...], hidden: int, outputs: int) -> Shapes:
     """Weights of an `MLP` called `name`."""
     shapes: Shapes = {f'{name}.weights.{k}': (hidden, size) for k, size in enumerate(inputs)}
     last: Shapes = {f'{name}.last.weight': (outputs, hidden), f'{name}.last.bias': (outputs,)}
     return {**shapes, f'{name}.bias': (hidden,), **last}
-
-
-@dataclass(frozen=True)
-class ContactConfig:
-    """The contact model.
-
-    Args:
-        substeps: K, substeps of a frame in which something may touch.
-        rounds: M, rounds of message passing in a substep.
-        width: Width of the latents.
-        network: False: the law alone.
-        law: False: no law of isolated contacts; the network finds impulses from nothing
-            (ablation).
-    """
-
-    substeps: int = 4
-    rounds: int = 6
-    width: int = 24
-    network: bool = True
-    law: bool = True
-
-    def __post_init__(self) -> None:
-        check_least(self, 1, 'substeps', 'rounds')
-        check_least(self, 2, 'width')
-        if not (self.network or self.law):
-            raise ValueError('network and law are both off, so nothing is left; switch one on')
-
-    @property
-    def shapes(self) -> Shapes:
-        """Shapes of the weights, by name."""
-        width = self.width
-        shapes = mlp_shapes('encoder', (CONTACT_FEATURES,), width, width)
-        for k in range(self.rounds):
-            shapes |= mlp_shapes(f'rounds.{k}', (width, width, ROUND_FEATURES), width, width)
-            shapes |= {f'heads.{k}.weight': (4, width), f'heads.{k}.bias': (4,)}
-        return shapes
 
 
 @dataclass(frozen=True)

@@ -156,10 +156,10 @@ def calibrate(
 def _check(
     simulator: Simulator, records: Sequence[Record], names: Sequence[str], steps: int
 ) -> None:
-    if simulator.kind != 'contact':
+    if simulator.kind != 'laws':
         raise ValueError(
             f'model {simulator.name!r} is a {simulator.kind}, which takes no materials; fit those '
-            'of a contact model, or fine-tune its weights: rigid-gns train --from'
+            'of the laws, or fine-tune its weights: rigid-gns train --from'
         )
     if unknown := sorted(set(names) - set(MATERIALS)):
         raise ValueError(f'unknown material {unknown[0]!r}, allowed: {", ".join(MATERIALS)}')

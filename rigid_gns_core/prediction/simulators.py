@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TYPE_CHECKING, TypeVar
 import warnings
@@ -26,24 +26,24 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .on_device import known_device, run_on_device
-from ..engine.options import ContactOptions, known_backend
-from ..files.checkpoint import Tensors
+from ..engine.options import known_backend, LawsOptions
+from ..files.checkpoint import LAWS, Tensors
 from ..files.config import from_mapping
-from ..gns.config import ContactConfig, GNSConfig
+from ..gns.config import GNSConfig
 from ..gns.features import Features
 from ..gns.stepper import GNSStepper
+from ..installation.versions import PACKAGE, version_of
 from ..rollout.outcome import Outcome
 from ..rollout.rollout import Rollout, Simulator
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
+from ..scenes.similarity import ModelUnits
 from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
     from torch.nn import Module
 
-    from ..engine.substep import Settings
     from ..gns.network import GNS
-    from ..models.contact.network import ContactNetwork
 
 N = TypeVar('N', bound='Module')
 
@@ -65,7 +65,6 @@ class GNSSimulator(Simulator):
         card: See `Simulator`.
         name: See `Simulator`.
         backend: 'engine' (NumPy), or 'torch', the reference.
-        dtype: 'float32', the only one.
         threads: CPU threads.
         device: Where the backend 'torch' keeps all of a rollout, such as 'cuda'; None: networks on
             the CPU, graphs by SciPy.
@@ -81,14 +80,11 @@ class GNSSimulator(Simulator):
         name: str,
         *,
         backend: str = 'engine',
-        dtype: str = 'float32',
         threads: int = 1,
         device: str | None = None,
     ) -> None:
-        super().__init__(tensors, card, name)
-        if dtype != 'float32':
-            raise ValueError(f'dtype is {dtype!r}, but model {name!r} (a GNS) knows float32 only')
-        self.dtype = dtype
+        super().__init__(card, name, from_mapping(ModelUnits, card['units'], f'{name}: units'))
+        self.tensors = tensors
         self.backend, self.threads = known_backend(backend), threads
         self.device = None if device is None else known_device(device, backend)
         self.config = from_mapping(GNSConfig, card['config'], f'{name}: config')
@@ -156,118 +152,47 @@ class GNSSimulator(Simulator):
         return GNSEngine(self.tensors, self.config, self.threads)
 
 
-class ContactSimulator(Simulator):
-    """The contact-frame graph network: any radii, masses and materials.
+class LawsSimulator(Simulator):
+    """The laws of rigid contact: any radii, masses and materials.
 
     Args:
-        tensors: The trained weights, by name.
-        card: See `Simulator`.
-        name: See `Simulator`.
-        options: See `ContactOptions`.
+        options: See `LawsOptions`.
+
+    Raises:
+        ValueError: There is no such option, or its value is out of range.
     """
 
-    kind = 'contact'
+    kind = 'laws'
     velocities = 'given'
 
-    def __init__(
-        self, tensors: Tensors, card: dict[str, Any], name: str, /, **options: Any
-    ) -> None:
-        super().__init__(tensors, card, name)
-        if unknown := sorted(set(options) - {field.name for field in fields(ContactOptions)}):
-            allowed = ', '.join(field.name for field in fields(ContactOptions))
-            raise ValueError(f'model {name!r} has no option {unknown[0]!r}, allowed: {allowed}')
-        self.options = ContactOptions(**options)
-        self.dtype = self.options.dtype
-        self.trained = from_mapping(ContactConfig, card['config'], f'{name}: config')
-        self.backend = self._backend()
-        self.ranges: dict[str, tuple[float, float]] = {
-            key: (float(low), float(high)) for key, (low, high) in card['materials'].items()
+    def __init__(self, **options: Any) -> None:
+        self.options = from_mapping(LawsOptions, options, 'options of the laws')
+        card = {
+            'kind': self.kind,
+            'options': asdict(self.options),
+            'version': version_of(PACKAGE) or 'unknown',  # a source tree that is not installed
         }
-
-    @property
-    def config(self) -> ContactConfig:
-        """K, M and what else the options leave of the network's configuration."""
-        options = self.options
-        return replace(
-            self.trained,
-            substeps=options.substeps or self.trained.substeps,
-            rounds=options.rounds or self.trained.rounds,
-            network=options.network,
-        )
+        # a frame of 0.1 s for spheres of 1 m, as the thesis has
+        super().__init__(card, LAWS, ModelUnits(radius=1.0, gravity=9.81, dt=0.1))
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
-        """Warn of properties far from what the network has seen; the law holds for all."""
-        if not count:
-            return
-        values = {name: _values(scene, name, count) for name in ('restitution', 'friction')}
-        for name in ('radius', 'mass'):
-            own = scene.per_sphere(name, count)
-            values[f'{name}_ratio'] = own.max() / own
-        for name, (low, high) in self.ranges.items():
-            seen = values.get(name)
-            if seen is not None and (seen.min() < low - 0.01 or seen.max() > high + 0.01):
-                warnings.warn(
-                    f'{name} of the scene is {seen.min():.4g} to {seen.max():.4g}, beyond the '
-                    f'{low:g} to {high:g} that model {self.name!r} was trained on',
-                    stacklevel=stacklevel,
-                )
+        """Nothing: the laws hold for all scenes."""
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """Return a rollout in the model's units."""
-        options, config = self.options, self.config
-        switches = {'guard': options.guard, 'sleep': options.sleep}
-        if self.backend == 'torch':
-            import torch
-
-            from ..models.contact.stepper import ContactStepper
-
-            torch.set_num_threads(options.threads)
-            network = self.network if options.network else None
-            dtype = getattr(torch, options.dtype)
-            return ContactStepper(
-                network, config, scene, state, self.units.dt, dtype=dtype, **switches
-            )
         from ..engine.stepper import EngineStepper
 
-        return EngineStepper(self._settings, scene, state, self.units.dt, **switches)
-
-    def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
-        return super()._run(rollouts, steps, 1 if self.backend == 'torch' else workers)
-
-    @cached_property
-    def network(self) -> ContactNetwork:
-        """The network as a torch module, for the backend 'torch'."""
-        from ..models.contact.network import ContactNetwork
-
-        return _filled(ContactNetwork(self.trained), self.tensors)
-
-    @cached_property
-    def _settings(self) -> Settings:
-        from ..engine.stepper import settings_of
-
-        config = self.config
-        tensors = self.tensors if config.network else None
-        return settings_of(tensors, config.substeps, config.rounds, self.options.everywhere)
-
-    def _backend(self) -> str:
-        lacks = None
-        if self.dtype != 'float64':
-            lacks = f'no {self.dtype}'
-        elif not self.trained.law and self.options.network:
-            lacks = 'no networks without the law'
-        if lacks and self.options.backend == 'engine':
-            raise ValueError(f"backend is 'engine', which has {lacks}; take 'torch'")
-        return self.options.backend or ('torch' if lacks else 'engine')
+        return EngineStepper(scene, state, self.units.dt, **asdict(self.options))
 
 
 class Kind(NamedTuple):
-    """Classes of a kind of model."""
+    """Classes of a kind of trained model."""
 
-    config: type[GNSConfig] | type[ContactConfig]
-    simulator: type[Simulator]
+    config: type[GNSConfig]
+    simulator: type[GNSSimulator]
 
 
-KINDS = {'gns': Kind(GNSConfig, GNSSimulator), 'contact': Kind(ContactConfig, ContactSimulator)}
+KINDS = {'gns': Kind(GNSConfig, GNSSimulator)}
 
 
 def _filled(network: N, tensors: Tensors) -> N:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Load a learned simulator and roll it out, at any radius and gravity."""
+"""Load a simulator and roll it out, at any radius and gravity."""
 
 from __future__ import annotations
 
@@ -28,7 +28,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from .outcome import Outcome, Recording
 from .stepper import Advance, state_at, Stepper
-from ..files.checkpoint import CheckpointError, find_model, load_card, load_weights, Tensors
+from ..files.checkpoint import (
+    CheckpointError,
+    DEFAULT_MODEL,
+    find_model,
+    LAWS,
+    load_card,
+    load_weights,
+)
 from ..files.config import from_mapping
 from ..running.threads import in_threads, paired, usable_cores
 from ..scenes.scene import Scene
@@ -106,27 +113,22 @@ class Rollout:
 
 
 class Simulator(ABC):
-    """A trained model, ready to predict.
+    """A model, ready to predict.
 
     `velocities` says what the velocities of its states are: 'given', those of the instant, or
-    'poses', means over the step before (backward differences, thesis section 3.3). `dtype` is that
-    of its arithmetic.
+    'poses', means over the step before (backward differences, thesis section 3.3).
 
     Args:
-        tensors: The trained weights, by name.
-        card: What is known of the model: configuration, units, recipe, metrics.
+        card: What is known of the model, as JSON takes it.
         name: Name for messages and reports.
+        units: Size and time step that it is made for.
     """
 
     velocities: ClassVar[Literal['given', 'poses']]
     kind: ClassVar[str]
-    dtype: str
 
-    def __init__(self, tensors: Tensors, card: dict[str, Any], name: str) -> None:
-        self.tensors = tensors
-        self.card = card
-        self.name = name
-        self.units = from_mapping(ModelUnits, card['units'], f'{name}: units')
+    def __init__(self, card: dict[str, Any], name: str, units: ModelUnits) -> None:
+        self.card, self.name, self.units = card, name, units
 
     def native_dt(self, scene: Scene) -> float:
         """Return the model's time step for radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
@@ -266,24 +268,30 @@ def _checked(steps: int) -> int:
 
 
 def load_simulator(
-    name_or_path: str | Path | None = None, *, dtype: str | None = None, **options: Any
+    name_or_path: str | Path | None = None, *, threads: int = 1, **options: Any
 ) -> Simulator:
-    """Load a shipped model by name, any model by path, or the shipped default.
+    """Load the laws, which are the default, a shipped network by name, or any by path.
 
     Args:
-        name_or_path: None: the default.
-        dtype: 'float64' or 'float32', of the arithmetic; None: the model's usual one.
-        options: Of the kind of model. Both kinds: `backend`, `threads`. A contact model also those
-            of `ContactOptions`: `network`, `rounds`, `substeps`, `guard`, `sleep`, `everywhere`.
-            A GNS also `device`, such as 'cuda', with the backend 'torch'; see `GNSSimulator`.
+        name_or_path: 'laws', 'gns', or a path; None: the laws.
+        threads: CPU threads of a network; the laws take one.
+        options: Of the kind of model. The laws: `guard`, `sleep`, `substeps`, `rounds`; see
+            `LawsOptions`. A GNS: `backend` and, with the backend 'torch', `device`, such as
+            'cuda'; see `GNSSimulator`.
 
     Raises:
         CheckpointError: There is no such model, or its files are damaged or of another version.
-        ValueError: The model has no such dtype or option.
+        ValueError: The model has no such option.
     """
-    from ..prediction.simulators import KINDS  # here, since they build on this module
+    from ..prediction.simulators import (  # here, since they build on this module
+        KINDS,
+        LawsSimulator,
+    )
 
-    path = find_model(name_or_path)
+    name = DEFAULT_MODEL if name_or_path in (None, '') else str(name_or_path)
+    if name == LAWS:
+        return LawsSimulator(**options)
+    path = find_model(name)
     card = load_card(path)
     if card['kind'] not in KINDS:
         raise CheckpointError(
@@ -296,6 +304,4 @@ def load_simulator(
         raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
     config = from_mapping(kind.config, card['config'], f'{path}: config')
     tensors = load_weights(path, card['weights_sha256'], config.shapes)
-    if dtype is not None:
-        options['dtype'] = dtype
-    return kind.simulator(tensors, card, path.stem, **options)
+    return kind.simulator(tensors, card, path.stem, threads=threads, **options)

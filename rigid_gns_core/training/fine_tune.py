@@ -30,6 +30,7 @@ import numpy as np
 from ..data.records import Record
 from ..files.checkpoint import CheckpointError, find_model, Tensors
 from ..files.config import to_mapping
+from ..prediction.simulators import GNSSimulator
 from ..rollout.rollout import load_simulator
 from ..scenes.similarity import ModelUnits, Similarity
 from ..scenes.state import Trajectory
@@ -64,9 +65,14 @@ class StartingPoint:
         """Return a shipped model by name, or any by path.
 
         Raises:
-            CheckpointError: There is no such model, or its files are damaged.
+            CheckpointError: There is no such model, its files are damaged, or it has no weights.
         """
         simulator = load_simulator(name)
+        if not isinstance(simulator, GNSSimulator):
+            raise CheckpointError(
+                f'model {simulator.name!r} has no weights to start from; fit '
+                'materials instead: rigid-gns calibrate'
+            )
         return cls(
             f'{find_model(name).stem} {simulator.card["weights_sha256"][:12]}',
             simulator.kind,
@@ -80,8 +86,7 @@ class StartingPoint:
 
         Raises:
             ValueError: A record's time step is not that of the model for its radius and gravity,
-                or it was tracked and has one step, or the model learns from velocities of the
-                instant.
+                or it was tracked and has one step.
         """
         return [self._record(record) for record in records]
 
@@ -111,11 +116,6 @@ class StartingPoint:
 
     def _record(self, record: Record) -> Record:
         if tracked := record.teacher.get('engine') == 'tracker':
-            if self.kind == 'contact':
-                raise ValueError(
-                    f'record {record.name!r} holds tracked poses, but a contact model learns from '
-                    'velocities of the instant; fit its materials instead: rigid-gns calibrate'
-                )
             record = _from_frame_1(record)
         if not np.any(record.scene.gravity):
             raise ValueError(

@@ -27,7 +27,6 @@ import torch
 from torch import nn, Tensor
 
 from .distributed import Mean, Processes
-from ..data.records import Record
 from ..files.checkpoint import CheckpointError
 from ..files.config import check_least, check_positive
 from ..scenes.similarity import ModelUnits
@@ -98,7 +97,6 @@ class Learner(ABC, Generic[N]):
     """
 
     kind: ClassVar[str]
-    score_name: ClassVar[str] = 'root_chamfer_radii'
 
     def __init__(
         self,
@@ -137,14 +135,6 @@ class Learner(ABC, Generic[N]):
         for other in others:
             first = first + other
         return first
-
-    def score(self, records: Sequence[Record]) -> float | None:
-        """How good the current weights are on held-out records, lower is better; None: by rollout.
-
-        For models whose rollouts differ by chaos more than by their weights.
-        """
-        del records
-        return None
 
     def advance(self) -> float:
         """One optimiser step; returns the loss.

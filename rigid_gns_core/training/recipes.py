@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kinds of training: recipe, learner, and where each runs."""
+"""Kinds of training: recipe and learner."""
 
 from __future__ import annotations
 
@@ -22,14 +22,12 @@ from typing import Any
 
 import torch
 
-from .contact import ContactLearner, ContactTrainConfig
-from .distributed import find_device
 from .gns.learner import GNSLearner, GNSTrainConfig
 from .learner import Learner, Schedule
 from ..data.records import Record
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
-RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig, 'contact': ContactTrainConfig}
+RECIPES: dict[str, type[Schedule]] = {'gns': GNSTrainConfig}
 
 
 def load_recipe(name: str | Path) -> Schedule:
@@ -54,23 +52,5 @@ def make_learner(
     Raises:
         ValueError: The kind of model cannot learn from these records.
     """
-    if isinstance(config, ContactTrainConfig):
-        return ContactLearner(config, records)
     assert isinstance(config, GNSTrainConfig)
     return GNSLearner.of(config, records, device)
-
-
-def device_of(config: Schedule, name: str) -> torch.device:
-    """Device that a recipe is trained on; `auto` is CUDA where it can be used.
-
-    Raises:
-        ValueError: This kind of model, or this machine, has no use for the device asked for.
-    """
-    if not isinstance(config, ContactTrainConfig):
-        return find_device(name)
-    if name == 'cuda':
-        raise ValueError(
-            'device is cuda, but the contact model is trained on the CPU: its steps are many and '
-            'small; use --device cpu, and torchrun for several cores'
-        )
-    return find_device('cpu')

@@ -31,10 +31,10 @@ import numpy as np
 import torch
 import yaml
 
-from .distributed import started_by_torchrun
+from .distributed import find_device, started_by_torchrun
 from .fine_tune import StartingPoint
 from .learner import Schedule
-from .recipes import device_of, load_recipe, make_learner
+from .recipes import load_recipe, make_learner
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
 from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
@@ -126,16 +126,10 @@ class Trainer:
         return self.best
 
     def validate(self) -> float:
-        """Return the learner's own score, or by rollout (`validation` in the card); inf: diverged.
-
-        By rollout it is the mean over held-out rollouts of the root Chamfer distance [radii].
-        """
+        """Mean over held-out rollouts of the root Chamfer distance [radii]; inf: one diverged."""
         if not self.validation:
             return math.inf
         with self.learner.averaged_weights() as network, warnings.catch_warnings():
-            own = self.learner.score(self.validation)
-            if own is not None:
-                return own
             warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
             kind = KINDS[self.learner.kind].simulator
             simulator = kind(tensors_of(network), self.card(None), 'validation')
@@ -155,7 +149,7 @@ class Trainer:
                 'data': self.origin,
                 'trajectories': self.learner.trajectories,
             },
-            'validation': {self.learner.score_name: score},
+            'validation': {'root_chamfer_radii': score},
         }
 
     def _rollout_score(self, simulator: Simulator, record: Record) -> float:
@@ -258,7 +252,7 @@ def run(arguments: argparse.Namespace) -> int:
     changes = {name: getattr(arguments, name) for name in ('steps', 'seed')}
     config = replace(config, **{k: v for k, v in changes.items() if v is not None})
     torch.set_num_threads(arguments.threads)
-    device = device_of(config, arguments.device)
+    device = find_device(arguments.device)
     with started_by_torchrun(device):
         validation = list(Dataset(arguments.validation)) if arguments.validation else []
         records = [record for folder in arguments.data for record in Dataset(folder)]

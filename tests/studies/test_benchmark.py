@@ -214,8 +214,8 @@ def test_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenes = {scene['name']: scene for scene in report['scenes']}
     for name, scene in scenes.items():
         peers = {peer['name']: peer for peer in scene['peers']}
-        assert peers['contact 8']['status'] == peers['Bullet 6']['status'] == 'ok'
-        assert peers['contact 8']['compared'] == 1.0
+        assert peers['laws 8']['status'] == peers['Bullet 6']['status'] == 'ok'
+        assert peers['laws 8']['compared'] == 1.0
         for peer in peers.values():
             times = peer['timing']['seconds_per_frame']
             assert 0 < times['p10'] <= times['median'] <= times['p90']

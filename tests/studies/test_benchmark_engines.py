@@ -25,7 +25,7 @@ from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
-from rigid_gns_core.studies.benchmark.peers import all_peers, LearnedSpheres, Run
+from rigid_gns_core.studies.benchmark.peers import all_peers, OwnSpheres, Run
 from rigid_gns_core.studies.benchmark.scenes import FRAME
 
 TOSSED = State(
@@ -51,8 +51,8 @@ def mujoco(scene: Scene, start: State, substeps: int = 12) -> Run:
     return MujocoSpheres(scene, start, FRAME, MujocoSettings(substeps))
 
 
-def contact(scene: Scene, start: State) -> Run:
-    return LearnedSpheres(load_simulator('contact'), scene, start)
+def laws(scene: Scene, start: State) -> Run:
+    return OwnSpheres(load_simulator('laws'), scene, start)
 
 
 def taken(run: Run, frames: int) -> Array:
@@ -62,7 +62,7 @@ def taken(run: Run, frames: int) -> Array:
     return positions
 
 
-@pytest.mark.parametrize('begin', [bullet, mujoco, contact])
+@pytest.mark.parametrize('begin', [bullet, mujoco, laws])
 def test_flight_is_the_closed_form(begin: Callable[[Scene, State], Run]) -> None:
     """Where a position read once a frame is not that of a semi-implicit step too late."""
     flown = taken(begin(Scene(), TOSSED), 20)
@@ -111,6 +111,6 @@ def test_bullet_peer_has_no_rolling_friction_in_python() -> None:
 
 def test_mujoco_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'mujoco', None)
-    field = all_peers(['MuJoCo', 'law'], quick=True)
-    assert [peer.family for peer in field.peers] == ['law']
+    field = all_peers(['MuJoCo', 'laws'], quick=True)
+    assert [peer.family for peer in field.peers] == ['laws']
     assert 'rigid_gns_ros[bench]' in field.absent['MuJoCo']

@@ -85,7 +85,7 @@ def lost(scene: Scene, start: State, steps: int) -> Trajectory:
         (climbing, 'tower', ['energy_rise', 'drift']),
         (climbing, 'radius_ratio', ['energy_rise']),
         (lost, 'tower', ['finite']),
-        (lost, 'precision', ['finite']),
+        (lost, 'heap', ['finite']),
     ],
 )
 def test_exactly_what_is_wrong_is_flagged(simulate, name: str, wrong: list[str]) -> None:
@@ -195,27 +195,6 @@ def test_refusals_breaks_and_warnings() -> None:
     assert 'breaks: 0 ok, 1 FAILED, 0 refused (corner)' in format_summary(rows)
 
 
-def test_float64_is_a_row_of_its_own() -> None:
-    def shifted(scene: Scene, start: State, steps: int) -> Trajectory:
-        return made(Case('', '', scene, start, steps), lambda t: np.outer(t, [0.1, 0, 0])[:, None])
-
-    def none() -> Engine:
-        raise ValueError('float32 only')
-
-    case = CASES['precision']
-    engines = [
-        Engine('one', frozen, 'given', lambda: Engine('other', shifted, 'given')),
-        Engine('two', frozen, 'given', none),
-        Engine('three', frozen, 'given'),
-    ]
-    rows = list(run_cases(engines, [case, CASES['corner']]))
-    names = ['one', 'one float64', 'two', 'two float64', 'three', 'one', 'two', 'three']
-    assert [row['model'] for row in rows] == names
-    assert list(rows[1]['precision'].values()) == pytest.approx([0.1, 0.3, 1.0])
-    assert rows[3]['refused'] == 'float32 only'
-    assert 'float32 and float64 are 0.1/0.3/1 m apart' in format_table(rows)
-
-
 @pytest.mark.parametrize('name', CASES)
 def test_cases_start_as_they_say(name: str) -> None:
     case = CASES[name]
@@ -255,9 +234,6 @@ def test_what_the_cases_are_about_is_there() -> None:
 
 
 def test_command_writes_all_numbers(tmp_path, capsys) -> None:
-    checkpoint = pytest.importorskip(
-        'rigid_gns_core.files.checkpoint', reason='the model needs torch'
-    )
     file = tmp_path / 'report.json'
     words = ['--model', 'gns', '--cases', 'half_below', 'heavy_on_light', '--no-teacher']
     code = main(['hard-cases', *words, '--quick', '--json', str(file)])
@@ -266,7 +242,7 @@ def test_command_writes_all_numbers(tmp_path, capsys) -> None:
     assert second['verdict'] == 'refused' and 'mass differs' in second['refused']
     assert first['velocities'] == 'poses' and first['dt'] == 0.1 and first['errors'] is None
     assert first['failed'] == failures(first['laws'])
-    assert code == int(checkpoint.DEFAULT_MODEL == 'gns' and first['verdict'] == 'FAILED')
+    assert code == 0  # only the default model is judged
     assert report['thresholds']['energy_rise'] == 1e-4 and report['version']
     assert report['cases']['half_below']['steps'] == 60
     assert 'refused: mass differs' in capsys.readouterr().out
@@ -274,7 +250,6 @@ def test_command_writes_all_numbers(tmp_path, capsys) -> None:
 
 @pytest.mark.parametrize(('simulate', 'code'), [(frozen, 0), (climbing, 1)])
 def test_only_the_default_model_decides_the_exit_code(simulate, code: int, monkeypatch) -> None:
-    pytest.importorskip('torch', reason='the default model needs torch')
     monkeypatch.setattr(
         'rigid_gns_core.studies.hard_cases.command.load_engine',
         lambda name, *_: Engine(name, simulate, 'given'),

@@ -30,12 +30,10 @@ from ..resample import resample
 from ..tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
 from ...bags.reader import read_bag
 from ...data.records import Record
-from ...files.checkpoint import find_model, load_card
-from ...files.config import from_mapping
 from ...forecasts.forecaster import scene_of
+from ...rollout.rollout import load_simulator
 from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
-from ...scenes.similarity import ModelUnits, Similarity
 from ...scenes.state import Trajectory
 from ...tracking.refusal import seconds
 from ...tracking.tracked_motion import PoseNoise
@@ -229,9 +227,7 @@ def _check_places(parts: list[Segment], scene: Scene, where: str) -> list[str]:
 
 
 def _native_dt(scene: Scene, model: str) -> float:
-    path = find_model(model)
-    units = from_mapping(ModelUnits, load_card(path)['units'], f'{path}: units')
-    return units.dt * Similarity.between(scene, units).time
+    return load_simulator(model).native_dt(scene)
 
 
 def _fitting(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> Scene:

@@ -36,8 +36,7 @@ LEAST = 1e-6
 
 # Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
 STYLES = {
-    'contact': ('#0072b2', '^'),
-    'law': ('#56b4e9', 'v'),
+    'laws': ('#0072b2', '^'),
     'Bullet': ('#e69f00', 'o'),
     'MuJoCo': ('#009e73', 's'),
     'GNS': ('#cc79a7', 'D'),
@@ -46,8 +45,7 @@ LEGEND = {
     'Bullet': 'Bullet, by substeps',
     'MuJoCo': 'MuJoCo, by substeps',
     'GNS': "thesis' network",
-    'contact': 'contact model, by substeps',
-    'law': 'its law without the network',
+    'laws': 'laws, by substeps',
 }
 # where a label may be beside its point [points], the best first
 _PLACES = [(0, 9), (0, -9), (11, 0), (-11, 0), (9, 8), (-9, 8), (9, -8), (-9, -8)]
@@ -185,7 +183,7 @@ def _draw_family(
         markeredgecolor='white',
         markeredgewidth=0.7,
         label=LEGEND[family],
-        zorder=4 if family == 'contact' else 3,
+        zorder=4 if family == 'laws' else 3,
     )
     axes.errorbar(speed, error, xerr=np.maximum(around, 0.0), fmt='none', ecolor=colour, zorder=2)
     for peer, x, y in zip(peers, speed, error, strict=True):

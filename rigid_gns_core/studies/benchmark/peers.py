@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who is compared: Bullet, MuJoCo, the thesis' network and the contact model with its variants."""
+"""Who is compared: Bullet, MuJoCo, the thesis' network and the laws."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ import numpy as np
 from .bullet_engine import BulletSpheres
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
 from .scenes import FRAME
+from ...files.checkpoint import LAWS
 from ...rollout.rollout import load_simulator, Simulator
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
@@ -35,7 +36,7 @@ from ...teacher.settings import TeacherSettings
 
 BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
 MUJOCO_SUBSTEPS = (6, 12, 24, 48)
-CONTACT_SUBSTEPS = (1, 2, 4, 8, 16)
+LAWS_SUBSTEPS = (1, 2, 4, 8, 16)
 BULLET_ITERATIONS = 10
 """Of Bullet's solver: no further off here than with the teacher's 50, and up to twice as fast."""
 
@@ -96,8 +97,7 @@ NOTES = {
     'MuJoCo': 'has no coefficient of restitution: the damping ratio of its contacts is set to the '
     'closed form for the restitution of each pair; its planes have no end',
     'GNS': "the thesis' network; knows one material, so scenes of other materials are not its own",
-    'contact': 'the contact model; the number is that of its substeps K, of which 8 are trained',
-    'law': 'the contact model without its network',
+    'laws': 'the laws of contact; the number is that of their substeps K, of which 8 are usual',
 }
 
 
@@ -121,8 +121,7 @@ def all_peers(
         'Bullet': lambda: _bullet((2, 6) if quick else BULLET_SUBSTEPS, bullet_iterations),
         'MuJoCo': lambda: _mujoco((12,) if quick else MUJOCO_SUBSTEPS),
         'GNS': _gns,
-        'contact': lambda: _contact('contact', (8,) if quick else CONTACT_SUBSTEPS, True),
-        'law': lambda: _contact('law', (8,) if quick else CONTACT_SUBSTEPS, False),
+        'laws': lambda: _laws((8,) if quick else LAWS_SUBSTEPS),
     }
     wanted = list(makers) if families is None else list(dict.fromkeys(families))
     if unknown := sorted(set(wanted) - set(makers)):
@@ -175,8 +174,8 @@ def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
     return peers
 
 
-class LearnedSpheres:
-    """A rollout of a learned simulator, as the others are run.
+class OwnSpheres:
+    """A rollout of a simulator of this package, as the others are run.
 
     Raises:
         ValueError: The model cannot serve the scene, or has frames of another length.
@@ -202,9 +201,9 @@ class LearnedSpheres:
         del self._rollout
 
 
-def _learned(simulator: Simulator) -> Callable[[Scene, State], Run]:
+def _own(simulator: Simulator) -> Callable[[Scene, State], Run]:
     def start(scene: Scene, state: State) -> Run:
-        return LearnedSpheres(simulator, scene, state)
+        return OwnSpheres(simulator, scene, state)
 
     return start
 
@@ -212,18 +211,13 @@ def _learned(simulator: Simulator) -> Callable[[Scene, State], Run]:
 def _gns() -> list[Peer]:
     simulator = load_simulator('gns')
     settings = {'model': 'gns', 'weights_sha256': simulator.card['weights_sha256']}
-    return [Peer('GNS', 'GNS', '', _learned(simulator), settings)]
+    return [Peer('GNS', 'GNS', '', _own(simulator), settings)]
 
 
-def _contact(family: str, substeps: tuple[int, ...], network: bool) -> list[Peer]:
+def _laws(substeps: tuple[int, ...]) -> list[Peer]:
     peers = []
     for count in substeps:
-        simulator = load_simulator('contact', substeps=count, network=network)
-        settings = {
-            'model': 'contact',
-            'weights_sha256': simulator.card['weights_sha256'],
-            'substeps': count,
-            'network': network,
-        }
-        peers.append(Peer(f'{family} {count}', family, str(count), _learned(simulator), settings))
+        simulator = load_simulator(LAWS, substeps=count)
+        name = f'{LAWS} {count}'
+        peers.append(Peer(name, LAWS, str(count), _own(simulator), simulator.card))
     return peers

@@ -22,7 +22,7 @@ from typing import Any
 from .judge import HORIZONS
 from ...files.tables import format_rows, number
 
-COMPARED = 'contact 8'
+COMPARED = 'laws 8'
 """The shipped model as it is, whose speed the others' are set beside."""
 
 
@@ -56,7 +56,7 @@ def format_scaling(scaling: Mapping[str, Any]) -> str:
         ]
         for row in scaling['rows']
     ]
-    lines = ['scaling of the contact model: bouncing boxes of one density', '']
+    lines = ['scaling of the laws: bouncing boxes of one density', '']
     lines.append(format_rows(['spheres', 'ms/step', '(10..90 %)', 'steps/s'], rows))
     if scaling['exponent'] is not None:
         lines += ['', f'time ~ spheres^{scaling["exponent"]:.2f} from {scaling["fitted_from"]} on']

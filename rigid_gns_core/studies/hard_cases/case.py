@@ -40,7 +40,6 @@ class Case:
             potential energy of pushing them out in the first step is not held against anyone.
         closed: All surfaces together enclose the spheres; else those with an infinite side do.
         long: Cut to `cases.QUICK_STEPS` by --quick.
-        precision: Also simulated in the other precision, and compared.
         seed: Of a random start; None: nothing is random.
     """
 
@@ -53,7 +52,6 @@ class Case:
     overlaps: bool = False
     closed: bool = False
     long: bool = False
-    precision: bool = False
     seed: int | None = None
 
     def __post_init__(self) -> None:

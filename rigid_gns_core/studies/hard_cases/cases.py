@@ -257,11 +257,10 @@ def _plane_end(_: int) -> Case:
     )
 
 
-def _precision(seed: int) -> Case:
+def _heap_in_box(seed: int) -> Case:
     scene = _scene(Plane.box(12.0, 12.0))
-    text = '10 spheres fall into a box of 12 r, in float32 and in float64'
     start = _heap(scene, 10, seed)
-    return Case('precision', text, scene, start, 100, precision=True, seed=seed)
+    return Case('heap', '10 spheres fall into a box of 12 r', scene, start, 100, seed=seed)
 
 
 _MAKERS: tuple[Callable[[int], Case], ...] = (
@@ -307,5 +306,5 @@ _MAKERS: tuple[Callable[[int], Case], ...] = (
         0.1,
         5.0,
     ),
-    _precision,
+    _heap_in_box,
 )

@@ -156,12 +156,6 @@ def measure_errors(
     return errors
 
 
-def measure_precision(case: Case, one: Trajectory, other: Trajectory) -> dict[str, float]:
-    """By step: how far float32 is from float64, mean over the spheres [m]."""
-    steps = (step for step in HORIZONS if step <= case.steps)
-    return {str(step): _distance(one, other, step) for step in steps}
-
-
 def _distance(one: Trajectory, other: Trajectory, step: int) -> float:
     with np.errstate(over='ignore', invalid='ignore'):
         distance = np.linalg.norm(one.positions[step] - other.positions[step], axis=1).mean()

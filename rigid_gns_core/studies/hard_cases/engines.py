@@ -17,14 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 import warnings
 
 import numpy as np
 
 from .case import Case
-from .checks import failures, measure_errors, measure_laws, measure_precision
+from .checks import failures, measure_errors, measure_laws
 from .references import References
 from ...scenes.scene import Scene
 from ...scenes.state import State, Trajectory
@@ -48,25 +48,17 @@ class Engine:
         simulate: (scene, start, steps) -> trajectory; ValueError: it refuses the scene;
             FloatingPointError: it broke on the way.
         velocities: 'given': those of its trajectories are instantaneous; see `measure_laws`.
-        twin: Makes the same engine in the other precision, or raises ValueError; None: there is no
-            such.
-        twin_dtype: That precision.
     """
 
     name: str
     simulate: Callable[[Scene, State, int], Trajectory]
     velocities: Velocities = 'poses'
-    twin: Callable[[], Engine] | None = None
-    twin_dtype: str = 'float64'
 
 
 def simulator_engine(
-    simulator: Simulator,
-    name: str,
-    velocities: Velocities | None = None,
-    twin: Callable[[], Engine] | None = None,
+    simulator: Simulator, name: str, velocities: Velocities | None = None
 ) -> Engine:
-    """Return a learned simulator; `velocities` None: as it says itself, or else by poses."""
+    """Return a simulator; `velocities` None: as it says itself, or else by poses."""
 
     def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
         given = (scene, start.positions, start.velocities, start.angular_velocities)
@@ -77,8 +69,7 @@ def simulator_engine(
             raise FloatingPointError(str(error)) from error
 
     says: Velocities = 'given' if getattr(simulator, 'velocities', 'poses') == 'given' else 'poses'
-    other = 'float32' if simulator.dtype == 'float64' else 'float64'
-    return Engine(name, simulate, velocities or says, twin, other)
+    return Engine(name, simulate, velocities or says)
 
 
 def teacher_engine(settings: TeacherSettings) -> Engine:
@@ -98,13 +89,7 @@ def load_engine(name: str, velocities: Velocities | None, settings: TeacherSetti
         return teacher_engine(settings)
     from ...rollout.rollout import load_simulator
 
-    simulator = load_simulator(name)
-
-    def twin() -> Engine:
-        other = 'float32' if simulator.dtype == 'float64' else 'float64'
-        return simulator_engine(load_simulator(name, dtype=other), name, velocities)
-
-    return simulator_engine(simulator, name, velocities, twin)
+    return simulator_engine(load_simulator(name), name, velocities)
 
 
 def run_cases(
@@ -115,36 +100,21 @@ def run_cases(
     Yields:
         `case`, `model`, `verdict` (ok, FAILED or refused), `failed` (names of laws), `refused`
         (the reason or None), `warnings`, `dt` [s], `velocities`, `laws` (see `measure_laws`),
-        `errors` (see `measure_errors`), `teacher` (False: it blew up; None: not asked),
-        `precision` (see `measure_precision`).
+        `errors` (see `measure_errors`), `teacher` (False: it blew up; None: not asked).
     """
     for case in cases:
         for engine in engines:
-            row, one = _row(case, engine, references)
-            yield row
-            if case.precision and engine.twin is not None:
-                name = f'{engine.name} {engine.twin_dtype}'
-                try:
-                    twin = replace(engine.twin(), name=name)
-                except ValueError as error:
-                    yield _empty(case, name) | {'refused': str(error)}
-                    continue
-                row, other = _row(case, twin, references)
-                if one is not None and other is not None:
-                    row['precision'] = measure_precision(case, one, other)
-                yield row
+            yield _row(case, engine, references)
 
 
-def _row(
-    case: Case, engine: Engine, references: References | None
-) -> tuple[dict[str, Any], Trajectory | None]:
+def _row(case: Case, engine: Engine, references: References | None) -> dict[str, Any]:
     row = _empty(case, engine.name)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         try:
             trajectory = engine.simulate(case.scene, case.start, case.steps)
         except ValueError as error:
-            return row | {'refused': str(error)}, None
+            return row | {'refused': str(error)}
         except FloatingPointError as error:
             warnings.warn(f'the rollout diverged: {error}', stacklevel=1)
             trajectory = _lost(case)
@@ -164,11 +134,11 @@ def _row(
         runs = references.of(case, trajectory.dt)
         row['errors'] = None if runs is None else measure_errors(case, trajectory, runs)
         row['teacher'] = row['errors'] is not None
-    return row, trajectory
+    return row
 
 
 def _empty(case: Case, model: str) -> dict[str, Any]:
-    names = ('refused', 'dt', 'velocities', 'laws', 'errors', 'teacher', 'precision')
+    names = ('refused', 'dt', 'velocities', 'laws', 'errors', 'teacher')
     row: dict[str, Any] = {'case': case.name, 'model': model, 'verdict': 'refused', 'failed': []}
     return row | {'warnings': []} | dict.fromkeys(names)
 

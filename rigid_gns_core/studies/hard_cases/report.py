@@ -97,9 +97,6 @@ def _remark(row: Mapping[str, Any], notes: dict[str, int]) -> str:
         parts.append(f'pushed out by {number(laws["push_out"], 2)}')
     if row['teacher'] is False:
         parts.append('teacher: no')
-    if row['precision']:
-        off = '/'.join(number(value, 2) for value in row['precision'].values())
-        parts.append(f'float32 and float64 are {off} m apart')
     for text in row['warnings']:
         parts.append(f'({notes.setdefault(text, len(notes) + 1)})')
     return ', '.join(parts)

@@ -91,11 +91,11 @@ def device_for(cell: Cell, devices: Devices | None) -> torch.device:
     """Return where a cell is trained and rolled out by this process."""
     import torch
 
-    from ...training.recipes import device_of
+    from ...training.distributed import find_device
 
     if devices is not None:
         return torch.device('cuda', devices.mine())
-    return device_of(cell.budget.training(cell.changes, cell.seed), cell.budget.device)
+    return find_device(cell.budget.device)
 
 
 def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dict[str, Any]:
@@ -138,7 +138,7 @@ def _train(cell: Cell, data: Path, folder: Path, devices: Devices | None) -> dic
     del trainer, records
     begin = time.monotonic()
     on_gpu = device.type != 'cpu'
-    options = {'backend': 'torch', 'device': str(device)} if on_gpu else {}
+    options: dict[str, Any] = {'backend': 'torch', 'device': str(device)} if on_gpu else {}
     simulator = load_simulator(folder / 'best', **options)
     for which in ('test', 'ood'):
         held_out = references(cell.budget, data, which)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Impulses of the last substep, from which contacts that persist start in the next one."""
+"""Warm starting: contacts that persist start from their impulses of the last substep."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import put, row
 
 
-class Memory(NamedTuple):
+class WarmStart(NamedTuple):
     """Impulses of the last substep, by the key of their candidate, sorted; `known` at all."""
 
     key: Indices
@@ -35,36 +35,40 @@ class Memory(NamedTuple):
 
 
 @entry
-def no_memory() -> Memory:
+def cold_start() -> WarmStart:
     """At a start, where impulses are found first."""
-    return Memory(np.zeros(0, np.int64), no_impulses(0), False)
+    return WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=False)
 
 
 @compiled
-def recall(memory: Memory, key: Indices) -> Impulses:
+def impulses_of(warm_start: WarmStart, key: Indices) -> Impulses:
     """Impulses of candidates, zero where they are new."""
     found = no_impulses(len(key))
     k = 0
     for i in range(len(key)):
-        while k < len(memory.key) and memory.key[k] < key[i]:
+        while k < len(warm_start.key) and warm_start.key[k] < key[i]:
             k += 1
-        if k < len(memory.key) and memory.key[k] == key[i]:
-            found.normal[i] = memory.impulses.normal[k]
-            put(found.tangential, i, row(memory.impulses.tangential, k))
-            put(found.rolling, i, row(memory.impulses.rolling, k))
+        if k < len(warm_start.key) and warm_start.key[k] == key[i]:
+            found.normal[i] = warm_start.impulses.normal[k]
+            put(found.tangential, i, row(warm_start.impulses.tangential, k))
+            put(found.rolling, i, row(warm_start.impulses.rolling, k))
     return found
 
 
 @compiled
-def pressing(key: Indices, impulses: Impulses) -> Memory:
-    """Impulses worth remembering."""
+def active_impulses(key: Indices, impulses: Impulses) -> WarmStart:
+    """Impulses of active contacts."""
     some = np.flatnonzero(impulses.normal > 0)
-    kept = Impulses(impulses.normal[some], impulses.tangential[some], impulses.rolling[some])
-    return Memory(key[some], kept, True)
+    kept = Impulses(
+        normal=impulses.normal[some],
+        tangential=impulses.tangential[some],
+        rolling=impulses.rolling[some],
+    )
+    return WarmStart(key=key[some], impulses=kept, known=True)
 
 
 @compiled
-def remember(new: Memory, old: Memory, awake: Flags, planes: int) -> Memory:
+def with_sleepers(new: WarmStart, old: WarmStart, awake: Flags, planes: int) -> WarmStart:
     """Impulses of this frame, and those of sleepers from the frame they fell asleep in."""
     if awake.all() or len(old.key) == 0:
         return new
@@ -74,8 +78,8 @@ def remember(new: Memory, old: Memory, awake: Flags, planes: int) -> Memory:
     order = np.argsort(key, kind='mergesort')
     one, other = new.impulses, old.impulses
     impulses = Impulses(
-        np.concatenate((one.normal, other.normal[kept]))[order],
-        np.concatenate((one.tangential, other.tangential[kept]))[order],
-        np.concatenate((one.rolling, other.rolling[kept]))[order],
+        normal=np.concatenate((one.normal, other.normal[kept]))[order],
+        tangential=np.concatenate((one.tangential, other.tangential[kept]))[order],
+        rolling=np.concatenate((one.rolling, other.rolling[kept]))[order],
     )
-    return Memory(key[order], impulses, True)
+    return WarmStart(key=key[order], impulses=impulses, known=True)

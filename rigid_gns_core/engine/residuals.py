@@ -1,0 +1,189 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What separates each contact from its law, and what the others make of it, in each iteration."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contacts import Contacts
+from .impulses import Bodies, Impulses, separation_velocity
+from .law import Law, Target, target_of
+from .world import UNIT_GRAVITY, World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import across, dot, minus, put, row, times
+from ..scenes.state import Array
+
+# contacts with this part of the force of a body's strongest count half
+_FAINT = 0.01
+
+
+class SolverState(NamedTuple):
+    """Contacts that are solved, and what is known of each from iteration to iteration.
+
+    group: which contacts, shape (c,); approach_speed, free_separation: of their free paths;
+    start_coupling: change of separation velocity that the other contacts make at the start;
+    coupling: now; residual: target less separation velocity; active: whether it carries force;
+    weight: how much it counts at a and b, 0 to 1, shape (c, 2); gravity_slip: what gravity does to
+    the slip of a sphere that bounced; momentum: share of the last step that is repeated;
+    previous_normal, previous_tangential: impulses before the last step; target: impulse,
+    impulse_time and remaining of the last iteration, shape (c, 3); step: to add, shape (c, 3).
+    """
+
+    group: Indices
+    approach_speed: Array
+    free_separation: Array
+    start_coupling: Array
+    coupling: Array
+    residual: Array
+    active: NDArray[np.bool_]
+    weight: Array
+    gravity_slip: Array
+    momentum: Array
+    previous_normal: Array
+    previous_tangential: Array
+    target: Array
+    step: Array
+
+
+@compiled
+def new_state(group: Indices) -> SolverState:
+    """Nothing is known yet of the contacts of `group`."""
+    size = len(group)
+    numbers, vectors = np.zeros((7, size)), np.zeros((4, size, 3))
+    return SolverState(
+        group=group,
+        approach_speed=numbers[0],
+        free_separation=numbers[1],
+        start_coupling=numbers[2],
+        coupling=numbers[3],
+        residual=numbers[4],
+        active=np.zeros(size, np.bool_),
+        weight=np.zeros((size, 2)),
+        gravity_slip=vectors[0],
+        momentum=numbers[5],
+        previous_normal=numbers[6],
+        previous_tangential=vectors[1],
+        target=vectors[2],
+        step=vectors[3],
+    )
+
+
+@in_place
+def find_free_motion(
+    contacts: Contacts, law: Law, bodies: Bodies, impulses: Impulses, state_out: SolverState
+) -> None:
+    """Find what free paths bring to each contact, and what the others make of that."""
+    for q, k in enumerate(state_out.group):
+        a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
+        start = minus(row(bodies.start_velocity, a), row(bodies.start_velocity, b))
+        fallen = max(contacts.time[k], 0.0) * contacts.acceleration[k]
+        state_out.approach_speed[q] = -dot(normal, start) - fallen
+        free = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
+        state_out.free_separation[q] = dot(normal, free)
+        separation = separation_velocity(contacts, bodies, k)
+        state_out.start_coupling[q] = _coupling(law, impulses, state_out, q, separation)
+
+
+@in_place
+def _target(
+    contacts: Contacts, law: Law, state: SolverState, q: int, h: float, coupling: float
+) -> Target:
+    k = state.group[q]
+    return target_of(
+        e=law.restitution[k],
+        h=h,
+        time=contacts.time[k],
+        gap=contacts.speculative_gap[k],
+        approach_speed=state.approach_speed[q],
+        acceleration=contacts.acceleration[k],
+        coupling=coupling,
+    )
+
+
+@in_place
+def _coupling(
+    law: Law, impulses: Impulses, state: SolverState, q: int, separation: float
+) -> float:
+    """Change of separation velocity, which is `separation` now, that the other contacts make."""
+    k = state.group[q]
+    own = impulses.normal[k] * law.inverse_effective_mass[k]
+    return separation - state.free_separation[q] - own
+
+
+@in_place
+def _minmod(one: float, other: float) -> float:
+    """Return the smaller of two numbers of one sign, else 0."""
+    if one * other > 0:
+        return math.copysign(min(math.fabs(one), math.fabs(other)), one)
+    return 0.0
+
+
+@in_place
+def find_residuals(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    impulses: Impulses,
+    h: float,
+    nominal_h: float,
+    bodies_out: Bodies,
+    state_out: SolverState,
+) -> None:
+    """Find the residual of each contact, and into how many parts each body is split.
+
+    The strongest contact of a body counts 1, one of no force nothing, so that contacts that carry
+    nothing change nothing.
+    """
+    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    least = 1e-9 * UNIT_GRAVITY * nominal_h
+    bodies, state = bodies_out, state_out
+    for k in state.group:
+        bodies.split[contacts.a[k]] = bodies.split[contacts.b[k]] = 0.0
+        bodies.strongest[contacts.a[k]] = bodies.strongest[contacts.b[k]] = 1e-30
+    for q, k in enumerate(state.group):
+        separation = separation_velocity(contacts, bodies, k)
+        state.coupling[q] = _coupling(law, impulses, state, q, separation)
+        # forces that last act all through the substep; those that a blow alone makes do not
+        lasting = _minmod(state.start_coupling[q], state.coupling[q]) / h if h > 0 else 0.0
+        target = _target(contacts, law, state, q, h, lasting)
+        put(state.target, q, (target.impulse, target.impulse_time, target.remaining))
+        if contacts.plane[k] >= 0:
+            across_normal = across(gravity, row(contacts.normal, k))
+            put(state.gravity_slip, q, times(target.flight_time, across_normal))
+        state.residual[q] = target.separation_velocity - separation
+        presses = impulses.normal[k] > 0 or state.residual[q] > least
+        state.active[q] = target.active and presses
+        # a strength until the strongest of each body is known
+        own = impulses.normal[k] * law.inverse_effective_mass[k]
+        strength = own + math.fabs(state.residual[q])
+        state.weight[q, 0] = strength if state.active[q] else 0.0
+        for body in (contacts.a[k], contacts.b[k]):
+            bodies.strongest[body] = max(bodies.strongest[body], state.weight[q, 0])
+    for q, k in enumerate(state.group):
+        strength = state.weight[q, 0]
+        for side, body in enumerate((contacts.a[k], contacts.b[k])):
+            total = strength + _FAINT * bodies.strongest[body]
+            state.weight[q, side] = (1.0 + _FAINT) * strength / total
+            bodies.split[body] += state.weight[q, side]
+    bodies.split[-1] = 1.0
+    for k in state.group:
+        bodies.split[contacts.a[k]] = max(bodies.split[contacts.a[k]], 1.0)
+        bodies.split[contacts.b[k]] = max(bodies.split[contacts.b[k]], 1.0)

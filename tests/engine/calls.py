@@ -1,0 +1,158 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Ways into compiled functions that Python itself must not call."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from rigid_gns_core.engine.candidates import find_candidates
+from rigid_gns_core.engine.contacts import find_contacts, gap_of
+from rigid_gns_core.engine.guard import limit_energy
+from rigid_gns_core.engine.impulses import no_impulses
+from rigid_gns_core.engine.islands import connect, groups_of, no_islands
+from rigid_gns_core.engine.law import law_of, target_of
+from rigid_gns_core.engine.overlap import push_out
+from rigid_gns_core.engine.sleep import put_to_sleep, wake
+from rigid_gns_core.engine.solver import solve
+from rigid_gns_core.engine.spheres import copy_spheres
+from rigid_gns_core.engine.substep import _bodies, Motion
+from rigid_gns_core.engine.warm_start import impulses_of, with_sleepers
+
+njit = numba.njit(error_model='numpy')
+
+
+@njit
+def candidates(world, positions, velocities, dt, awake, before):
+    """See `find_candidates`."""
+    return find_candidates(world, positions, velocities, dt, awake, before)
+
+
+@njit
+def contacts(world, positions, velocities, dt, h, lookback):
+    """Contacts among all candidates of a frame; see `find_contacts`."""
+    everyone = np.ones(len(positions), np.bool_)
+    found = find_candidates(world, positions, velocities, dt, everyone, positions)
+    chosen = np.ones(len(found.a), np.bool_)
+    return find_contacts(world, positions, velocities, found, chosen, h, lookback)
+
+
+@njit
+def gaps(world, positions, found):
+    """Gap of each contact where the spheres are now, shape (c,)."""
+    values = np.empty(len(found.a))
+    for k in range(len(values)):
+        values[k], _ = gap_of(world, positions, found, k)
+    return values
+
+
+@njit
+def law(world, found):
+    """See `law_of`."""
+    return law_of(world, found)
+
+
+@njit
+def target(e, h, time, gap, approach_speed, acceleration, coupling):
+    """See `target_of`."""
+    return target_of(e, h, time, gap, approach_speed, acceleration, coupling)
+
+
+@njit
+def solved(world, positions, velocities, spins, dt, h, iterations):
+    """Contacts of a substep, their law, impulses and bodies, from a cold start."""
+    everyone = np.ones(len(positions), np.bool_)
+    around = find_candidates(world, positions, velocities, dt, everyone, positions)
+    chosen = np.ones(len(around.a), np.bool_)
+    found = find_contacts(world, positions, velocities, around, chosen, h, h)
+    coefficients = law_of(world, found)
+    motion = Motion(positions, velocities, spins, everyone)
+    bodies = _bodies(world, motion, h)
+    start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
+    group = np.arange(len(found.a))
+    change = solve(
+        world=world,
+        contacts=found,
+        law=coefficients,
+        group=group,
+        start=start,
+        lasting=start,
+        h=h,
+        nominal_h=h,
+        iterations=iterations,
+        tolerance=0.0,
+        bodies_out=bodies,
+        impulses_out=impulses,
+    )
+    return found, coefficients, impulses, bodies, change
+
+
+@njit
+def islands(count, one, other):
+    """Islands of contacts between spheres; `other` -1: with a surface."""
+    made = no_islands(count)
+    for k in range(len(one)):
+        connect(made, one[k], other[k])
+    return made
+
+
+@njit
+def groups(made):
+    """See `groups_of`."""
+    return groups_of(made)
+
+
+@njit
+def limited(world, before, after, made, dt):
+    """State that the guard leaves, islands it slowed, and the energy that it took."""
+    held = copy_spheres(after)
+    acted, removed = limit_energy(world, before, made, dt, held)
+    return held, acted, removed
+
+
+@njit
+def pushed_out(world, positions, velocities, dt):
+    """Positions after overlaps were undone, and gaps of the contacts there."""
+    everyone = np.ones(len(positions), np.bool_)
+    around = find_candidates(world, positions, velocities, dt, everyone, positions)
+    chosen = np.ones(len(around.a), np.bool_)
+    found = find_contacts(world, positions, velocities, around, chosen, 0.0, 0.0)
+    moved = positions.copy()
+    push_out(world, found, moved)
+    return moved
+
+
+@njit
+def woken(world, positions, velocities, dt, sleepers):
+    """Who is awake in the frame to come; sleepers are changed."""
+    _, awake = wake(world, positions, velocities, dt, sleepers)
+    return awake
+
+
+@njit
+def rested(radius, made, dt, spheres, sleepers):
+    """Put to sleep what has been quiet; spheres and sleepers are changed."""
+    put_to_sleep(radius, made, dt, spheres, sleepers)
+
+
+@njit
+def warm(warm_start, key):
+    """See `impulses_of`."""
+    return impulses_of(warm_start, key)
+
+
+@njit
+def slept(new, old, awake, planes):
+    """See `with_sleepers`."""
+    return with_sleepers(new, old, awake, planes)

@@ -1,0 +1,35 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Pairs of near spheres are those of brute force."""
+
+import numpy as np
+import pytest
+from rigid_gns_core.kernels.neighbours import find_pairs
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_pairs_are_those_of_brute_force(seed):
+    draw = np.random.default_rng(seed)
+    count = (1, 40, 500, 900)[seed]
+    positions = draw.uniform(-30, 30, (count, 3))
+    # reaches over three decades: several levels of cells, some with few spheres
+    extent = draw.choice([0.3, 1.0, 4.0], count) * draw.uniform(0.5, 1.5, count)
+    extent[0] = 90.0
+    awake = draw.random(count) < 0.8
+    first, second = find_pairs(positions, extent, awake)
+    distance = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    near = np.triu(distance <= extent[:, None] + extent[None], 1)
+    near &= awake[:, None] | awake[None]
+    np.testing.assert_array_equal(np.stack([first, second], 1), np.argwhere(near))
