@@ -48,8 +48,8 @@ PAGES = [README, *sorted((ROOT / 'docs').glob('*.md'))]
 NODES = {'simulator': SIMULATOR, 'tracker': TRACKER}
 # Ways of others to install and set up, which need a network or an apt ROS.
 FOREIGN = {'python3', 'pip', 'rosdep', 'colcon', '.'}
-# Only parsed, where one of these words is in it: a viewer of 500 MB, a cluster, hours.
-PARSED = {'view', '--scheduler', 'benchmarks/only_what_is_needed.py'}
+# Only parsed, where one of these words is in it: a viewer of 500 MB, a cluster, a browser, hours.
+PARSED = {'view', '--scheduler', 'benchmarks/only_what_is_needed.py', 'benchmarks/film.py'}
 # Numbers of a page may be rounded, and another processor rounds differently; counts are exact.
 CLOSE = 0.25
 NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)')
@@ -109,7 +109,6 @@ def quick(words: list[str]) -> list[str]:
         'calibrate': ['--windows', '5'],
         'hard-cases': ['--quick', '--cases', 'corner', 'half_below'],
         'benchmark': ['--quick', '--scenes', 'billiards', '--no-scaling', '--no-processes'],
-        'render': ['--start', '0', '--stop', '0.2'],
     }.get(words[1], [])
 
 

@@ -36,7 +36,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.report',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
-    'render': ('rigid_gns_core.commands.render', 'a moving picture of a rollout or a bag'),
     'view': ('rigid_gns_core.show.view', 'a rollout or a bag in the viewer Rerun'),
     'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
     'import': (

@@ -31,6 +31,7 @@ import numpy as np
 
 from .arguments import completes, configs, positive, shipped_models
 from ..data.records import Record, write_record
+from ..files.tables import format_rows, number
 from ..rollout.rollout import load_simulator
 from ..running.progress import Progress
 from ..scenes.sampling import load_scene, sample_start
@@ -155,7 +156,8 @@ def print_spread(trajectories: Sequence[Trajectory]) -> None:
     """Print a table of the spread over time, at about ten times."""
     spread = position_spread(trajectories)
     print(f'spread of {len(trajectories)} samples [m], over spheres')
-    print('  time [s]     median        90 %     largest')
+    rows = []
     for step in np.unique(np.linspace(0, trajectories[0].steps, 11).round().astype(int)):
         levels = np.quantile(spread[step], (0.5, 0.9, 1.0))
-        print(f'{step * trajectories[0].dt:10.4g}', *(f'{level:11.3g}' for level in levels))
+        rows.append([number(step * trajectories[0].dt, 4), *map(number, levels)])
+    print(format_rows(['time [s]', 'median', '90 %', 'largest'], rows, left=()))

@@ -242,7 +242,7 @@ def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
                 velocities=arguments.velocities or simulator.velocities,
             )
             if draws and number == 0:
-                from .figure import write_figure
+                from ..show.figure import write_figure
 
                 write_figure(
                     arguments.figure,

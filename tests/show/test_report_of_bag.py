@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`rigid-gns report`, `render` and `view` of a bag: the same numbers as `evaluate`, its times."""
+"""`rigid-gns report` of a bag: the same numbers as `evaluate`, its times."""
 
 from __future__ import annotations
 

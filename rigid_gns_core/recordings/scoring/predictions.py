@@ -120,7 +120,7 @@ def score_predictions(
     )
     report['notes'] = _notes(bag, report, dropped, every)
     if figure is not None:
-        from ...scoring.figure import write_figure
+        from ...show.figure import write_figure
 
         title = f'{bag.path.name}: {count} spheres, model {report["recording"]["model"]}'
         write_figure(figure, ours, reference, scene, title=title, names=('predicted', 'tracked'))

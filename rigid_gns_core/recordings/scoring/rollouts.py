@@ -176,7 +176,7 @@ def score_rollouts(
     report['timing'] = lateness('tracked_lateness', decoded)
     report['notes'] = _notes(parts.cuts, refused, sorted(set(notes)), options) + list(bag.warnings)
     if figure is not None:
-        from ...scoring.figure import write_figure
+        from ...show.figure import write_figure
 
         title = f'{bag.path.name}: {drawn[0].count} spheres, model {model.simulator.name}'
         write_figure(figure, *drawn, scene, title=title, names=('predicted', 'tracked'))

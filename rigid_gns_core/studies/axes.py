@@ -12,4 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Moving pictures of spheres, drawn on the CPU; see docs/report.md."""
+"""How the axes of all charts look."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+INK, SPINE, GRID = '#333333', '#8c8c8c', '#e6e6e6'
+
+
+def clean_axes(axes: Axes, label_size: int = 9) -> None:
+    """Axes without a box, the look of all charts; labels in points."""
+    for side in ('top', 'right'):
+        axes.spines[side].set_visible(False)
+    for side in ('left', 'bottom'):
+        axes.spines[side].set_color(SPINE)
+    axes.tick_params(colors=INK, labelsize=label_size)

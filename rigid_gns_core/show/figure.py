@@ -21,10 +21,11 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from . import divergence, Energy, energy
-from .error import check_comparable
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import Array, Trajectory
+from ..scoring import divergence, Energy, energy
+from ..scoring.error import check_comparable
+from ..studies.axes import clean_axes, GRID, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 REFERENCE = '#e69f00'
 PREDICTED = '#0072b2'
 KINDS = {'total': '#000000', 'potential': '#009e73', 'kinetic': '#d55e00', 'rotational': '#cc79a7'}
-INK, SURFACE, GRID = '#333333', '#8c8c8c', '#e6e6e6'
+SURFACE = '#8c8c8c'
 FAR = 1e4
 """Half a side that has no end [m]."""
 
@@ -297,12 +298,3 @@ def _energy_unit(peak: float) -> tuple[float, str]:
         if peak >= 2 * scale:
             return scale, unit
     return 1e-6, 'µJ'
-
-
-def clean_axes(axes: Axes, label_size: int = 9) -> None:
-    """Axes without a box, the look of all charts; labels in points."""
-    for side in ('top', 'right'):
-        axes.spines[side].set_visible(False)
-    for side in ('left', 'bottom'):
-        axes.spines[side].set_color(SURFACE)
-    axes.tick_params(colors=INK, labelsize=label_size)
