@@ -29,7 +29,7 @@ from ..files.tables import format_rows, number
 from ..identification.calibrate import calibrate, Calibration, DEFAULT
 from ..identification.fit import MATERIALS
 from ..identification.windows import with_materials
-from ..rollout.rollout import load_simulator
+from ..prediction.load import load_simulator
 from ..scenes.scene import Scene
 
 

@@ -29,7 +29,7 @@ from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, LAWS,
 from ..installation.extras import remedy
 from ..installation.probes import Probes
 from ..installation.versions import PACKAGE, version_of, versions_of
-from ..prediction.simulators import LawsSimulator
+from ..prediction.laws import LawsSimulator
 
 LIBRARIES = ('numpy', 'scipy', 'numba', 'h5py', 'safetensors', 'mcap', 'joblib')
 """What everything needs."""

@@ -32,9 +32,10 @@ import numpy as np
 from .arguments import completes, configs, positive, shipped_models
 from ..data.records import Record, write_record
 from ..files.tables import format_rows, number
-from ..rollout.rollout import load_simulator
+from ..prediction.load import load_simulator
 from ..running.progress import Progress
-from ..scenes.sampling import load_scene, sample_start
+from ..scenes.sampling import sample_start
+from ..scenes.scene_file import load_start
 from ..scenes.state import Array, State, Trajectory
 
 
@@ -82,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f'--spread is {arguments.spread:g} m, expected a number, at least 0')
     # threads go to starts where there are several
     simulator = load_simulator(arguments.model, threads=1 if samples > 1 else arguments.threads)
-    scene, recipe = load_scene(arguments.scene)
+    scene, recipe = load_start(arguments.scene)
     seed = recipe.seed if arguments.seed is None else arguments.seed
     start = sample_start(scene, replace(recipe, seed=seed))
     starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]

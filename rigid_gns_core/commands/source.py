@@ -22,7 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from .completion import completes, configs
+from .arguments import completes, configs
 from ..data.records import read_record, Record
 from ..scoring import divergence, law_metrics
 from ..scoring.error import check_comparable

@@ -27,8 +27,8 @@ import numpy as np
 
 from .interpolation import between
 from ..scenes.plane import RANGES
-from ..scenes.sampling import load_scene
 from ..scenes.scene import Scene
+from ..scenes.scene_file import load_scene
 from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
@@ -140,10 +140,10 @@ class Forecaster:
         gravity_direction: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         self.scene_name = scene if isinstance(scene, str) else 'of the recording'
-        scene = scene if isinstance(scene, Scene) else load_scene(scene)[0]
+        scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self.scene = turned_gravity(scene, gravity_direction)
         # late, so that a node's signal handlers are in place while it loads and compiles
-        from ..rollout.rollout import load_simulator
+        from ..prediction.load import load_simulator
 
         self.simulator = load_simulator(model or None, threads=threads)
         self.native_dt = self.simulator.native_dt(self.scene)

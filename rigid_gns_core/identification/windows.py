@@ -24,7 +24,7 @@ import warnings
 import numpy as np
 
 from ..data.records import Record
-from ..rollout.rollout import Simulator
+from ..rollout.simulator import Simulator
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotation_between, State
 from ..tracking.tracked_motion import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts

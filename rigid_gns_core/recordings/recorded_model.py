@@ -23,7 +23,7 @@ from ..files.checkpoint import CheckpointError
 from ..forecasts.forecaster import Forecaster
 from ..forecasts.parameters import SIMULATOR
 from ..forecasts.window_setup import window_of
-from ..rollout.rollout import load_simulator
+from ..prediction.load import load_simulator
 from ..tracking.window import TrackingWindow
 
 

@@ -213,7 +213,7 @@ def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.steps is not None and arguments.steps < 1:
         raise ValueError(f'--steps is {arguments.steps}, expected at least 1')
     from ..data.records import read_records
-    from ..rollout.rollout import load_simulator
+    from ..prediction.load import load_simulator
     from ..running.progress import Progress
 
     simulator = load_simulator(arguments.model)

@@ -37,7 +37,7 @@ import warnings
 
 import pytest
 from rigid_gns_core.commands import cli
-from rigid_gns_core.rollout.rollout import Simulator
+from rigid_gns_core.rollout.simulator import Simulator
 
 PROGRAM = [sys.executable, '-m', 'rigid_gns_core.commands.cli']
 

@@ -28,7 +28,7 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands.evaluate_bag import evaluate_bag, format_report, main
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
 

@@ -30,7 +30,7 @@ from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.recorded_model import tracking_window
 from rigid_gns_core.recordings.scoring.reproduce import reproduce, Reproduction
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene_file import load_scene
 
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns], the shipped model's at radius 1 m
@@ -185,4 +185,4 @@ def test_the_command_tells_by_its_exit_code(tmp_path, model, capsys):
     other = write_bag(tmp_path / 'other', model, change=lambda _, poses: poses + 1e-9)
     assert main([str(other), '--reproduce']) == 1
     assert '0 of 18' in capsys.readouterr().out
-    assert load_scene('box_154')[0].to_mapping() == model.scene.to_mapping()
+    assert load_scene('box_154').to_mapping() == model.scene.to_mapping()

@@ -31,9 +31,9 @@ from ..tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
 from ...bags.reader import read_bag
 from ...data.records import Record
 from ...forecasts.forecaster import Forecaster, scene_of
-from ...rollout.rollout import load_simulator
-from ...scenes.sampling import load_scene
+from ...prediction.load import load_simulator
 from ...scenes.scene import Scene
+from ...scenes.scene_file import load_scene
 from ...scenes.state import Trajectory
 from ...tracking.refusal import seconds
 from ...tracking.tracked_motion import PoseNoise
@@ -110,7 +110,7 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     bag = read_bag(path)
     said = SaidScenes.of(bag)
     topic = find_tracked(bag, options.topic, said.tracked)
-    scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)[0]
+    scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or _native_dt(scene, options.model)
     decoded = decode_topic(topic)

@@ -24,8 +24,8 @@ from ..tracked_segments import find_tracked
 from ...bags.reader import Bag, BagError, read_bag
 from ...bags.topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
 from ...forecasts.parameters import SIMULATOR
-from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
+from ...scenes.scene_file import load_scene
 
 
 def evaluate_bag(
@@ -92,7 +92,7 @@ def _window(recorded: dict[str, Any]) -> int:
 
 def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scene:
     if scene is not None:
-        return load_scene(scene)[0]
+        return load_scene(scene)
     if 'scene' not in recorded:
         raise BagError(
             f'{bag.path}: no .../scene topic says what the scene is; name it with --scene. '

@@ -30,8 +30,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of, turned_gravity
 from rigid_gns_core.forecasts.parameters import SIMULATOR
-from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.similarity import _upright
 from rigid_gns_core.scenes.state import quaternion_multiply, State
 from rigid_gns_ros.node.simulator import SimulatorNode
@@ -208,9 +208,7 @@ def test_the_scene_that_is_told_has_the_turned_gravity(
     setup = simulated(gravity_direction=[0.0, 2.0, 0.0])
     model = setup.node.simulation._model
     assert model.description['scene']['gravity'] == [0.0, 9.81, 0.0]
-    assert (
-        model.description['scene']['surfaces'] == load_scene('box_154')[0].to_mapping()['surfaces']
-    )
+    assert model.description['scene']['surfaces'] == load_scene('box_154').to_mapping()['surfaces']
     assert setup.node.simulation.window.following.around.gravity.tolist() == [0.0, 9.81, 0.0]
     # walls of the box carry spheres now
     assert 'no surface is level' not in log()

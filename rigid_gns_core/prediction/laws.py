@@ -17,15 +17,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any
 
-from .gns import GNSSimulator
 from ..engine.options import LawsOptions
 from ..files.checkpoint import LAWS
 from ..files.config import from_mapping
-from ..gns.config import GNSConfig
 from ..installation.versions import PACKAGE, version_of
-from ..rollout.rollout import Simulator
+from ..rollout.simulator import Simulator
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
 from ..scenes.similarity import ModelUnits
@@ -63,13 +61,3 @@ class LawsSimulator(Simulator):
         from ..engine.stepper import EngineStepper
 
         return EngineStepper(scene, state, self.units.dt, **asdict(self.options))
-
-
-class Kind(NamedTuple):
-    """Classes of a kind of trained model."""
-
-    config: type[GNSConfig]
-    simulator: type[GNSSimulator]
-
-
-KINDS = {'gns': Kind(GNSConfig, GNSSimulator)}
