@@ -276,7 +276,7 @@ def test_command_writes_all_numbers(tmp_path, capsys) -> None:
 def test_only_the_default_model_decides_the_exit_code(simulate, code: int, monkeypatch) -> None:
     pytest.importorskip('torch', reason='the default model needs torch')
     monkeypatch.setattr(
-        'rigid_gns_core.studies.hard_cases.command.load_engine',
+        'rigid_gns_core.commands.hard_cases.load_engine',
         lambda name, *_: Engine(name, simulate, 'given'),
     )
     words = ['hard-cases', '--cases', 'tower', '--no-teacher']
