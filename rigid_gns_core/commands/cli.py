@@ -33,14 +33,17 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'rollout': ('rigid_gns_core.commands.rollout', 'predict a trajectory from start positions'),
     'report': (
-        'rigid_gns_core.show.command',
+        'rigid_gns_core.commands.report',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
-    'render': ('rigid_gns_core.show.render.command', 'a moving picture of a rollout or a bag'),
+    'render': ('rigid_gns_core.commands.render', 'a moving picture of a rollout or a bag'),
     'view': ('rigid_gns_core.show.view', 'a rollout or a bag in the viewer Rerun'),
-    'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
+    'evaluate': (
+        'rigid_gns_core.commands.evaluate',
+        'score predictions on data or a recorded bag',
+    ),
     'import': (
-        'rigid_gns_core.recordings.importing.import_bags',
+        'rigid_gns_core.commands.import_bags',
         'make a data set of the tracked poses in bags',
     ),
     'calibrate': ('rigid_gns_core.identification.calibrate', 'fit materials to tracked poses'),
@@ -50,15 +53,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'train': ('rigid_gns_core.commands.train', 'train a simulator from a YAML recipe'),
     'benchmark': (
-        'rigid_gns_core.studies.benchmark.command',
+        'rigid_gns_core.commands.benchmark',
         'speed against error, beside Bullet and MuJoCo',
     ),
     'hard-cases': (
-        'rigid_gns_core.studies.hard_cases.command',
+        'rigid_gns_core.commands.hard_cases',
         'check the stability of simulators on hard cases',
     ),
     'experiment': (
-        'rigid_gns_core.studies.thesis.command',
+        'rigid_gns_core.commands.experiment',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
     'teacher-card': (
@@ -96,6 +99,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at the exit
         return NO_READER
+
+
+def evaluate(argv: Sequence[str] | None = None) -> int:
+    """Run `evaluate ...`, as `ros2 run` finds it: the same as `rigid-gns evaluate ...`."""
+    return main(['evaluate', *(sys.argv[1:] if argv is None else argv)])
 
 
 def make_parser(command: str | None = None) -> argparse.ArgumentParser:
