@@ -20,12 +20,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .forecaster import Forecaster
+from ..tracking.usable_frames import WINDOW_GAP
 from ..tracking.window import TrackingWindow
 
-# frames further apart than this many model steps, and than this time, are not fitted as one
-# flight; the frames of a tracker of 1 Hz come within this time of each other
+# frames further apart than this many model steps, and than WINDOW_GAP, are not fitted as one
+# flight
 WINDOW_GAP_STEPS = 10
-WINDOW_GAP = 1.25  # [s]
 
 
 def longest_gap(model: Forecaster) -> float:

@@ -18,35 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import json
 
 import numpy as np
 
 from .prediction_runs import from_one_start, median_period
 from ..bags.reader import BagError, Topic
 from ..forecasts.interpolation import Stamps
-from ..messages.poses import decode_string, MessageError, PoseArrayFrame
-
-
-@dataclass(frozen=True)
-class Start:
-    """The (re)start of a forecast.
-
-    Args:
-        stamp_ns: Stamp of the start frame [ns].
-        window_ns: Stamps of the frames that velocities come from, the start frame last [ns].
-        reason: Why it started.
-        place: Place in the recording; predictions after it are its own.
-        ids: Id of each sphere; None where that was not recorded.
-        noise: Of each coordinate of a tracked position [m]; None where that was not recorded.
-    """
-
-    stamp_ns: int
-    window_ns: tuple[int, ...]
-    reason: str
-    place: int
-    ids: tuple[int, ...] | None = None
-    noise: float | None = None
+from ..forecasts.starts import Start
+from ..messages.poses import decode_string, PoseArrayFrame
 
 
 def recorded_starts(topic: Topic | None) -> list[Start]:
@@ -55,21 +34,16 @@ def recorded_starts(topic: Topic | None) -> list[Start]:
     Raises:
         BagError: A message is not what it should be.
     """
+    if topic is None:
+        return []
     starts = []
-    for index, message in enumerate(topic.messages if topic else []):
-        assert topic is not None
+    for message, place in zip(topic.messages, topic.places, strict=True):
         try:
-            content = json.loads(decode_string(message))
-            window = tuple(int(stamp) for stamp in content['window_ns'])
-            stamp, reason = int(content['stamp_ns']), str(content.get('reason', ''))
-            ids = tuple(int(one) for one in content['ids']) if 'ids' in content else None
-            noise = float(content['noise']) if 'noise' in content else None
-        except (MessageError, json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            starts.append(Start.from_json(decode_string(message), int(place)))
+        except ValueError as error:
             raise BagError(
-                f'message {index} of {topic.name} is no start of a forecast: {error!r}; expected '
-                'JSON with stamp_ns, window_ns and reason'
+                f'message {len(starts)} of {topic.name} is no start of a forecast: {error}'
             ) from error
-        starts.append(Start(stamp, window, reason, int(topic.places[index]), ids, noise))
     return sorted(starts, key=lambda start: start.place)
 
 

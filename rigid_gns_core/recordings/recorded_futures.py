@@ -20,8 +20,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .forecast_starts import Forecasted, Start
+from .forecast_starts import Forecasted
 from ..bags.reader import Topic
+from ..forecasts.starts import Start
 from ..messages.poses import MessageError, PoseArrayFrame
 from ..messages.trajectories import decode_trajectory
 

@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING
 
 from rigid_gns_core.forecasts.schedule import OVERLOAD_COUNT
 from rigid_gns_core.messages.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
-from rigid_gns_core.tracking.window import seconds, TrackingWindow
+from rigid_gns_core.tracking.usable_frames import seconds
+from rigid_gns_core.tracking.window import TrackingWindow
 
 if TYPE_CHECKING:
     from rigid_gns_core.bags.writer import BagWriter

@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.parameters import SIMULATOR
 from rigid_gns_core.messages.poses import encode_string
-from rigid_gns_core.tracking.window import seconds
+from rigid_gns_core.tracking.usable_frames import seconds
 from std_srvs.srv import SetBool, Trigger
 
 from .closing_node import ClosingNode, log_end

@@ -24,7 +24,7 @@ import pytest
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.commands.evaluate_bag import main
+from rigid_gns_core.commands.cli import evaluate
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
@@ -179,10 +179,10 @@ def test_a_bag_of_somebody_else_cannot_be_reproduced(tmp_path):
 def test_the_command_tells_by_its_exit_code(tmp_path, model, capsys):
     numbers = tmp_path / 'again.json'
     folder = str(write_bag(tmp_path / 'same', model))
-    assert main([folder, '--reproduce', '--json', str(numbers)]) == 0
+    assert evaluate([folder, '--reproduce', '--json', str(numbers)]) == 0
     assert '18 of 18 predictions are the same bytes' in capsys.readouterr().out
     assert read_json(numbers)['same'] == 18
     other = write_bag(tmp_path / 'other', model, change=lambda _, poses: poses + 1e-9)
-    assert main([str(other), '--reproduce']) == 1
+    assert evaluate([str(other), '--reproduce']) == 1
     assert '0 of 18' in capsys.readouterr().out
     assert load_scene('box_154')[0].to_mapping() == model.scene.to_mapping()

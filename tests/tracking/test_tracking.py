@@ -25,7 +25,8 @@ from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.tracking.tracked_set import TrackedSet
-from rigid_gns_core.tracking.window import RejectedFrame, RESTART_FRAMES, TrackingWindow
+from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES
+from rigid_gns_core.tracking.window import TrackingWindow
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)

@@ -24,10 +24,9 @@ from typing import Any
 import numpy as np
 
 from .kept_places import places_kept, PlacesKept
-from ..alignment import decode_topic, Decoded
 from ..recorded_scenes import SaidScenes
 from ..resample import resample
-from ..tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
+from ..tracked_frames import Cut, cut, decode_topic, Decoded, find_tracked, MATCH_REMEDY, Segment
 from ...bags.reader import read_bag
 from ...data.records import Record
 from ...files.checkpoint import find_model, load_card
@@ -37,14 +36,11 @@ from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
 from ...scenes.similarity import ModelUnits, Similarity
 from ...scenes.state import Trajectory
-from ...tracking.refusal import seconds
 from ...tracking.tracked_motion import PoseNoise
+from ...tracking.usable_frames import GAP, median_interval, seconds
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0
-# a gap is longer than this many time steps, or intervals of a tracker that is slower: at most one
-# step is missing
-_GAP = 2.5
 # a centre so many radii behind a surface is no measurement of a sphere in this scene
 _BEHIND = 0.2
 
@@ -63,8 +59,8 @@ class ImportOptions:
         radius: Radius of all spheres instead of the scene's [m].
         model: Model whose time step the data get, for the scene's radius and gravity.
         dt: Time step instead of that [s].
-        max_gap: Frames further apart are not joined [s]; None: 2.5 time steps, or 2.5 intervals of
-            the tracker where these are longer.
+        max_gap: Frames further apart are not joined [s]; None: where more than two time steps, or
+            frames of a tracker that is slower, are missing.
         min_steps: Shorter stretches are left out.
         match: Whether poses are matched to spheres, which come in any order or are missing; also
             where the simulator that recorded them did.
@@ -117,18 +113,17 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     dt = options.dt or _native_dt(scene, options.model)
     decoded = decode_topic(topic)
     stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
-    rising = np.diff(stamps)[np.diff(stamps) > 0] * 1e-9
-    if not len(rising):
+    interval = median_interval(stamps) * 1e-9
+    if not interval:
         raise ImportBagError(
             f'{path}: {topic.name} holds {len(stamps)} frames, no two of which follow each other'
         )
-    interval = float(np.median(rising))
     if interval > _SLOWEST * dt:
         raise ImportBagError(
             f'{path}: frames of {topic.name} are {interval:.3g} s apart, expected at most '
             f'{_SLOWEST:g} time steps of {dt:.3g} s; track faster, or give a longer --dt'
         )
-    gap = options.max_gap or _GAP * max(dt, interval)
+    gap = options.max_gap or GAP * max(dt, interval)
     parts, matched = _cut(decoded, scene, options, said, topic.name, gap)
     noise = parts.noise()
     usable = [part for part in parts.segments if part.times[-1] >= (options.min_steps - 1e-6) * dt]
@@ -192,9 +187,9 @@ def _cut(
     why = 'as --match asks' if options.match else ''
     why = why if parameters is None else 'as by the simulator that recorded the bag'
     if not why:
-        return cut(decoded.frames, gap * 1e9), why
+        return cut(decoded, float(np.max(scene.radius)), gap * 1e9), why
     # late: the model need not run otherwise
-    from ..matched_tracks import cut_matched
+    from ..matched_frames import cut_matched
     from ..recorded_model import forecaster
 
     model = forecaster(scene, options.model)

@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from .predictions import score_predictions
-from ..tracked_segments import find_tracked
+from .scored import Scored
+from ..tracked_frames import find_tracked
 from ...bags.reader import Bag, BagError, read_bag
 from ...bags.topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
 from ...forecasts.parameters import SIMULATOR
@@ -28,8 +29,8 @@ from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
 
 
-def evaluate_bag(
-    folder: str | Path,
+def score_bag(
+    bag: Bag,
     *,
     scene: str | Path | None = None,
     tracked: str | None = None,
@@ -37,12 +38,11 @@ def evaluate_bag(
     model: str | None = None,
     starts: int = 20,
     match: bool = False,
-    figure: str | Path | None = None,
-) -> dict[str, Any]:
+) -> Scored:
     """Score a bag: the predictions in it, or rollouts of a model from its tracked poses.
 
     Args:
-        folder: Bag folder, or an .mcap file.
+        bag: The bag.
         scene: Shipped name or YAML file of the scene. None: the one that the simulator recorded.
         tracked: Topic of the tracked poses. None: that of the simulator, see `find_topics`.
         predicted: Topic of the predicted poses. None: the same.
@@ -51,22 +51,13 @@ def evaluate_bag(
         starts: Number of these rollouts, evenly over the recording.
         match: Whether these match poses to spheres, which come in any order or are missing; also
             where the simulator that recorded them did.
-        figure: PNG to draw. None: none.
-
-    Returns:
-        What `scoring.evaluate.evaluate` returns, and `recording` (what was compared),
-        `frames` (counts), `horizon_errors` and `future_errors` (by time since a start, of
-        predictions and of whole futures, see `HorizonErrors.report`),
-        `timing` (of messages and of model steps) and `notes` (sentences that a reader of the
-        numbers needs).
 
     Raises:
-        ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
+        ValueError: The bag lacks a topic or a scene, or nothing overlaps.
     """
-    bag = read_bag(folder)
     if model is None and (predicted is not None or _predicts(bag, tracked, scene)):
         topics = find_topics(bag, tracked, predicted)
-        return score_predictions(bag, topics, _scene(bag, topics.recorded, scene), figure)
+        return score_predictions(bag, topics, _scene(bag, topics.recorded, scene))
     # late: a model need not be there to score predictions
     from .rollouts import RolloutOptions, score_rollouts
 
@@ -76,7 +67,35 @@ def evaluate_bag(
     recorded = own[0] if own else {}
     match = match or bool(recorded.get('parameters', {}).get('match_spheres', False))
     options = RolloutOptions(model or '', starts, _window(recorded), match)
-    return score_rollouts(bag, topic, _scene(bag, recorded, scene), options, figure)
+    return score_rollouts(bag, topic, _scene(bag, recorded, scene), options)
+
+
+def evaluate_bag(
+    folder: str | Path, *, figure: str | Path | None = None, **options: Any
+) -> dict[str, Any]:
+    """Return the report of a bag, see `Scored`.
+
+    Args:
+        folder: Bag folder, or an .mcap file.
+        figure: PNG to draw. None: none.
+        options: As of `score_bag`.
+
+    Raises:
+        ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
+    """
+    scored = score_bag(read_bag(folder), **options)
+    if figure is not None:
+        from ...scoring.figure import write_figure
+
+        write_figure(
+            figure,
+            scored.predicted,
+            scored.tracked,
+            scored.scene,
+            title=scored.title,
+            names=('predicted', 'tracked'),
+        )
+    return scored.report
 
 
 def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:

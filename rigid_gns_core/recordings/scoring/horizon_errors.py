@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from ..alignment import covered
 from ..forecast_starts import Forecasted
 from ...forecasts.interpolation import interpolate
 from ...messages.poses import PoseArrayFrame
 from ...scenes.state import Array
+from ...tracking.usable_frames import covered
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
 """Times after a start at which errors are reported [s]."""

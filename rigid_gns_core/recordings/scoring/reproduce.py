@@ -25,17 +25,18 @@ from typing import Any
 
 import numpy as np
 
-from ..alignment import decode_topic, Decoded
-from ..forecast_starts import recorded_starts, Start, starts_of
+from ..forecast_starts import recorded_starts, starts_of
 from ..prediction_runs import from_one_start
 from ..recorded_model import find_recorded_model, forecaster, tracking_window
 from ..replay import replayed
+from ..tracked_frames import decode_topic, Decoded
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
 from ...forecasts.forecaster import Forecast, Forecaster
+from ...forecasts.starts import Start
 from ...messages.poses import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
 from ...scenes.scene import Scene
-from ...tracking.window import RejectedFrame, seconds
+from ...tracking.usable_frames import RejectedFrame, seconds
 
 
 @dataclass
@@ -181,7 +182,8 @@ def _first_start(
         'the bag holds no ~/start: all is computed from the first tracked frames, up to the first '
         'stamp that tells of a restart; one that no stamp tells of shows as a difference'
     )
-    return [Start(taken[-1], tuple(taken), 'first', int(theirs.places[newest]) + 1)], chosen
+    place = int(theirs.places[newest]) + 1
+    return [Start(taken[-1], tuple(taken), 'first', place=place)], chosen
 
 
 def _compare(

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..alignment import Decoded
+from ..tracked_frames import Decoded
 
 
 def lateness(name: str, frames: Decoded) -> dict[str, float]:
