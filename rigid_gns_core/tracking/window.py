@@ -21,8 +21,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .surroundings import Surroundings
-from .tracked_set import Following, TrackedSet
+from .environment import Environment
+from .tracks import TrackerSettings, Tracks
 from .usable_frames import FrameOrder, RejectedFrame
 from .warm import warm_up
 from ..messages.poses import PoseArrayFrame
@@ -35,7 +35,7 @@ _COAST, _MAX_SPEED = 2.0, 50.0
 # frames of the same poses are refused so many times in a row, where spheres move by so many radii
 _REPEATS, _STILL = 3, 0.01
 
-_NOTHING = TrackedSet.empty()
+_NOTHING = Tracks.empty()
 
 
 class TrackingWindow:
@@ -61,7 +61,7 @@ class TrackingWindow:
         matched: Whether poses are matched to spheres, which may then come in any order, be
             missing, appear and vanish; else there is always the same number in the same order.
         noise: Standard deviation of each coordinate of a position [m]; None: estimated.
-        coast_time: A sphere that is not seen is carried on for so long [s], and for two frames at
+        coast_time: A sphere that is not seen is coasted for so long [s], and for two frames at
             least; None: 2 sqrt(radius / gravity).
         max_speed: New spheres that are faster are not found [m/s]; None: 50 sqrt(radius gravity).
     """
@@ -96,9 +96,11 @@ class TrackingWindow:
         self.length, self.max_spheres = length, max_spheres
         self.max_gap_ns, self._check = round(max_gap * 1e9), check
         self._order, self._on_gap = FrameOrder(frame_id, radius), on_gap
-        around = Surroundings.unknown(gravity, radius) if scene is None else Surroundings.of(scene)
-        self.following = Following(
-            around=around,
+        environment = (
+            Environment.unknown(gravity, radius) if scene is None else Environment.of(scene)
+        )
+        self.settings = TrackerSettings(
+            environment=environment,
             length=length,
             matched=matched,
             noise=noise,
@@ -107,9 +109,7 @@ class TrackingWindow:
             radius=radius,
         )
         # newest frames, each with the spheres before it, to go on from when one comes late
-        self._frames: deque[tuple[PoseArrayFrame, TrackedSet]] = deque(
-            maxlen=self.following.memory
-        )
+        self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.memory)
         self._now = _NOTHING
         self._state: State | None = None  # of the newest frame, where it was asked for
         self._repeats = 0  # frames of the same content, in a row
@@ -140,7 +140,7 @@ class TrackingWindow:
     @property
     def noise(self) -> float:
         """Standard deviation of each coordinate of a position, given or estimated [m]."""
-        return self._now.noise(self.following)
+        return self._now.noise(self.settings)
 
     @property
     def stamp_ns(self) -> int | None:
@@ -208,10 +208,10 @@ class TrackingWindow:
                 if not self.full:
                     self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
                 frames.clear()
-                matched = self.following.matched
-                now = TrackedSet.empty(now.next_id, now.heard) if matched else _NOTHING
+                matched = self.settings.matched
+                now = Tracks.empty(now.next_id, now.noise_estimate) if matched else _NOTHING
             frames.append((one, now))
-            now = now.after(one, self.following)
+            now = now.after(one, self.settings)
         self._frames = frames
         self._order.taken(frame.stamp_ns, now_ns, late=bool(later))
         if later:
@@ -222,7 +222,7 @@ class TrackingWindow:
         # a late frame may have given other spheres the same ids
         self._become(now, changed=anew)
 
-    def _become(self, now: TrackedSet, *, changed: bool = False) -> None:
+    def _become(self, now: Tracks, *, changed: bool = False) -> None:
         before, self._now, self._state = self._now.ids, now, None
         if changed or not np.array_equal(before, now.ids):
             self.generation += 1
@@ -232,7 +232,7 @@ class TrackingWindow:
     def start(self) -> tuple[int, State]:
         """Stamp [ns] and state of the newest frame, with velocities from the whole window."""
         if self._state is None:
-            motion = self._now.window_motion(self.following)
+            motion = self._now.window_motion(self.settings)
             self._state = State(
                 positions=motion.positions,
                 quaternions=motion.quaternions,
@@ -242,7 +242,7 @@ class TrackingWindow:
         return int(self._now.stamps[-1]), self._state
 
     def _check_count(self, count: int) -> None:
-        known, matched = self.count, self.following.matched
+        known, matched = self.count, self.settings.matched
         if count == 0 and not (matched and known):
             raise RejectedFrame('empty', 'it holds no poses, expected one per sphere')
         if count > self.max_spheres:
@@ -265,7 +265,7 @@ class TrackingWindow:
 
     def _check_content(self, frame: PoseArrayFrame) -> None:
         """Refuse the poses of the newest frame under a new stamp, where spheres move."""
-        if not self.following.matched or not self._frames or not len(frame.poses):
+        if not self.settings.matched or not self._frames or not len(frame.poses):
             return
         newest = self._frames[-1][0]
         same = np.array_equal(newest.poses, frame.poses) and frame.stamp_ns > newest.stamp_ns
@@ -273,7 +273,7 @@ class TrackingWindow:
         velocities = self._now.motion.velocities
         travel = time * float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
         # what stopped at once is believed after a few
-        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.following.radius:
+        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.settings.radius:
             self._repeats = 0
             return
         self._repeats += 1
