@@ -85,7 +85,7 @@ class Drawing:
         self, namespace: str, stamp_ns: int, positions: Array, ids: Sequence[int], color: Color
     ) -> None:
         if self.watched:
-            radii = self._window.following.around.radii(np.array(ids, dtype=np.int64))
+            radii = self._window.settings.environment.radii(np.array(ids, dtype=np.int64))
             self._send(stamp_ns, sphere_markers(namespace, positions, radii, color))
 
     def _send(self, stamp_ns: int, markers: list[Marker]) -> None:

@@ -237,7 +237,7 @@ def test_predictions_go_on_while_a_future_is_computed(
 
 @pytest.fixture(scope='module')
 def model() -> Forecaster:
-    return Forecaster('', 'box_154')
+    return Forecaster('', load_scene('box_154')[0])
 
 
 def job(model: Forecaster, poses: np.ndarray, stamp_ns: int, steps: int) -> Job:
