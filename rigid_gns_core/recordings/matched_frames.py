@@ -26,13 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .recorded_model import tracking_window
 from .replay import replayed
 from .resample import resample
 from .tracked_frames import Cut, Decoded, usual_frame_id, without_gaps
 from ..forecasts.forecaster import Forecaster
 from ..forecasts.interpolation import Stamps
 from ..forecasts.starts import Start
+from ..forecasts.window_setup import window_of
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -87,7 +87,7 @@ def cut_matched(
         max_gap_ns: Two frames further apart are not joined [ns].
     """
     given = {'frame_id': usual_frame_id(tracked), 'max_spheres': 100_000, 'match_spheres': True}
-    window = tracking_window(model, {**parameters, **given})
+    window = window_of(model, {**parameters, **given})
     refused: Counter[str] = Counter()
     seen: list[_Matched] = []
     life = 0

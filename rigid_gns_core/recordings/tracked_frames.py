@@ -17,20 +17,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..bags.reader import Bag, BagError, Topic
-from ..bags.topics import listing
+from ..bags.reader import BagError, Topic
 from ..forecasts.interpolation import Stamps
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
 from ..scenes.state import Array
-from ..tracking.tracked_motion import estimate_noise, PoseNoise
-from ..tracking.usable_frames import usable_passes
+from ..tracking.pose_noise import estimate_noise, PoseNoise
+from ..tracking.usable_frames import median_interval, usable_passes
 
-POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 # for people, where the number of spheres changes
 MATCH_REMEDY = '--match follows spheres that are missing now and then'
 
@@ -50,6 +47,24 @@ class Decoded:
     times: Stamps
     places: Stamps
     damaged: int
+
+    @property
+    def stamps(self) -> Stamps:
+        """Stamps [ns], shape (frames,)."""
+        return np.array([frame.stamp_ns for frame in self.frames], dtype=np.int64)
+
+    def interval(self, where: str) -> float:
+        """Return the median time between two frames [s].
+
+        Raises:
+            BagError: There are none that follow each other.
+        """
+        if found := median_interval(self.stamps):
+            return found * 1e-9
+        raise BagError(
+            f'{where} holds {len(self.frames)} frames, no two of which follow each other; record '
+            'for longer'
+        )
 
 
 def decode_topic(topic: Topic) -> Decoded:
@@ -140,32 +155,6 @@ class Cut:
         return estimate_noise(
             [(part.times, part.poses[..., :3], part.poses[..., 3:]) for part in self.segments]
         )
-
-
-def find_tracked(bag: Bag, name: str | None, said: Iterable[str] = ()) -> Topic:
-    """Return the topic of tracked poses: `name`, else `said` by a node, else .../tracked_poses.
-
-    Raises:
-        BagError: It is not there, is empty, or is one of several.
-    """
-    arrays = [topic for topic in bag.topics.values() if topic.type_name == POSE_ARRAY]
-    said = set(said)
-    if name is not None:
-        found = [topic for topic in arrays if topic.name == name]
-    else:
-        found = [topic for topic in arrays if topic.name in said] or [
-            topic for topic in arrays if topic.name.split('/')[-1] == 'tracked_poses'
-        ]
-    found = [topic for topic in found if topic.messages] or found
-    wanted = name or '.../tracked_poses'
-    if len(found) != 1 or not found[0].messages:
-        problem = f'{len(found)} topics {wanted}' if len(found) > 1 else f'no topic {wanted}'
-        problem = f'{wanted} holds no messages' if len(found) == 1 else problem
-        raise BagError(
-            f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with --topic. '
-            f'The bag holds {listing(bag)}'
-        )
-    return found[0]
 
 
 def cut(tracked: Decoded, radius: float, max_gap_ns: float) -> Cut:

@@ -68,9 +68,8 @@ def read_bag_comparison(
 def _times(ours: Any, step_time: Any) -> dict[str, tuple[Array, Array]]:
     """Lateness and period of each prediction, and model steps [ms], over their log times [s]."""
     log = np.asarray(ours.times, dtype=np.int64)
-    stamps = np.array([frame.stamp_ns for frame in ours.frames], dtype=np.int64)
     since: Array = 1e-9 * (log - log[0]).astype(np.float64)
-    late: Array = 1e-6 * (log - stamps).astype(np.float64)
+    late: Array = 1e-6 * (log - ours.stamps).astype(np.float64)
     periods: Array = 1e-6 * np.diff(log).astype(np.float64)
     times = {'lateness': (since, late), 'period': (since[1:], periods)}
     if step_time is not None and len(step_time):

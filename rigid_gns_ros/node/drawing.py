@@ -32,9 +32,9 @@ from rigid_gns_core.scenes.state import Array
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rigid_gns_core.forecasts.forecaster import Forecaster
+    from rigid_gns_core.forecasts.horizon import Future
     from rigid_gns_core.tracking.window import TrackingWindow
 
-    from .horizon import Future
 
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)

@@ -232,7 +232,11 @@ def test_frames_that_are_no_measurement_are_left_out(tmp_path: Path) -> None:
             found[2, 3:] = 0.0
         return found
 
-    times = [*every(0.1, 2.0), 1.95, *every(0.1, 4.0)[21:]]  # and one that comes late, but has a place
+    times = [
+        *every(0.1, 2.0),
+        1.95,
+        *every(0.1, 4.0)[21:],
+    ]  # and one that comes late, but has a place
     (report,) = import_bags([write_bag(tmp_path / 'bag', times, broken)], tmp_path / 'data')
     assert report['refused'] == {'not finite': 1, 'quaternion': 1}
     (record,) = Dataset(tmp_path / 'data')

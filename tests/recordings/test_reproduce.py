@@ -27,8 +27,8 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands.cli import evaluate
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.window_setup import window_of
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
-from rigid_gns_core.recordings.recorded_model import tracking_window
 from rigid_gns_core.recordings.scoring.reproduce import reproduce, Reproduction
 from rigid_gns_core.scenes.sampling import load_scene
 
@@ -50,7 +50,7 @@ def tracked(number: int) -> np.ndarray:
 
 @pytest.fixture(scope='module')
 def model() -> Forecaster:
-    return Forecaster('', 'box_154')
+    return Forecaster('', load_scene('box_154')[0])
 
 
 def write_bag(
@@ -68,7 +68,7 @@ def write_bag(
     parameters |= {'frame_id': 'world', 'max_spheres': 1000, 'model': '', 'scene': 'box_154'}
     scene = {**model.description, 'parameters': parameters}
     scene |= {'model_card': card or model.simulator.card}
-    codec, window = PoseArrayCodec('world', COUNT), tracking_window(model, parameters)
+    codec, window = PoseArrayCodec('world', COUNT), window_of(model, parameters)
     forecast, published = None, 0
     with BagWriter(folder) as bag:
         for name in ('/tracked_poses', '/predicted_poses'):

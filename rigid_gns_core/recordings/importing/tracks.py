@@ -26,8 +26,9 @@ import numpy as np
 from .kept_places import places_kept, PlacesKept
 from ..recorded_scenes import SaidScenes
 from ..resample import resample
-from ..tracked_frames import Cut, cut, decode_topic, Decoded, find_tracked, MATCH_REMEDY, Segment
+from ..tracked_frames import Cut, cut, decode_topic, Decoded, MATCH_REMEDY, Segment
 from ...bags.reader import read_bag
+from ...bags.topics import find_poses
 from ...data.records import Record
 from ...files.checkpoint import find_model, load_card
 from ...files.config import from_mapping
@@ -36,8 +37,8 @@ from ...scenes.sampling import load_scene
 from ...scenes.scene import Scene
 from ...scenes.similarity import ModelUnits, Similarity
 from ...scenes.state import Trajectory
-from ...tracking.tracked_motion import PoseNoise
-from ...tracking.usable_frames import GAP, median_interval, seconds
+from ...tracking.pose_noise import PoseNoise
+from ...tracking.usable_frames import GAP, seconds
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0
@@ -107,17 +108,12 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     """
     bag = read_bag(path)
     said = SaidScenes.of(bag)
-    topic = find_tracked(bag, options.topic, said.tracked)
+    topic = find_poses(bag, 'tracked_poses', '--topic', options.topic, said.tracked)
     scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)[0]
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or _native_dt(scene, options.model)
     decoded = decode_topic(topic)
-    stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
-    interval = median_interval(stamps) * 1e-9
-    if not interval:
-        raise ImportBagError(
-            f'{path}: {topic.name} holds {len(stamps)} frames, no two of which follow each other'
-        )
+    interval = decoded.interval(f'{path}: {topic.name}')
     if interval > _SLOWEST * dt:
         raise ImportBagError(
             f'{path}: frames of {topic.name} are {interval:.3g} s apart, expected at most '
@@ -183,17 +179,18 @@ def _cut(
     gap: float,
 ) -> tuple[Cut, str]:
     """Cut frames into segments, and say who asked for matching; empty: nobody."""
-    parameters = said.matching(topic)
+    parameters = said.parameters(topic)
+    matched = parameters.get('match_spheres', False)
     why = 'as --match asks' if options.match else ''
-    why = why if parameters is None else 'as by the simulator that recorded the bag'
+    why = 'as by the simulator that recorded the bag' if matched else why
     if not why:
         return cut(decoded, float(np.max(scene.radius)), gap * 1e9), why
     # late: the model need not run otherwise
     from ..matched_frames import cut_matched
-    from ..recorded_model import forecaster
+    from ...forecasts.forecaster import Forecaster
 
-    model = forecaster(scene, options.model)
-    return cut_matched(decoded, model, parameters or {}, gap * 1e9), why
+    model = Forecaster(options.model, scene)
+    return cut_matched(decoded, model, parameters if matched else {}, gap * 1e9), why
 
 
 def _check_places(parts: list[Segment], scene: Scene, where: str) -> list[str]:

@@ -21,12 +21,11 @@ from typing import Any
 
 from .predictions import score_predictions
 from .scored import Scored
-from ..tracked_frames import find_tracked
-from ...bags.reader import Bag, BagError, read_bag
-from ...bags.topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
+from ..recorded_scenes import SaidScenes
+from ...bags.reader import Bag, read_bag
+from ...bags.topics import find_poses, find_topics, holds_predictions
 from ...forecasts.parameters import SIMULATOR
 from ...scenes.sampling import load_scene
-from ...scenes.scene import Scene
 
 
 def score_bag(
@@ -55,19 +54,24 @@ def score_bag(
     Raises:
         ValueError: The bag lacks a topic or a scene, or nothing overlaps.
     """
+    said = SaidScenes.of(bag)
+    given = None if scene is None else load_scene(scene)[0]
     if model is None and (predicted is not None or _predicts(bag, tracked, scene)):
         topics = find_topics(bag, tracked, predicted)
-        return score_predictions(bag, topics, _scene(bag, topics.recorded, scene))
+        return score_predictions(bag, topics, given or said.scene_by(topics))
     # late: a model need not be there to score predictions
     from .rollouts import RolloutOptions, score_rollouts
 
-    scenes = [one for one in recorded_scenes(bag).values() if 'scene' in one]
-    topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
-    own = [one for one in scenes if said_names(one).get('tracked') == topic.name] or scenes
-    recorded = own[0] if own else {}
-    match = match or bool(recorded.get('parameters', {}).get('match_spheres', False))
-    options = RolloutOptions(model or '', starts, _window(recorded), match)
-    return score_rollouts(bag, topic, _scene(bag, recorded, scene), options)
+    topic = find_poses(bag, 'tracked_poses', '--topic', tracked, said.tracked)
+    parameters = said.parameters(topic.name)
+    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
+    options = RolloutOptions(
+        model or '',
+        starts,
+        int(parameters.get('velocity_window', default)),
+        match or bool(parameters.get('match_spheres', False)),
+    )
+    return score_rollouts(bag, topic, given or said.scene(topic.name), options)
 
 
 def evaluate_bag(
@@ -101,20 +105,3 @@ def evaluate_bag(
 def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:
     """Whether predictions are to be scored; also where only they are missing from our own bag."""
     return holds_predictions(bag) or (tracked is None and scene is None)
-
-
-def _window(recorded: dict[str, Any]) -> int:
-    """Tracked frames of a start, as the simulator had it, or has it by default."""
-    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
-    return int(recorded.get('parameters', {}).get('velocity_window', default))
-
-
-def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scene:
-    if scene is not None:
-        return load_scene(scene)[0]
-    if 'scene' not in recorded:
-        raise BagError(
-            f'{bag.path}: no .../scene topic says what the scene is; name it with --scene. '
-            f'The bag holds {listing(bag)}'
-        )
-    return Scene.from_mapping(recorded['scene'], 'scene of the bag')

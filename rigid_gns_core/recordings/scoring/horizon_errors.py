@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from ..forecast_starts import Forecasted
+from ..recorded_forecasts import Forecasted
 from ...forecasts.interpolation import interpolate
 from ...messages.poses import PoseArrayFrame
 from ...scenes.state import Array

@@ -25,9 +25,14 @@ from .horizon_errors import add_forecast, HorizonErrors
 from .scored import Scored
 from .timing import lateness, quantiles
 from ..alignment import align
-from ..forecast_starts import Forecasted, forecasts, recorded_starts, starts_of
 from ..prediction_runs import AlignmentError, longest_run
-from ..recorded_futures import recorded_futures
+from ..recorded_forecasts import (
+    Forecasted,
+    forecasts,
+    recorded_futures,
+    recorded_starts,
+    starts_of,
+)
 from ..tracked_frames import decode_topic, Decoded, Passes
 from ...bags.reader import Bag
 from ...bags.topics import Topics
@@ -99,8 +104,7 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> Scored:
     }
     if starts:
         report['frames']['starts'] = len(starts)
-    stamps = np.array([frame.stamp_ns for frame in theirs_all.frames], dtype=np.int64)
-    predicted = forecasts(starts, ours_all.frames, ours_all.places, stamps, every=every)
+    predicted = forecasts(starts, ours_all.frames, ours_all.places, theirs_all.stamps, every=every)
     futures = recorded_futures(topics.trajectory, starts)
     for name, found in (('horizon_errors', predicted), ('future_errors', futures)):
         report[name] = _horizon_errors(found, theirs_all, starts, identified, radius)
@@ -126,10 +130,12 @@ def _identified(
         return None
     # late: the model, which gives the length of its steps, need not be there otherwise
     from ..matched_frames import IdentifiedFrames
-    from ..recorded_model import find_recorded_model, forecaster, tracking_window
+    from ..recorded_scenes import find_recorded_model
+    from ...forecasts.forecaster import Forecaster
+    from ...forecasts.window_setup import window_of
 
-    model = forecaster(scene, find_recorded_model(recorded, None, 'the bag'))
-    return IdentifiedFrames(tracked, starts, tracking_window(model, parameters), model)
+    model = Forecaster(find_recorded_model(recorded, None, 'the bag'), scene)
+    return IdentifiedFrames(tracked, starts, window_of(model, parameters), model)
 
 
 def _horizon_errors(

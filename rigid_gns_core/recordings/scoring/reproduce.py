@@ -25,15 +25,16 @@ from typing import Any
 
 import numpy as np
 
-from ..forecast_starts import recorded_starts, starts_of
 from ..prediction_runs import from_one_start
-from ..recorded_model import find_recorded_model, forecaster, tracking_window
+from ..recorded_forecasts import recorded_starts, starts_of
+from ..recorded_scenes import find_recorded_model
 from ..replay import replayed
 from ..tracked_frames import decode_topic, Decoded
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
 from ...forecasts.forecaster import Forecast, Forecaster
 from ...forecasts.starts import Start
+from ...forecasts.window_setup import window_of
 from ...messages.poses import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
 from ...scenes.scene import Scene
 from ...tracking.usable_frames import RejectedFrame, seconds
@@ -98,9 +99,9 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
                 'computed again; record with this package'
             )
     parameters = recorded['parameters']
-    maker = forecaster(
-        Scene.from_mapping(recorded['scene'], 'scene of the bag'),
+    maker = Forecaster(
         find_recorded_model(recorded, model, str(bag.path)),
+        Scene.from_mapping(recorded['scene'], 'scene of the bag'),
         rate=float(parameters.get('rate', 0.0)),
         threads=int(parameters.get('threads', 1)),
     )
@@ -112,7 +113,7 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
     else:
         starts, chosen = _first_start(maker, ours, theirs, parameters, result)
     messages = _whole_messages(topics.predicted)
-    window = tracking_window(maker, parameters)
+    window = window_of(maker, parameters)
     for index, (start, error) in enumerate(replayed(window, theirs, starts)):
         own = np.flatnonzero(chosen == index)
         if not len(own):
@@ -157,7 +158,7 @@ def _first_start(
             'the bag holds no ~/start, and its predictions do not all start from the first frames'
         )
         return [], chosen
-    window = tracking_window(maker, parameters)
+    window = window_of(maker, parameters)
     taken: list[int] = []
     for newest in np.argsort(theirs.places, kind='stable'):
         frame = theirs.frames[newest]

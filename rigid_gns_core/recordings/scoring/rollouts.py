@@ -28,16 +28,16 @@ from .scored import Scored
 from .timing import lateness
 from ..matched_frames import cut_matched
 from ..prediction_runs import AlignmentError
-from ..recorded_model import forecaster, tracking_window
 from ..resample import resample
 from ..tracked_frames import cut, decode_topic, MATCH_REMEDY, Segment
 from ...bags.reader import Bag, Topic
 from ...forecasts.forecaster import Forecast, Forecaster
+from ...forecasts.window_setup import window_of
 from ...messages.poses import PoseArrayFrame
 from ...scenes.scene import Scene
 from ...scenes.state import Array, Trajectory
 from ...scoring.evaluate import evaluate
-from ...tracking.usable_frames import GAP, median_interval
+from ...tracking.usable_frames import GAP
 
 # the longest rollout of which laws and errors are told [s]
 LONGEST = 30.0
@@ -102,15 +102,9 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
         ValueError: The model cannot be had, or cannot serve the scene.
     """
     decoded = decode_topic(topic)
-    stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
-    interval = median_interval(stamps)
-    if not interval:
-        raise AlignmentError(
-            f'{bag.path}: {topic.name} holds {len(stamps)} frames, no two of which follow each '
-            'other; record for longer'
-        )
-    model = forecaster(scene, options.model)
-    gap = GAP * interval
+    interval = decoded.interval(f'{bag.path}: {topic.name}')
+    model = Forecaster(options.model, scene)
+    gap = GAP * interval * 1e9
     parts = (
         cut_matched(decoded, model, {'velocity_window': options.window}, gap)
         if options.matched
@@ -162,7 +156,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
         'starts_failed': wanted - begun,
         'compared': len(drawn[0]),
         'compared_s': drawn[0].steps * drawn[0].dt,
-        'tracked_interval_s': interval * 1e-9,
+        'tracked_interval_s': interval,
         'tracked_noise_m': noise,
     }
     report['horizon_errors'] = errors.report()
@@ -197,9 +191,7 @@ def _forecasts(
 
     Frames that give no start are left out.
     """
-    window = tracking_window(
-        model, {'frame_id': '', 'velocity_window': length, 'max_spheres': 100_000}
-    )
+    window = window_of(model, {'frame_id': '', 'velocity_window': length, 'max_spheres': 100_000})
     for index, stamp in enumerate(segment.stamps.tolist()):
         try:
             window.add(PoseArrayFrame(stamp, '', segment.poses[index]), stamp)

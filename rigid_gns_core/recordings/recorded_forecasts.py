@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When forecasts of a recording began, as the simulator said or as their stamps tell."""
+"""Forecasts of a recording, and when they began, as the simulator said or as stamps tell."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,8 @@ from .prediction_runs import from_one_start, median_period
 from ..bags.reader import BagError, Topic
 from ..forecasts.interpolation import Stamps
 from ..forecasts.starts import Start
-from ..messages.poses import decode_string, PoseArrayFrame
+from ..messages.poses import decode_string, MessageError, PoseArrayFrame
+from ..messages.trajectories import decode_trajectory
 
 
 def recorded_starts(topic: Topic | None) -> list[Start]:
@@ -117,6 +118,38 @@ def forecasts(
                 own = np.arange(part.start, part.stop)
                 found.append(_forecasted(start, -1, frames, places, own))
     return found
+
+
+def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[Forecasted]:
+    """Futures of a recording; messages that are damaged are left out.
+
+    Args:
+        topic: Topic of futures; None: there are none.
+        starts: Recorded starts; a future gets the last one before it with its spheres.
+    """
+    if topic is None:
+        return
+    places = [start.place for start in starts]
+    for message, place in zip(topic.messages, topic.places, strict=True):
+        try:
+            future = decode_trajectory(message)
+        except MessageError:
+            continue
+        if not len(future.times_ns):
+            continue
+        index = int(np.searchsorted(places, place)) - 1
+        if index >= 0 and starts[index].ids is not None:
+            names = tuple(f'sphere_{sphere}' for sphere in starts[index].ids or ())
+            if names != future.names:
+                continue
+        stamps = future.stamp_ns + np.array(future.times_ns, dtype=np.int64)
+        frames = [
+            PoseArrayFrame(int(stamp), future.frame_id, poses)
+            for stamp, poses in zip(stamps, future.poses, strict=True)
+        ]
+        yield Forecasted(
+            future.stamp_ns, index, stamps, frames, np.full(len(stamps), place, dtype=np.int64)
+        )
 
 
 def _forecasted(
