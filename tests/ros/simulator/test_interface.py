@@ -210,7 +210,7 @@ def test_the_scene_that_is_told_has_the_turned_gravity(
     assert (
         model.description['scene']['surfaces'] == load_scene('box_154')[0].to_mapping()['surfaces']
     )
-    assert setup.node.simulation.window.following.around.gravity.tolist() == [0.0, 9.81, 0.0]
+    assert setup.node.simulation.window.settings.environment.gravity.tolist() == [0.0, 9.81, 0.0]
     # walls of the box carry spheres now
     assert 'no surface is level' not in log()
 
