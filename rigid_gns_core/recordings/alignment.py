@@ -19,10 +19,10 @@ from __future__ import annotations
 import numpy as np
 
 from .prediction_runs import AlignmentError, Run
-from ..forecasts.interpolation import interpolate, Stamps
+from ..forecasts.interpolation import interpolate
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Trajectory
-from ..tracking.usable_frames import covered
+from ..tracking.usable_frames import covered, Stamps
 
 
 def align(

@@ -30,13 +30,12 @@ from .replay import replayed
 from .resample import resample
 from .tracked_frames import Cut, Decoded, usual_frame_id, without_gaps
 from ..forecasts.forecaster import Forecaster
-from ..forecasts.interpolation import Stamps
 from ..forecasts.starts import Start
 from ..forecasts.window_setup import window_of
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import Array
-from ..tracking.usable_frames import RejectedFrame, short_gaps
+from ..tracking.usable_frames import RejectedFrame, short_gaps, Stamps
 from ..tracking.window import TrackingWindow
 
 

@@ -22,10 +22,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..forecasts.interpolation import interpolate, Stamps
+from ..forecasts.interpolation import interpolate
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
-from ..tracking.usable_frames import GAP, median_interval
+from ..tracking.usable_frames import GAP, median_interval, Stamps
 
 # a stamp further off the grid than this part of a period belongs to another start
 RESTART_TOLERANCE = 0.01

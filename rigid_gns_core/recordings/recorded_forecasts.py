@@ -23,10 +23,10 @@ import numpy as np
 
 from .prediction_runs import from_one_start, median_period
 from ..bags.reader import BagError, Topic
-from ..forecasts.interpolation import Stamps
 from ..forecasts.starts import Start
 from ..messages.poses import decode_string, MessageError, PoseArrayFrame
 from ..messages.trajectories import decode_trajectory
+from ..tracking.usable_frames import Stamps
 
 
 def recorded_starts(topic: Topic | None) -> list[Start]:

@@ -22,11 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..bags.reader import BagError, Topic
-from ..forecasts.interpolation import Stamps
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
 from ..scenes.state import Array
 from ..tracking.pose_noise import estimate_noise, PoseNoise
-from ..tracking.usable_frames import median_interval, usable_passes
+from ..tracking.usable_frames import median_interval, Stamps, usable_passes
 
 # for people, where the number of spheres changes
 MATCH_REMEDY = '--match follows spheres that are missing now and then'

@@ -112,7 +112,7 @@ class Contact(NamedTuple):
     law: Vector
 
 
-class BestHypotheses(NamedTuple):
+class Hypotheses(NamedTuple):
     """The cheapest hypothesis found so far, for each sphere.
 
     Args:
@@ -142,8 +142,8 @@ class BestHypotheses(NamedTuple):
     laws: Array
 
     @classmethod
-    def at_rest(cls, seen: Flags, last: Indices) -> BestHypotheses:
-        """At rest where last seen, all other frames outliers; as in `ObservationWindow`."""
+    def at_rest(cls, seen: Flags, last: Indices) -> Hypotheses:
+        """At rest where last seen, all other frames outliers; as in `Observations`."""
         n = len(last)
         return cls(
             cost=OUTLIER * (seen.sum(axis=1) - 1.0) + 1e-9,
@@ -161,7 +161,7 @@ class BestHypotheses(NamedTuple):
 
 
 @in_place
-def take(best: BestHypotheses, i: int, found: Hypothesis, kind: np.int64, begin: int) -> bool:
+def take(best: Hypotheses, i: int, found: Hypothesis, kind: np.int64, begin: int) -> bool:
     """Replace the hypothesis of sphere i where it costs more; whether it did."""
     if not found.cost < best.cost[i]:
         return False
@@ -175,7 +175,7 @@ def take(best: BestHypotheses, i: int, found: Hypothesis, kind: np.int64, begin:
 
 @in_place
 def try_tail(
-    best: BestHypotheses,
+    best: Hypotheses,
     i: int,
     sums: Array,
     begin: int,
@@ -207,7 +207,7 @@ def try_tail(
 
 @in_place
 def try_contact(
-    best: BestHypotheses, i: int, found: Hypothesis, kind: np.int64, contact: Contact
+    best: Hypotheses, i: int, found: Hypothesis, kind: np.int64, contact: Contact
 ) -> None:
     """Try a motion that begins with a contact."""
     if take(best, i, found, kind, contact.frame):

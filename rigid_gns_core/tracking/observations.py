@@ -33,7 +33,7 @@ _NEAR, _NEAR_SIGMAS = 0.02, 4.0
 INTERVALS = 2
 
 
-class ObservationWindow(NamedTuple):
+class Observations(NamedTuple):
     """Frames of n spheres.
 
     Args:
@@ -69,7 +69,7 @@ class ObservationWindow(NamedTuple):
     met: Array
 
     @classmethod
-    def of(cls, stamps: Array, count: int, radii: Array, sigma: Array) -> ObservationWindow:
+    def of(cls, stamps: Array, count: int, radii: Array, sigma: Array) -> Observations:
         """One to be filled, for `count` spheres."""
         frames = len(stamps)
         return cls(
@@ -92,12 +92,7 @@ class ObservationWindow(NamedTuple):
 
 @entry
 def fill(
-    window: ObservationWindow,
-    places: Array,
-    turns: Array,
-    shown: Flags,
-    gravity: Vector,
-    fallen: Array,
+    window: Observations, places: Array, turns: Array, shown: Flags, gravity: Vector, fallen: Array
 ) -> None:
     """Fill a window with frames.
 

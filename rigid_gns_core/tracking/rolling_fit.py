@@ -19,8 +19,8 @@ from __future__ import annotations
 from .impacts import Surfaces
 from .jit import in_place
 from .line_fit import accumulate, fit_line
-from .motion_models import BestHypotheses, ROLLING, try_tail
-from .observations import ObservationWindow
+from .motion_models import Hypotheses, ROLLING, try_tail
+from .observations import Observations
 from ..kernels.vector import across, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -30,9 +30,9 @@ _HEIGHT = 5e-3
 
 @in_place
 def try_rolling(
-    best: BestHypotheses,
+    best: Hypotheses,
     i: int,
-    window: ObservationWindow,
+    window: Observations,
     surfaces: Surfaces,
     index: int,
     sums: Array,

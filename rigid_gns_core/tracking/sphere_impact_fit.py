@@ -28,16 +28,8 @@ from numpy.typing import NDArray
 from .collisions import Pairs, time_of_contact, velocity_change, within
 from .impacts import placed, Surfaces
 from .jit import in_place
-from .motion_models import (
-    BestHypotheses,
-    Contact,
-    FLIGHT,
-    Hypothesis,
-    Indices,
-    try_contact,
-    UNIFORM,
-)
-from .observations import INTERVALS, ObservationWindow
+from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, Indices, try_contact, UNIFORM
+from .observations import INTERVALS, Observations
 from .surface_impact_fit import (
     joined,
     MOST_SLACK,
@@ -86,11 +78,7 @@ class Encounters(NamedTuple):
 
 @in_place
 def try_sphere_impacts(
-    best: BestHypotheses,
-    window: ObservationWindow,
-    surfaces: Surfaces,
-    pairs: Pairs,
-    found: Encounters,
+    best: Hypotheses, window: Observations, surfaces: Surfaces, pairs: Pairs, found: Encounters
 ) -> None:
     """Try a collision in front of each of the last frames, of spheres of equal mass.
 
@@ -123,7 +111,7 @@ def try_sphere_impacts(
 
 @in_place
 def _predict(
-    found: Encounters, window: ObservationWindow, gravity: Vector, frame: int, middle: float
+    found: Encounters, window: Observations, gravity: Vector, frame: int, middle: float
 ) -> None:
     """Where spheres are in the middle of an interval; nobody has met another yet."""
     for i in range(len(found.who)):
@@ -141,7 +129,7 @@ def _predict(
 
 
 @in_place
-def _before(window: ObservationWindow, i: int, frame: int) -> tuple[MotionBefore, bool]:
+def _before(window: Observations, i: int, frame: int) -> tuple[MotionBefore, bool]:
     """Return the motion of sphere i before a frame, and whether it is a flight."""
     sigma, turns = window.sigma[i], window.turns[i]
     flying = motion_before(window.flights[i], turns, sigma, frame)
@@ -170,9 +158,9 @@ def _keep_first(found: Encounters, radii: Array, i: int, j: int, half: float) ->
 
 @in_place
 def _take(
-    best: BestHypotheses,
+    best: Hypotheses,
     i: int,
-    window: ObservationWindow,
+    window: Observations,
     surfaces: Surfaces,
     found: Encounters,
     frame: int,

@@ -27,8 +27,8 @@ from typing import NamedTuple
 from .impacts import after_impact, first_impact, Surfaces
 from .jit import in_place
 from .line_fit import fit_line
-from .motion_models import BestHypotheses, Contact, FLIGHT, Hypothesis, OUTLIER, try_contact
-from .observations import ObservationWindow
+from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, OUTLIER, try_contact
+from .observations import Observations
 from ..kernels.vector import across, dot, length, minus, plus, row, times, Vector
 from ..scenes.state import Array
 
@@ -95,7 +95,7 @@ def variance_at(before: MotionBefore, time: float) -> float:
 
 @in_place
 def try_surface_impacts(
-    best: BestHypotheses, i: int, window: ObservationWindow, surfaces: Surfaces, extra: float
+    best: Hypotheses, i: int, window: Observations, surfaces: Surfaces, extra: float
 ) -> None:
     """Try an impact in front of each frame.
 
@@ -222,7 +222,7 @@ def _since(sums: Array, frame: int, column: int) -> Vector:
 
 
 @in_place
-def spin_since(best: BestHypotheses, i: int, window: ObservationWindow) -> Vector:
+def spin_since(best: Hypotheses, i: int, window: Observations) -> Vector:
     """Spin of sphere i, seen once since its contact [rad/s]."""
     stamps, turned = window.stamps, window.turned[i]
     largest = 0.0

@@ -32,8 +32,8 @@ from .collisions import NONE_NEAR, pairs_near
 from .environment import Environment
 from .jit import plain
 from .line_fit import COLUMNS
-from .motion_models import BestHypotheses, FLIGHT, Motion
-from .observations import fill, ObservationWindow
+from .motion_models import FLIGHT, Hypotheses, Motion
+from .observations import fill, Observations
 from .sphere_impact_fit import Encounters
 from .window_fit import finish, fit
 from ..scenes.state import Array
@@ -88,10 +88,10 @@ def estimate_motion(
         if shape != expected:
             raise ValueError(f'{name} have shape {shape}, expected {expected}')
     sigma = np.maximum(noise, _FLOOR * radii)
-    window = ObservationWindow.of(stamps, n, radii, sigma)
+    window = Observations.of(stamps, n, radii, sigma)
     surfaces, sums = environment.surfaces, np.empty((count + 1, COLUMNS))
     fill(window, places, turns, mask, surfaces.gravity, np.empty((count, 3)))
-    best = BestHypotheses.at_rest(window.seen, window.last)
+    best = Hypotheses.at_rest(window.seen, window.last)
     if count > 1:
         pairs = NONE_NEAR
         if environment.known:

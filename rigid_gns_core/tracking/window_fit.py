@@ -20,8 +20,8 @@ from .collisions import Pairs, within
 from .impacts import nearest, placed, Surfaces
 from .jit import entry, in_place
 from .line_fit import accumulate, fit_line
-from .motion_models import BestHypotheses, FLIGHT, try_tail, UNIFORM
-from .observations import ObservationWindow
+from .motion_models import FLIGHT, Hypotheses, try_tail, UNIFORM
+from .observations import Observations
 from .rolling_fit import try_rolling
 from .sphere_impact_fit import Encounters, try_sphere_impacts
 from .surface_impact_fit import spin_since, try_surface_impacts
@@ -36,8 +36,8 @@ _NONE = (0.0, 0.0, 0.0)
 
 @entry
 def fit(
-    best: BestHypotheses,
-    window: ObservationWindow,
+    best: Hypotheses,
+    window: Observations,
     surfaces: Surfaces,
     pairs: Pairs,
     held: Array,
@@ -69,9 +69,9 @@ def fit(
 
 @in_place
 def _try_alone(
-    best: BestHypotheses,
+    best: Hypotheses,
     i: int,
-    window: ObservationWindow,
+    window: Observations,
     surfaces: Surfaces,
     held: float,
     sums: Array,
@@ -106,8 +106,8 @@ def _try_alone(
 
 @entry
 def finish(
-    best: BestHypotheses,
-    window: ObservationWindow,
+    best: Hypotheses,
+    window: Observations,
     gravity: Vector,
     places: Array,
     speeds: Array,

@@ -36,11 +36,11 @@ from ..recorded_forecasts import (
 from ..tracked_frames import decode_topic, Decoded, Passes
 from ...bags.reader import Bag
 from ...bags.topics import Topics
-from ...forecasts.interpolation import Stamps
 from ...forecasts.starts import Start
 from ...messages.poses import decode_float64
 from ...scenes.scene import Scene
 from ...scoring.evaluate import evaluate
+from ...tracking.usable_frames import Stamps
 
 if TYPE_CHECKING:
     from ..matched_frames import IdentifiedFrames
