@@ -190,7 +190,8 @@ def _run_data(data: Path, arguments: argparse.Namespace) -> int:
 
 
 def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
-    from ..recordings.scoring.evaluate import evaluate_bag
+    from ..bags.reader import read_bag
+    from ..recordings.scoring.evaluate import score_bag
 
     figure, missing = None, ''
     if not arguments.no_figure:
@@ -200,25 +201,35 @@ def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
             figure = arguments.figure or _beside(bag, '.png')
         except ModuleNotFoundError:
             missing = 'not drawn, as matplotlib is not installed'
-    report = evaluate_bag(
-        bag,
+    scored = score_bag(
+        read_bag(bag),
         scene=arguments.scene,
         tracked=arguments.tracked,
         predicted=arguments.predicted,
         model=arguments.model,
         starts=20 if arguments.starts is None else arguments.starts,
         match=arguments.match,
-        figure=figure,
     )
-    print(f'{format_report(report)}\nbag:     {bag}')
-    _write_numbers(arguments.json or _beside(bag, '.json'), report)
+    if figure is not None:
+        from ..scoring.figure import write_figure
+
+        write_figure(
+            figure,
+            scored.predicted,
+            scored.tracked,
+            scored.scene,
+            title=scored.title,
+            names=('predicted', 'tracked'),
+        )
+    print(f'{format_report(scored.report)}\nbag:     {bag}')
+    _write_numbers(arguments.json or _beside(bag, '.json'), scored.report)
     if figure or missing:
         print(f'figure:  {figure or missing}')
     return 0
 
 
 def format_report(report: dict[str, Any]) -> str:
-    """Return the tables of a report of `evaluate_bag` with its notes."""
+    """Return the tables of the report of a bag with its notes."""
     from ..recordings.scoring.horizon_errors import format_horizons
 
     shown = {key: value for key, value in report.items() if key not in _BY_HORIZON}

@@ -74,32 +74,17 @@ def score_bag(
     return score_rollouts(bag, topic, given or said.scene(topic.name), options)
 
 
-def evaluate_bag(
-    folder: str | Path, *, figure: str | Path | None = None, **options: Any
-) -> dict[str, Any]:
+def evaluate_bag(folder: str | Path, **options: Any) -> dict[str, Any]:
     """Return the report of a bag, see `Scored`.
 
     Args:
         folder: Bag folder, or an .mcap file.
-        figure: PNG to draw. None: none.
         options: As of `score_bag`.
 
     Raises:
         ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
-    scored = score_bag(read_bag(folder), **options)
-    if figure is not None:
-        from ...scoring.figure import write_figure
-
-        write_figure(
-            figure,
-            scored.predicted,
-            scored.tracked,
-            scored.scene,
-            title=scored.title,
-            names=('predicted', 'tracked'),
-        )
-    return scored.report
+    return score_bag(read_bag(folder), **options).report
 
 
 def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:
