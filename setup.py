@@ -117,7 +117,7 @@ setup(
         'console_scripts': [
             'simulator = rigid_gns_ros.simulator_node:main',
             'tracker = rigid_gns_ros.tracker_node:main',
-            'evaluate = rigid_gns_core.commands.evaluate_bag:main',
+            'evaluate = rigid_gns_core.commands.cli:evaluate',
             'rigid-gns = rigid_gns_core.commands.cli:main',
         ]
     },

@@ -168,7 +168,7 @@ def codec_stamp(message: bytes) -> int:
 
 def evaluates(folder: Path) -> bool:
     """Whether `evaluate` scores a torn bag and says that it is one."""
-    from rigid_gns_core.commands.evaluate_bag import (
+    from rigid_gns_core.recordings.scoring.evaluate import (
         evaluate_bag,  # the recorder starts faster without
     )
 

@@ -26,7 +26,7 @@ from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene_file import load_start
 from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracking.window import seconds
+from rigid_gns_core.tracking.usable_frames import seconds
 
 from .alarm import Alarm
 from .channels import overridable, sensor_data

@@ -32,7 +32,7 @@ from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
-from rigid_gns_core.tracking.tracked_motion import estimate_noise, tracked_starts
+from rigid_gns_core.tracking.pose_noise import estimate_noise, tracked_starts
 import yaml
 
 GRAVITY = 9.81

@@ -67,7 +67,7 @@ def test_parameter_files_hold_values_that_are_allowed(file: Path) -> None:
 )
 def test_scenes_can_be_predicted(name: str, radius: float, hertz: float) -> None:
     scene, recipe = load_start(name)
-    model = Forecaster('', name)
+    model = Forecaster('', scene)
     assert scene.radius == radius and scene.gravity == (0.0, 0.0, -9.81)
     assert 1 / model.native_dt == pytest.approx(hertz, abs=0.005)
     state = sample_start(scene, recipe)

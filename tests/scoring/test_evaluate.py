@@ -126,7 +126,7 @@ def test_command_on_data(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     pytest.importorskip('torch', reason='the model needs torch')
     pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
     out, png = tmp_path / 'report.json', tmp_path / 'report.png'
-    command = ['evaluate', '--data', str(data), '--steps', '6', '--json', str(out)]
+    command = ['evaluate', str(data), '--steps', '6', '--json', str(out)]
     assert main([*command, '--figure', str(png)]) == 0
     printed = capsys.readouterr().out
     assert 'model contact on' in printed and 'MSE [m²]' in printed
@@ -144,7 +144,12 @@ def test_command_on_data(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         (['--data', '{data}', '--model', 'nosuch'], "no model 'nosuch'"),
         (['--data', '{data}', '--tracked', '/a'], '--tracked goes with --bag'),
         (['--bag', 'nosuch', '--steps', '5'], '--steps goes with --data'),
+        (['--bag', 'nosuch', '--velocities', 'poses'], '--velocities goes with --data'),
+        (['{data}', '--starts', '5'], '--starts goes with --bag'),
+        (['{data}', '--match'], '--match goes with --bag'),
+        (['--data', '{data}', '--reproduce'], '--reproduce goes with --bag'),
         (['--bag', 'nosuch'], 'nosuch'),
+        (['nosuch'], 'nosuch: no such bag'),
     ],
 )
 def test_bad_input_is_one_line(

@@ -21,12 +21,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..alignment import covered
-from ..forecast_starts import Forecasted
+from ..recorded_forecasts import Forecasted
 from ...files.tables import format_rows, number
 from ...forecasts.interpolation import interpolate
 from ...messages.poses import PoseArrayFrame
 from ...scenes.state import Array
+from ...tracking.usable_frames import covered
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
 """Times after a start at which errors are reported [s]."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Collisions of two spheres in the last two intervals of a window, fitted as rebounds are.
+"""Impacts of two spheres in the last two intervals of a window, fitted as those on surfaces are.
 
 Earlier ones leave frames enough to tell the motion after them without.
 """
@@ -25,21 +25,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .collisions import exchange, meeting, Pairs, within
-from .frames import INTERVALS, Window
+from .collisions import Pairs, time_of_contact, velocity_change, within
 from .impacts import placed, Surfaces
 from .jit import in_place
-from .motions import AMONG, Best, Contact, FLIGHT, Found, Indices, take_contact
-from .rebound import after_contact, Before, before_contact, joined, MOST_SLACK, SLACK, variance_at
+from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, Indices, try_contact, UNIFORM
+from .observations import INTERVALS, Observations
+from .surface_impact_fit import (
+    joined,
+    MOST_SLACK,
+    motion_after,
+    motion_before,
+    MotionBefore,
+    SLACK,
+    variance_at,
+)
 from ..kernels.vector import length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
-# what is known of a collision before it is seen, as parts of the change of velocity
+# prior of a collision: standard deviations, as parts of the change of velocity
 _ALONG, _ACROSS = 0.1, 0.15
 _HELD = (0.0, 0.0, 0.0)  # acceleration of what something holds
 
 
-class Meetings(NamedTuple):
+class Encounters(NamedTuple):
     """Spheres in the middle of an interval, and whom they meet in it.
 
     Args:
@@ -59,7 +67,7 @@ class Meetings(NamedTuple):
     partner: Indices
 
     @classmethod
-    def nowhere(cls, count: int) -> Meetings:
+    def none(cls, count: int) -> Encounters:
         """Return empty ones to be filled, for `count` spheres."""
         none = np.zeros(count)
         places, speeds = np.zeros((2, count, 3))
@@ -69,8 +77,8 @@ class Meetings(NamedTuple):
 
 
 @in_place
-def take_knocks(
-    best: Best, window: Window, surfaces: Surfaces, pairs: Pairs, found: Meetings
+def try_sphere_impacts(
+    best: Hypotheses, window: Observations, surfaces: Surfaces, pairs: Pairs, found: Encounters
 ) -> None:
     """Try a collision in front of each of the last frames, of spheres of equal mass.
 
@@ -91,18 +99,20 @@ def take_knocks(
     for frame in range(max(2, count - INTERVALS), count):
         begin, end = window.stamps[frame - 1], window.stamps[frame]
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        _look(found, window, surfaces.gravity, frame, middle)
+        _predict(found, window, surfaces.gravity, frame, middle)
         for k in range(len(pairs[0])):
             i, j = pairs[0][k], pairs[1][k]
             if found.who[i] and found.who[j] and within(window.origin, window.met, i, j):
-                _meet(found, window.radii, i, j, half)
+                _keep_first(found, window.radii, i, j, half)
         for i in range(len(found.who)):
             if found.times[i] < math.inf:
                 _take(best, i, window, surfaces, found, frame, middle, half)
 
 
 @in_place
-def _look(found: Meetings, window: Window, gravity: Vector, frame: int, middle: float) -> None:
+def _predict(
+    found: Encounters, window: Observations, gravity: Vector, frame: int, middle: float
+) -> None:
     """Where spheres are in the middle of an interval; nobody has met another yet."""
     for i in range(len(found.who)):
         found.times[i], found.partner[i], found.spreads[i] = math.inf, i, math.inf
@@ -119,23 +129,23 @@ def _look(found: Meetings, window: Window, gravity: Vector, frame: int, middle: 
 
 
 @in_place
-def _before(window: Window, i: int, frame: int) -> tuple[Before, bool]:
+def _before(window: Observations, i: int, frame: int) -> tuple[MotionBefore, bool]:
     """Return the motion of sphere i before a frame, and whether it is a flight."""
     sigma, turns = window.sigma[i], window.turns[i]
-    flying = before_contact(window.flights[i], turns, sigma, frame)
-    held = before_contact(window.straight[i], turns, sigma, frame)
+    flying = motion_before(window.flights[i], turns, sigma, frame)
+    held = motion_before(window.straight[i], turns, sigma, frame)
     falls = flying.cost <= held.cost
     return flying if falls else held, falls
 
 
 @in_place
-def _meet(found: Meetings, radii: Array, i: int, j: int, half: float) -> None:
+def _keep_first(found: Encounters, radii: Array, i: int, j: int, half: float) -> None:
     """Keep a meeting of i and j within half an interval from its middle, if it is their first."""
     if not (found.spreads[i] < math.inf and found.spreads[j] < math.inf):
         return
     relative = minus(row(found.speeds, j), row(found.speeds, i))
     offset = minus(row(found.places, j), row(found.places, i))
-    met = meeting(offset, relative, radii[i] + radii[j])
+    met = time_of_contact(offset, relative, radii[i] + radii[j])
     doubt = SLACK * math.hypot(found.spreads[i], found.spreads[j])
     slack = min(doubt / max(length(relative), 1e-300), 2.0 * MOST_SLACK * half)
     if not abs(met) <= half + slack:
@@ -148,11 +158,11 @@ def _meet(found: Meetings, radii: Array, i: int, j: int, half: float) -> None:
 
 @in_place
 def _take(
-    best: Best,
+    best: Hypotheses,
     i: int,
-    window: Window,
+    window: Observations,
     surfaces: Surfaces,
-    found: Meetings,
+    found: Encounters,
     frame: int,
     middle: float,
     half: float,
@@ -167,7 +177,7 @@ def _take(
         plus(row(found.places, partner), times(theirs, their_speed)),
         plus(row(found.places, i), times(since, speed)),
     )
-    change = exchange(offset, minus(their_speed, speed), surfaces.bounce)
+    change = velocity_change(offset, minus(their_speed, speed), surfaces.bounce)
     size, t = length(change), middle + since
     g = gravity if falls else _HELD
     law = plus(plus(before.slope, times(t, g)), change)
@@ -180,8 +190,8 @@ def _take(
     flies = afters[0].cost <= afters[1].cost
     after = afters[0] if flies else afters[1]
     contact = Contact(frame, t, plus(before.angle, times(t, before.spin)), before.spin)
-    kind = FLIGHT if flies else AMONG
-    take_contact(best, i, joined(before, after, 0.0), kind, contact)
+    kind = FLIGHT if flies else UNIFORM
+    try_contact(best, i, joined(before, after, 0.0), kind, contact)
 
 
 @in_place
@@ -189,7 +199,7 @@ def _after(
     sums: Array,
     frame: int,
     t: float,
-    before: Before,
+    before: MotionBefore,
     law: Vector,
     g: Vector,
     fall: Vector,
@@ -197,9 +207,9 @@ def _after(
     size: float,
     drift: float,
     sigma: float,
-) -> Found:
+) -> Hypothesis:
     """Return the motion after a collision, less the fall that the sums are without."""
-    return after_contact(
+    return motion_after(
         sums,
         frame,
         t,

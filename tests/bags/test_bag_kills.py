@@ -24,13 +24,13 @@ import time
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.messages.poses import encode_float64
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 WRITER = """
 import sys, time
-from rigid_gns_ros.bag import BagWriter
-from rigid_gns_ros.messages import encode_float64
+from rigid_gns_core.bags.writer import BagWriter
+from rigid_gns_core.messages.poses import encode_float64
 bag = BagWriter(sys.argv[1], on_error=lambda text: print(text, flush=True))
 bag.add_topic('/a', 'std_msgs/msg/Float64', 'reliable')
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A flight into a known surface and out of it again, fitted together, for each moment of a window.
+"""Impacts on surfaces: a flight in and out, fitted together, for each interval of a window.
 
 The flight before says when and where the surface is met. The flight after begins there: with one
 frame after the contact its velocity is known already. The law of impact enters as a measurement of
@@ -24,15 +24,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .frames import Window
 from .impacts import after_impact, first_impact, Surfaces
 from .jit import in_place
-from .motions import Best, Contact, FLIGHT, Found, LEFT_OUT, take_contact
-from .stretches import line_through
+from .line_fit import fit_line
+from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, OUTLIER, try_contact
+from .observations import Observations
 from ..kernels.vector import across, dot, length, minus, plus, row, times, Vector
 from ..scenes.state import Array
 
-# what is known of a rebound before it is seen: parts of the changes that the law says
+# prior of an impact: standard deviations, as parts of the changes that the law says
 _NORMAL, _TANGENT = 0.1, 0.3
 # a contact may be found a little outside of its two frames: standard deviations of the flight, but
 # at most a part of the interval
@@ -47,11 +47,11 @@ IMPACT = 8.0
 _SOON = 0.3
 
 
-class Before(NamedTuple):
+class MotionBefore(NamedTuple):
     """The motion before a contact, the longest that fits.
 
     Args:
-        cost: As in `Found`.
+        cost: As in `Hypothesis`.
         origin: Place at time 0, as the sums have it [m].
         slope: [m/s].
         middle: Mean time of its frames [s].
@@ -72,30 +72,32 @@ class Before(NamedTuple):
 
 
 @in_place
-def before_contact(sums: Array, turns: Array, sigma: float, frame: int) -> Before:
+def motion_before(sums: Array, turns: Array, sigma: float, frame: int) -> MotionBefore:
     """Return the cheapest motion through frames before `frame`, which is at least the third."""
     first = max(0, frame - _REACH)
     cost, cheapest = math.inf, first
     for begin in range(first, frame - 1):
-        line = line_through(sums, begin, frame)
-        own = line.misfit / sigma**2 + LEFT_OUT * sums[begin, 0]
+        line = fit_line(sums, begin, frame)
+        own = line.misfit / sigma**2 + OUTLIER * sums[begin, 0]
         if line.seen > 1.5 and own < cost:
             cost, cheapest = own, begin
-    line, spin = line_through(sums, cheapest, frame), line_through(turns, cheapest, frame)
-    return Before(
+    line, spin = fit_line(sums, cheapest, frame), fit_line(turns, cheapest, frame)
+    return MotionBefore(
         cost, line.origin, line.slope, line.middle, line.span, line.seen, spin.origin, spin.slope
     )
 
 
 @in_place
-def variance_at(before: Before, time: float) -> float:
+def variance_at(before: MotionBefore, time: float) -> float:
     """Variance of a place on the motion before, in units of that of a measurement."""
     return 1.0 / before.seen + (time - before.middle) ** 2 / before.span
 
 
 @in_place
-def take_rebounds(best: Best, i: int, window: Window, surfaces: Surfaces, extra: float) -> None:
-    """Try a rebound in front of each frame.
+def try_surface_impacts(
+    best: Hypotheses, i: int, window: Observations, surfaces: Surfaces, extra: float
+) -> None:
+    """Try an impact in front of each frame.
 
     Args:
         best: Takes those that cost least.
@@ -108,7 +110,7 @@ def take_rebounds(best: Best, i: int, window: Window, surfaces: Surfaces, extra:
     origin, radius, sigma = row(window.origin, i), window.radii[i], window.sigma[i]
     gravity = surfaces.gravity
     for frame in range(max(2, len(stamps) - _REACH), len(stamps)):
-        before = before_contact(flights, turns, sigma, frame)
+        before = motion_before(flights, turns, sigma, frame)
         if not before.cost + IMPACT + extra < best.cost[i]:
             continue  # what comes after costs something too
         begin, end = stamps[frame - 1], stamps[frame]
@@ -129,7 +131,7 @@ def take_rebounds(best: Best, i: int, window: Window, surfaces: Surfaces, extra:
         # of a spin that no tracker follows nothing is known
         turned = turns[-1, 9] + turns[-1, 10] + turns[-1, 11] > 0
         unknown = tangent if turned else hit.friction * abs(along)
-        after = after_contact(
+        after = motion_after(
             flights,
             frame,
             when,
@@ -142,18 +144,20 @@ def take_rebounds(best: Best, i: int, window: Window, surfaces: Surfaces, extra:
             sigma,
         )
         contact = Contact(frame, when, plus(before.angle, times(when, before.spin)), spin)
-        take_contact(best, i, joined(before, after, extra), FLIGHT, contact)
+        try_contact(best, i, joined(before, after, extra), FLIGHT, contact)
 
 
 @in_place
-def joined(before: Before, after: Found, extra: float) -> Found:
-    """Return the motions before and after a contact, as one explanation."""
+def joined(before: MotionBefore, after: Hypothesis, extra: float) -> Hypothesis:
+    """Return the motions before and after a contact, as one hypothesis."""
     cost = before.cost + after.cost + IMPACT + extra
-    return Found(cost, after.origin, after.slope, after.frames + int(before.seen), after.error)
+    return Hypothesis(
+        cost, after.origin, after.slope, after.frames + int(before.seen), after.error
+    )
 
 
 @in_place
-def after_contact(
+def motion_after(
     sums: Array,
     frame: int,
     when: float,
@@ -164,7 +168,7 @@ def after_contact(
     along: float,
     across: float,
     sigma: float,
-) -> Found:
+) -> Hypothesis:
     """Return the line through the frames from `frame` on, the contact, and an expected slope.
 
     Args:
@@ -202,7 +206,9 @@ def after_contact(
     slope = plus(level, times(normal_slope, normal))
     origin = times(1.0 / ones, minus(value, times(first, slope)))
     cost = max(total, 0.0) / sigma**2 if count > 0.5 else math.inf
-    return Found(cost, origin, slope, int(count), sigma / math.sqrt(span + min(along, across)))
+    return Hypothesis(
+        cost, origin, slope, int(count), sigma / math.sqrt(span + min(along, across))
+    )
 
 
 @in_place
@@ -216,7 +222,7 @@ def _since(sums: Array, frame: int, column: int) -> Vector:
 
 
 @in_place
-def spin_since(best: Best, i: int, window: Window) -> Vector:
+def spin_since(best: Hypotheses, i: int, window: Observations) -> Vector:
     """Spin of sphere i, seen once since its contact [rad/s]."""
     stamps, turned = window.stamps, window.turned[i]
     largest = 0.0

@@ -12,40 +12,40 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""All explanations of a window, sphere by sphere, and what the cheapest one says of its end."""
+"""All hypotheses of a window, sphere by sphere, and what the cheapest one says of its end."""
 
 from __future__ import annotations
 
-from .carried import take_carried
 from .collisions import Pairs, within
-from .frames import Window
 from .impacts import nearest, placed, Surfaces
 from .jit import entry, in_place
-from .knocks import Meetings, take_knocks
-from .motions import AMONG, Best, FLIGHT, take_tail
-from .rebound import spin_since, take_rebounds
-from .stretches import line_through, sum_up
+from .line_fit import accumulate, fit_line
+from .motion_models import FLIGHT, Hypotheses, try_tail, UNIFORM
+from .observations import Observations
+from .rolling_fit import try_rolling
+from .sphere_impact_fit import Encounters, try_sphere_impacts
+from .surface_impact_fit import spin_since, try_surface_impacts
 from ..kernels.quaternions import turn
 from ..kernels.vector import plus, put, row, times, Vector
 from ..scenes.state import Array
 
-# charge for flight beside a surface, which has two unknowns more than being carried by it
+# charge for flight beside a surface, which has two unknowns more than rolling on it
 _FREEDOM = 4.0
 _NONE = (0.0, 0.0, 0.0)
 
 
 @entry
 def fit(
-    best: Best,
-    window: Window,
+    best: Hypotheses,
+    window: Observations,
     surfaces: Surfaces,
     pairs: Pairs,
     held: Array,
-    meetings: Meetings,
+    encounters: Encounters,
     sums: Array,
     level: Array,
 ) -> None:
-    """Find the best explanations.
+    """Find the best hypotheses.
 
     Args:
         best: At rest; takes what costs less.
@@ -53,7 +53,7 @@ def fit(
         surfaces: And gravity.
         pairs: Of spheres that may touch, or have met lately.
         held: Charge of each for being held by what the scene does not know, shape (n,).
-        meetings: Overwritten.
+        encounters: Overwritten.
         sums: Overwritten, shape (frames + 1, COLUMNS).
         level: Overwritten, shape (frames + 1, 4).
     """
@@ -62,14 +62,20 @@ def fit(
         if within(window.origin, window.touch, i, j):
             held[i] = held[j] = 0.0
     for i in range(len(window.last)):
-        _explain(best, i, window, surfaces, held[i], sums, level)
+        _try_alone(best, i, window, surfaces, held[i], sums, level)
     if len(window.stamps) > 2 and surfaces.known:
-        take_knocks(best, window, surfaces, pairs, meetings)
+        try_sphere_impacts(best, window, surfaces, pairs, encounters)
 
 
 @in_place
-def _explain(
-    best: Best, i: int, window: Window, surfaces: Surfaces, held: float, sums: Array, level: Array
+def _try_alone(
+    best: Hypotheses,
+    i: int,
+    window: Observations,
+    surfaces: Surfaces,
+    held: float,
+    sums: Array,
+    level: Array,
 ) -> None:
     """Try all motions of one sphere alone.
 
@@ -87,21 +93,21 @@ def _explain(
     beside = gap <= window.near[i]
     freedom = _FREEDOM if beside else 0.0
     for begin in range(frames - 1):
-        take_tail(best, i, window.flights[i], begin, sigma, FLIGHT, freedom, _NONE)
+        try_tail(best, i, window.flights[i], begin, sigma, FLIGHT, freedom, _NONE)
     # two frames fit every motion: without a scene it is flight
     if surfaces.known or frames > 2:
         for begin in range(frames - 1):
-            take_tail(best, i, window.straight[i], begin, sigma, AMONG, held, _NONE)
+            try_tail(best, i, window.straight[i], begin, sigma, UNIFORM, held, _NONE)
     if beside:
-        take_carried(best, i, window, surfaces, index, sums, level)
+        try_rolling(best, i, window, surfaces, index, sums, level)
     if surfaces.known and frames > 2:
-        take_rebounds(best, i, window, surfaces, freedom)
+        try_surface_impacts(best, i, window, surfaces, freedom)
 
 
 @entry
 def finish(
-    best: Best,
-    window: Window,
+    best: Hypotheses,
+    window: Observations,
     gravity: Vector,
     places: Array,
     speeds: Array,
@@ -109,10 +115,10 @@ def finish(
     quaternions: Array,
     sums: Array,
 ) -> None:
-    """Find what the best explanations say of spheres where they were seen last.
+    """Find what the best hypotheses say of spheres where they were seen last.
 
     Args:
-        best: The explanations.
+        best: The hypotheses.
         window: Their frames.
         gravity: Acceleration of free flight [m/s^2].
         places: Overwritten, shape (n, 3).
@@ -129,9 +135,9 @@ def finish(
         put(speeds, i, plus(slope, times(at, g)) if best.frames[i] > 1 else _NONE)
         # from the frames since the last contact
         begin = best.begin[i]
-        sum_up(sums, window.stamps, window.turned[i], window.seen[i], begin)
+        accumulate(sums, window.stamps, window.turned[i], window.seen[i], begin)
         if best.struck[i] and sums[-1, 0] < 1.5:
             put(spins, i, spin_since(best, i, window))
         else:
-            put(spins, i, line_through(sums, begin, len(window.stamps)).slope)
+            put(spins, i, fit_line(sums, begin, len(window.stamps)).slope)
         turn(quaternions, i, row(spins, i), -at)

@@ -12,41 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When forecasts of a recording began, as the simulator said or as their stamps tell."""
+"""Forecasts of a recording, and when they began, as the simulator said or as stamps tell."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-import json
 
 import numpy as np
 
 from .prediction_runs import from_one_start, median_period
 from ..bags.reader import BagError, Topic
-from ..forecasts.interpolation import Stamps
+from ..forecasts.starts import Start
 from ..messages.poses import decode_string, MessageError, PoseArrayFrame
-
-
-@dataclass(frozen=True)
-class Start:
-    """The (re)start of a forecast.
-
-    Args:
-        stamp_ns: Stamp of the start frame [ns].
-        window_ns: Stamps of the frames that velocities come from, the start frame last [ns].
-        reason: Why it started.
-        place: Place in the recording; predictions after it are its own.
-        ids: Id of each sphere; None where that was not recorded.
-        noise: Of each coordinate of a tracked position [m]; None where that was not recorded.
-    """
-
-    stamp_ns: int
-    window_ns: tuple[int, ...]
-    reason: str
-    place: int
-    ids: tuple[int, ...] | None = None
-    noise: float | None = None
+from ..messages.trajectories import decode_trajectory
+from ..tracking.usable_frames import Stamps
 
 
 def recorded_starts(topic: Topic | None) -> list[Start]:
@@ -55,21 +35,16 @@ def recorded_starts(topic: Topic | None) -> list[Start]:
     Raises:
         BagError: A message is not what it should be.
     """
+    if topic is None:
+        return []
     starts = []
-    for index, message in enumerate(topic.messages if topic else []):
-        assert topic is not None
+    for message, place in zip(topic.messages, topic.places, strict=True):
         try:
-            content = json.loads(decode_string(message))
-            window = tuple(int(stamp) for stamp in content['window_ns'])
-            stamp, reason = int(content['stamp_ns']), str(content.get('reason', ''))
-            ids = tuple(int(one) for one in content['ids']) if 'ids' in content else None
-            noise = float(content['noise']) if 'noise' in content else None
-        except (MessageError, json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            starts.append(Start.from_json(decode_string(message), int(place)))
+        except ValueError as error:
             raise BagError(
-                f'message {index} of {topic.name} is no start of a forecast: {error!r}; expected '
-                'JSON with stamp_ns, window_ns and reason'
+                f'message {len(starts)} of {topic.name} is no start of a forecast: {error}'
             ) from error
-        starts.append(Start(stamp, window, reason, int(topic.places[index]), ids, noise))
     return sorted(starts, key=lambda start: start.place)
 
 
@@ -143,6 +118,38 @@ def forecasts(
                 own = np.arange(part.start, part.stop)
                 found.append(_forecasted(start, -1, frames, places, own))
     return found
+
+
+def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[Forecasted]:
+    """Futures of a recording; messages that are damaged are left out.
+
+    Args:
+        topic: Topic of futures; None: there are none.
+        starts: Recorded starts; a future gets the last one before it with its spheres.
+    """
+    if topic is None:
+        return
+    places = [start.place for start in starts]
+    for message, place in zip(topic.messages, topic.places, strict=True):
+        try:
+            future = decode_trajectory(message)
+        except MessageError:
+            continue
+        if not len(future.times_ns):
+            continue
+        index = int(np.searchsorted(places, place)) - 1
+        if index >= 0 and starts[index].ids is not None:
+            names = tuple(f'sphere_{sphere}' for sphere in starts[index].ids or ())
+            if names != future.names:
+                continue
+        stamps = future.stamp_ns + np.array(future.times_ns, dtype=np.int64)
+        frames = [
+            PoseArrayFrame(int(stamp), future.frame_id, poses)
+            for stamp, poses in zip(stamps, future.poses, strict=True)
+        ]
+        yield Forecasted(
+            future.stamp_ns, index, stamps, frames, np.full(len(stamps), place, dtype=np.int64)
+        )
 
 
 def _forecasted(

@@ -12,10 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The whole future from a frame, computed beside the executor; only the newest frame counts.
-
-No ROS in here.
-"""
+"""The whole future from a frame, computed in a thread; only the newest frame counts."""
 
 from __future__ import annotations
 
@@ -28,12 +25,13 @@ import time
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rigid_gns_core.messages.trajectories import encode_trajectory
-from rigid_gns_core.rollout.outcome import Recording
-from rigid_gns_core.scenes.state import Array
+
+from ..messages.trajectories import encode_trajectory
+from ..rollout.outcome import Recording
+from ..scenes.state import Array
 
 if TYPE_CHECKING:
-    from rigid_gns_core.rollout.rollout import Rollout
+    from ..rollout.rollout import Rollout
 
 
 # steps are taken together for about so long, after which a job that was cancelled ends [s]

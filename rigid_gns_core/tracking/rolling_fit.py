@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Spheres that a surface carries: rolling, at the height of the radius."""
+"""Spheres that roll on a surface, at the height of the radius."""
 
 from __future__ import annotations
 
-from .frames import Window
 from .impacts import Surfaces
 from .jit import in_place
-from .motions import Best, CARRIED, take_tail
-from .stretches import line_through, sum_up
+from .line_fit import accumulate, fit_line
+from .motion_models import Hypotheses, ROLLING, try_tail
+from .observations import Observations
 from ..kernels.vector import across, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -29,8 +29,14 @@ _HEIGHT = 5e-3
 
 
 @in_place
-def take_carried(
-    best: Best, i: int, window: Window, surfaces: Surfaces, index: int, sums: Array, level: Array
+def try_rolling(
+    best: Hypotheses,
+    i: int,
+    window: Observations,
+    surfaces: Surfaces,
+    index: int,
+    sums: Array,
+    level: Array,
 ) -> None:
     """Try rolling on a surface.
 
@@ -50,15 +56,15 @@ def take_carried(
     # a solid sphere that rolls; its line tells the direction in which rolling friction acts
     rolling = times(5.0 / 7.0, across(surfaces.gravity, normal))
     _roll_back(level, stamps, offsets, normal, rolling)
-    sum_up(sums, stamps, level, seen, 0)
-    slope = line_through(sums, 0, len(stamps)).slope
+    accumulate(sums, stamps, level, seen, 0)
+    slope = fit_line(sums, 0, len(stamps)).slope
     speed = length(slope)
     brake = surfaces.rolling_friction / 1.4 * abs(dot(surfaces.gravity, normal))
     # slower than this it may stop within the window
     if speed > brake * -stamps[0]:
         rolling = minus(rolling, times(brake / speed, slope))
         _roll_back(level, stamps, offsets, normal, rolling)
-        sum_up(sums, stamps, level, seen, 0)
+        accumulate(sums, stamps, level, seen, 0)
     spread = sigma**2 + (_HEIGHT * radius) ** 2
     # from the measured centre to the height of the radius
     back = times(-height, normal)
@@ -68,7 +74,7 @@ def take_carried(
         above = dot(row(offsets, frame), normal) + height if seen[frame] else 0.0
         level[frame, 3] = level[frame + 1, 3] + above**2 / spread
     for begin in range(len(stamps) - 1):
-        take_tail(best, i, sums, begin, sigma, CARRIED, level[begin, 3], back)
+        try_tail(best, i, sums, begin, sigma, ROLLING, level[begin, 3], back)
 
 
 @in_place

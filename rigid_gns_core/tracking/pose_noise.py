@@ -82,7 +82,7 @@ def estimate_noise(parts: list[tuple[Array, Array, Array]]) -> PoseNoise:
 
     Args:
         parts: Times [s], shape (k,), positions, shape (k, n, 3), and quaternions, shape (k, n, 4),
-            of stretches without gaps. Only four frames in a row at equal times, to a tenth, count.
+            of segments without gaps. Only four frames in a row at equal times, to a tenth, count.
 
     Returns:
         The noise; 0 where no four frames in a row are there to tell.
@@ -124,10 +124,10 @@ def tracked_starts(
         return TrackedStarts(velocities, spins, trusted)
     bent = np.diff(positions, 2, axis=0)
     fall = gravity * dt**2
-    flying, carried = np.linalg.norm(bent - fall, axis=-1), np.linalg.norm(bent, axis=-1)
+    flying, uniform = np.linalg.norm(bent - fall, axis=-1), np.linalg.norm(bent, axis=-1)
     velocities[1:-1] = (positions[2:] - positions[:-2]) / (2.0 * dt)
     allowed = SIGMAS * np.sqrt(6.0) * noise.position + _CARRIED * float(np.linalg.norm(fall))
-    trusted[1:-1] = np.minimum(flying, carried) <= allowed
+    trusted[1:-1] = np.minimum(flying, uniform) <= allowed
     if noise.rotation is not None:
         turned = rotation_between(quaternions[:-1], quaternions[1:])
         spins[1:-1] = 0.5 * (turned[1:] + turned[:-1]) / dt

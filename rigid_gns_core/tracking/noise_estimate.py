@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .tracked_motion import normal_spread
+from .pose_noise import normal_spread
 from ..scenes.state import Array
 
 # newest third differences kept: their number gives the noise within some per cent
@@ -32,8 +32,8 @@ LEAST = 24
 
 
 @dataclass(frozen=True)
-class Heard:
-    """What has been heard of the noise.
+class NoiseEstimate:
+    """The estimate of the noise so far.
 
     Args:
         values: Newest third differences [m], shape (m,).
@@ -46,10 +46,10 @@ class Heard:
         """Standard deviation of their normal part [m]; None where they are too few to tell."""
         return normal_spread(self.values) if len(self.values) >= LEAST else None
 
-    def after(self, values: Array, most: int) -> Heard:
-        """With newer ones, of which and of the older ones at most so many are kept."""
+    def after(self, values: Array, most: int) -> NoiseEstimate:
+        """Return it with newer ones, of which and of the older ones at most so many are kept."""
         both = np.concatenate([self.values, values])
-        return Heard(both[len(both) - min(most, len(both)) :])
+        return NoiseEstimate(both[len(both) - min(most, len(both)) :])
 
 
 def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -> Array:

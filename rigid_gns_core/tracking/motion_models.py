@@ -24,16 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import in_place
-from .stretches import Flags, line_through
+from .line_fit import fit_line, Flags
 from ..kernels.vector import plus, put, Vector
 from ..scenes.state import Array
 
 Indices = NDArray[np.int64]
 
 # NumPy's integers: of Python's, compiled code would have a copy for each value
-FLIGHT, CARRIED, AMONG = np.int64(0), np.int64(1), np.int64(2)
+FLIGHT, ROLLING, UNIFORM = np.int64(0), np.int64(1), np.int64(2)
 # charge for a frame left out: one that fits costs 3 on average, and over 12 once in 140
-LEFT_OUT = 12.0
+OUTLIER = 12.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Motion:
         quaternions: Rotations (x, y, z, w), shape (n, 4).
         velocities: [m/s], shape (n, 3).
         angular_velocities: [rad/s], world frame, shape (n, 3).
-        kinds: FLIGHT, CARRIED by a surface, or held AMONG others, shape (n,).
+        kinds: FLIGHT, ROLLING on a surface, or UNIFORM, as held by others, shape (n,).
         frames: Number of frames that the motion explains, shape (n,).
         errors: Standard deviation of each component of velocity that noise gives [m/s], shape
             (n,).
@@ -77,8 +77,8 @@ class Motion:
         return Motion(**{n: np.concatenate([value, getattr(other, n)]) for n, value in fields})
 
 
-class Found(NamedTuple):
-    """One explanation of a sphere's window.
+class Hypothesis(NamedTuple):
+    """One hypothesis of a sphere's motion in its window.
 
     Args:
         cost: Squared residuals in units of the noise, and charges; infinite where there is none.
@@ -112,11 +112,11 @@ class Contact(NamedTuple):
     law: Vector
 
 
-class Best(NamedTuple):
-    """The cheapest explanation found so far, for each sphere.
+class Hypotheses(NamedTuple):
+    """The cheapest hypothesis found so far, for each sphere.
 
     Args:
-        cost: As in `Found`, shape (n,).
+        cost: As in `Hypothesis`, shape (n,).
         origins: Shape (n, 3).
         slopes: Shape (n, 3).
         kinds: Of motion, shape (n,).
@@ -142,11 +142,11 @@ class Best(NamedTuple):
     laws: Array
 
     @classmethod
-    def at_rest(cls, seen: Flags, last: Indices) -> Best:
-        """At rest where last seen, with all other frames left out; arguments as in `Window`."""
+    def at_rest(cls, seen: Flags, last: Indices) -> Hypotheses:
+        """At rest where last seen, all other frames outliers; as in `Observations`."""
         n = len(last)
         return cls(
-            cost=LEFT_OUT * (seen.sum(axis=1) - 1.0) + 1e-9,
+            cost=OUTLIER * (seen.sum(axis=1) - 1.0) + 1e-9,
             origins=np.zeros((n, 3)),
             slopes=np.zeros((n, 3)),
             kinds=np.full(n, FLIGHT),
@@ -161,8 +161,8 @@ class Best(NamedTuple):
 
 
 @in_place
-def take(best: Best, i: int, found: Found, kind: np.int64, begin: int) -> bool:
-    """Replace the explanation of sphere i where it costs more; whether it did."""
+def take(best: Hypotheses, i: int, found: Hypothesis, kind: np.int64, begin: int) -> bool:
+    """Replace the hypothesis of sphere i where it costs more; whether it did."""
     if not found.cost < best.cost[i]:
         return False
     best.cost[i] = found.cost
@@ -174,8 +174,8 @@ def take(best: Best, i: int, found: Found, kind: np.int64, begin: int) -> bool:
 
 
 @in_place
-def take_tail(
-    best: Best,
+def try_tail(
+    best: Hypotheses,
     i: int,
     sums: Array,
     begin: int,
@@ -189,24 +189,26 @@ def take_tail(
     Args:
         best: Takes it where it costs less.
         i: Of the sphere.
-        sums: Of its places, less the known acceleration, as `sum_up` makes them.
+        sums: Of its places, less the known acceleration, as `accumulate` makes them.
         begin: First frame of the motion.
         sigma: Noise [m].
         kind: Of motion.
         extra: Charge.
         off: From the line to the sphere's centre [m].
     """
-    line = line_through(sums, begin, len(sums) - 1)
+    line = fit_line(sums, begin, len(sums) - 1)
     if line.seen < 1.5:
         return
-    cost = line.misfit / sigma**2 + LEFT_OUT * (sums[-1, 0] - line.seen) + extra
+    cost = line.misfit / sigma**2 + OUTLIER * (sums[-1, 0] - line.seen) + extra
     error = sigma / math.sqrt(line.span)
-    found = Found(cost, plus(line.origin, off), line.slope, int(line.seen), error)
+    found = Hypothesis(cost, plus(line.origin, off), line.slope, int(line.seen), error)
     take(best, i, found, kind, begin)
 
 
 @in_place
-def take_contact(best: Best, i: int, found: Found, kind: np.int64, contact: Contact) -> None:
+def try_contact(
+    best: Hypotheses, i: int, found: Hypothesis, kind: np.int64, contact: Contact
+) -> None:
     """Try a motion that begins with a contact."""
     if take(best, i, found, kind, contact.frame):
         best.struck[i], best.times[i] = True, contact.time

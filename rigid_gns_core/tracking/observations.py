@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import entry, in_place
-from .stretches import COLUMNS, Flags, sum_up
+from .line_fit import accumulate, COLUMNS, Flags
 from ..kernels.vector import length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -33,7 +33,7 @@ _NEAR, _NEAR_SIGMAS = 0.02, 4.0
 INTERVALS = 2
 
 
-class Window(NamedTuple):
+class Observations(NamedTuple):
     """Frames of n spheres.
 
     Args:
@@ -69,7 +69,7 @@ class Window(NamedTuple):
     met: Array
 
     @classmethod
-    def of(cls, stamps: Array, count: int, radii: Array, sigma: Array) -> Window:
+    def of(cls, stamps: Array, count: int, radii: Array, sigma: Array) -> Observations:
         """One to be filled, for `count` spheres."""
         frames = len(stamps)
         return cls(
@@ -92,7 +92,7 @@ class Window(NamedTuple):
 
 @entry
 def fill(
-    window: Window, places: Array, turns: Array, shown: Flags, gravity: Vector, fallen: Array
+    window: Observations, places: Array, turns: Array, shown: Flags, gravity: Vector, fallen: Array
 ) -> None:
     """Fill a window with frames.
 
@@ -119,9 +119,9 @@ def fill(
                 fall = 0.5 * stamps[frame] ** 2 * gravity[axis]
                 fallen[frame, axis] = offsets[frame, axis] - fall
         _add_turns(window.turned[i], turns, seen, i)
-        sum_up(window.flights[i], stamps, fallen, seen, 0)
-        sum_up(window.straight[i], stamps, offsets, seen, 0)
-        sum_up(window.turns[i], stamps, window.turned[i], seen, 0)
+        accumulate(window.flights[i], stamps, fallen, seen, 0)
+        accumulate(window.straight[i], stamps, offsets, seen, 0)
+        accumulate(window.turns[i], stamps, window.turned[i], seen, 0)
         window.near[i] = _NEAR * window.radii[i] + _NEAR_SIGMAS * window.sigma[i]
         window.touch[i] = window.radii[i] + window.near[i]
         window.met[i] = window.radii[i] + _way(stamps, offsets, seen)

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""New spheres, in the poses that no known sphere claims.
+"""Track initiation: new spheres, in the poses that are associated with no track.
 
-Three loose poses of three frames in a row that agree with one flight, or with uniform motion, are
-a sphere; false detections seldom do. Before there is any sphere, also those are taken that are
+Three such poses in three frames in a row that agree with one flight, or with uniform motion, are a
+sphere; false detections seldom do. Before there is any sphere, also those are taken that are
 nearest to each other from frame to frame, as they may be bouncing.
 """
 
@@ -27,14 +27,14 @@ from scipy.spatial import cKDTree
 from .association import GATE_SIGMAS, Indices, match
 from ..scenes.state import Array
 
-ADMIT_FRAMES = 3
-# three loose poses agree with one motion up to so many radii, beside the noise
+INITIATION_FRAMES = 3
+# three such poses agree with one motion up to so many radii, beside the noise
 _AGREE = 0.02
 # the first spheres are sought a radius away, and as far as so many sqrt(g r) of speed reach
 _SLOW = 10.0
 
 
-def first_seen(
+def initiate_tracks(
     places: list[Array],
     times: Array,
     *,
@@ -42,9 +42,9 @@ def first_seen(
     radius: float,
     noise: float,
     max_speed: float,
-    anybody: bool,
+    any_track: bool,
 ) -> Indices:
-    """Return new spheres in the loose poses of one to three frames.
+    """Return new spheres in the unassociated poses of one to three frames.
 
     Args:
         places: Positions of each frame [m], shapes (k, 3).
@@ -53,7 +53,7 @@ def first_seen(
         radius: [m].
         noise: Standard deviation of each coordinate [m].
         max_speed: Faster ones are not sought [m/s].
-        anybody: Whether there are spheres already.
+        any_track: Whether there are spheres already.
 
     Returns:
         Indices into the positions of each frame, in the order of the first, shape (m, frames).
@@ -61,7 +61,7 @@ def first_seen(
     if len(places) == 1:
         return np.arange(len(places[0]), dtype=np.int64)[:, None]
     found = np.zeros((0, len(places)), dtype=np.int64)
-    if len(places) == ADMIT_FRAMES:
+    if len(places) == INITIATION_FRAMES:
         found = triples(
             (places[0], places[1], places[2]),
             (float(times[0]), float(times[1]), float(times[2])),
@@ -70,7 +70,7 @@ def first_seen(
             noise=noise,
             max_speed=max_speed,
         )
-        if anybody:
+        if any_track:
             return found
     free = [
         np.setdiff1d(np.arange(len(place)), column)
@@ -98,7 +98,7 @@ def triples(
     noise: float,
     max_speed: float,
 ) -> Indices:
-    """Loose poses of three frames that agree with one flight, or with uniform motion.
+    """Unassociated poses of three frames that agree with one flight, or with uniform motion.
 
     Of several that agree, the slow ones are taken: in a row of spheres at rest, each agrees with a
     motion from sphere to sphere too.

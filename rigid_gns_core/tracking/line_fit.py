@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Least-squares lines through stretches of a sphere's window, by sums from its beginning."""
+"""Least-squares lines through parts of a sphere's window, by sums from its beginning."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COLUMNS = 12
 
 
 class Line(NamedTuple):
-    """A line value = origin + slope t through a stretch of frames.
+    """A line value = origin + slope t through frames in a row.
 
     Args:
         origin: Value at time 0.
@@ -53,7 +53,7 @@ class Line(NamedTuple):
 
 
 @in_place
-def sum_up(sums: Array, times: Array, values: Array, seen: Flags, begin: int) -> None:
+def accumulate(sums: Array, times: Array, values: Array, seen: Flags, begin: int) -> None:
     """Sum over the frames before each one.
 
     Args:
@@ -81,7 +81,7 @@ def sum_up(sums: Array, times: Array, values: Array, seen: Flags, begin: int) ->
 
 
 @in_place
-def line_through(sums: Array, begin: int, end: int) -> Line:
+def fit_line(sums: Array, begin: int, end: int) -> Line:
     """Return the line through frames `begin` to `end`, `end` not included."""
     ones = sums[end, 0] - sums[begin, 0]
     first = sums[end, 1] - sums[begin, 1]
