@@ -12,14 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`rigid-gns completion`: completion for a shell; and what the words of an option can be."""
+"""What argcomplete offers, when a shell asks, for the words of an option."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
-
-SHELLS = ('bash', 'zsh', 'fish')
 
 
 def completes(
@@ -55,38 +53,3 @@ def configs(kind: str) -> Callable[[], list[str]]:
         return sorted(path.stem for path in (config_folder() / kind).glob('*.yaml'))
 
     return find
-
-
-def chosen_command(commands: Iterable[str], line: str, point: int) -> str | None:
-    """Return the command in a line that is being typed; None where it is not whole yet.
-
-    Args:
-        commands: All names.
-        line: The line, with the name of the program.
-        point: Where the cursor is.
-    """
-    words = line[:point].split()[1:]
-    whole = words if line[:point].endswith(' ') else words[:-1]
-    first = next((word for word in whole if not word.startswith('-')), None)
-    return first if first in set(commands) else None
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns completion`."""
-    parser.add_argument('shell', choices=SHELLS, help='the shell that you type in')
-    parser.epilog = (
-        'example:\n'
-        '  rigid-gns completion bash\n\n'
-        'a line for the file that your shell reads when it starts:\n'
-        '  ~/.bashrc                   eval "$(rigid-gns completion bash)"\n'
-        '  ~/.zshrc, after compinit    eval "$(rigid-gns completion zsh)"\n'
-        '  ~/.config/fish/config.fish  rigid-gns completion fish | source'
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Print what the shell is to evaluate."""
-    import argcomplete
-
-    print(argcomplete.shellcode(['rigid-gns'], shell=arguments.shell))
-    return 0

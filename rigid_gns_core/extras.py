@@ -28,7 +28,6 @@ _DISTRIBUTIONS = {
     'PIL': 'Pillow',
     'imageio_ffmpeg': 'imageio-ffmpeg',
     'rclpy': 'ros-jazzy-rclpy',
-    'rerun': 'rerun-sdk',
     'yaml': 'PyYAML',
 }
 # what no extra brings, since it is large and its own choice

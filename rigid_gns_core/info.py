@@ -37,7 +37,6 @@ OPTIONAL = {
     'matplotlib': ('matplotlib', 'figures'),
     'PIL': ('Pillow', 'render'),
     'imageio_ffmpeg': ('imageio-ffmpeg', 'render to MP4'),
-    'rerun': ('rerun-sdk', 'view'),
     'mujoco': ('mujoco', 'a peer of benchmark'),
     'distributed': ('distributed', '--backend dask'),
 }

@@ -50,7 +50,7 @@ NODES = {'simulator': SIMULATOR, 'tracker': TRACKER}
 # Ways of others to install and set up, which need a network or an apt ROS.
 FOREIGN = {'python3', 'pip', 'rosdep', 'colcon', '.'}
 # Only parsed, where one of these words is in it: a viewer of 500 MB, a cluster, hours.
-PARSED = {'view', '--scheduler', 'benchmarks/only_what_is_needed.py'}
+PARSED = {'--scheduler', 'benchmarks/only_what_is_needed.py'}
 # Numbers of a page may be rounded, and another processor rounds differently; counts are exact.
 CLOSE = 0.25
 NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)')

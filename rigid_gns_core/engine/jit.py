@@ -16,13 +16,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from ..machine_code import Function, MachineCode
 
 # sums may be fused (FMA), never reordered: the same seed gives the same bytes
 _CODE = MachineCode('engine', Path(__file__).parent, fastmath={'contract'})
-is_compiled = _CODE.exists
+is_compiled = _CODE.is_complete
+compiling = partial(_CODE.compiling, 'the engine', 'about a minute')
 
 
 def compiled(function: Function) -> Function:

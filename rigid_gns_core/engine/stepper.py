@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import sys
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from .frame import advance
 from .guard import hold
 from .islands import Islands
-from .jit import compiled, entry, is_compiled
+from .jit import compiled, compiling, entry, is_compiled
 from .memory import Memory, no_memory
 from .network import no_weights, weights_of
 from .overlap import separate
@@ -106,8 +105,8 @@ def warm_up() -> None:
     """Compile what is not compiled yet, or read it from the disk, before it is needed."""
     scene = Scene(surfaces=(Plane(),))
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
-    stepper = EngineStepper(settings_of(None, 1, 1), scene, start, 0.1)
-    stepper.step()
+    with compiling():
+        EngineStepper(settings_of(None, 1, 1), scene, start, 0.1).step()
 
 
 class EngineStepper(Stepper):
@@ -133,7 +132,7 @@ class EngineStepper(Stepper):
         sleep: bool = True,
     ) -> None:
         if not is_compiled():
-            print('rigid_gns: compiling the engine, once; about a minute', file=sys.stderr)
+            warm_up()
         self.settings, self.dt = settings, dt
         self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from rigid_gns_core.machine_code import Function, MachineCode
 from rigid_gns_core.state import Array
 
 _CODE = MachineCode('tracking', Path(__file__).parent, Path(rigid_gns_core.engine.__file__).parent)
-is_compiled = _CODE.exists
+compiling = partial(_CODE.compiling, 'the tracking filter', 'about 15 s')
 
 
 def in_place(function: Function) -> Function:

@@ -32,7 +32,6 @@ from rigid_gns_core import extras, versions
         ('mujoco', 'bench'),
         ('PIL.Image', 'render'),
         ('imageio_ffmpeg', 'render'),
-        ('rerun', 'viz'),
         ('distributed', 'cluster'),
         ('rclpy', 'ros'),
     ],
