@@ -1,7 +1,7 @@
 # `make help` lists the targets. Everything is installed into .venv; nothing else is touched.
 #
 #   PYTHON=python3.12 make test                the interpreter that .venv is made from
-#   PIP_FLAGS='--extra-index-url ...' make     more options for pip (README: the CPU build of torch)
+#   PIP_FLAGS='--extra-index-url ...' make test    more options for pip (README: the CPU build of torch)
 
 PYTHON ?= python3
 PIP_FLAGS ?=
@@ -12,7 +12,7 @@ READY := $(VENV)/.ready
 COMPLETE := $(VENV)/.complete
 INDEX := $(VENV)/share/ament_index/resource_index/packages
 PIP = $(CLEAN) $(BIN)/python -m pip install --disable-pip-version-check --constraint requirements.lock
-CHATTER := '^Collecting|^Looking in|^Requirement already|Obtaining dep|\.metadata|WARNING: Location|ninstall'
+CHATTER := '^Collecting|^Looking in|^Requirement already|Obtaining|\.metadata|WARNING: Location|ninstall|Checking if|Preparing|Building|Created wheel|Stored in|Successfully built|Installing collected'
 SHARE := $(VENV)/share/rigid_gns_ros
 # A ROS workspace or another environment that is active must not reach into this one.
 CLEAN := env -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV -u LD_LIBRARY_PATH -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -69,7 +69,7 @@ $(MADE): requirements.lock
 	@touch $@
 
 $(READY): $(MADE) setup.py setup.cfg pyproject.toml
-	@echo 'make: installing what the demo needs into $(VENV): once, DEMO_SIZE'
+	@echo 'make: installing what the demo needs into $(VENV): once, a minute, 0.8 GB'
 	@$(call install,demo)
 	@# an editable install has no ament marker: with these, AMENT_PREFIX_PATH=$$PWD/.venv is a ROS prefix
 	@mkdir -p $(INDEX) $(SHARE) $(VENV)/lib/rigid_gns_ros
@@ -79,7 +79,7 @@ $(READY): $(MADE) setup.py setup.cfg pyproject.toml
 	@touch $@
 
 $(COMPLETE): $(READY)
-	@echo 'make: installing the rest of requirements.lock into $(VENV): once, ALL_SIZE'
+	@echo 'make: installing the rest of requirements.lock into $(VENV): once, some minutes, 2.6 GB in all'
 	@$(call install,all)
 	@touch $@
 
