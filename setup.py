@@ -16,11 +16,19 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+import shutil
+import subprocess
+import sys
+from typing import Any
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
 
 NAME = 'rigid_gns_ros'
+# Modules that compile their package: package and what its folder of machine code begins with.
+COMPILED = {'rigid_gns_core.engine': 'engine', 'rigid_gns_core.tracking': 'tracking'}
 
 # What prediction, data, bags and evaluation need: small wheels that exist for every platform.
 CORE = [
@@ -36,6 +44,7 @@ CORE = [
     # tiny, pure Python, and part of every ROS 2 (its command line needs it): no extra of its own
     'argcomplete>=3.1',
     'joblib>=1.5',  # processes of this machine and of clusters: `generate`, `experiment`
+    'tabulate>=0.9',
 ]
 # What a user may want to choose (a CUDA or a CPU torch), cannot have everywhere (pybullet has no
 # wheel for Python 3.12, ROS wheels are x86-64 Linux only), or has from apt (ROS).
@@ -44,7 +53,6 @@ EXTRAS = {
     'teacher': ["pybullet>=3.2.6; python_version < '3.12'"],
     'plot': ['matplotlib>=3.8'],
     'bench': ['mujoco>=3.2'],  # a peer of `rigid-gns benchmark`, which does without it
-    'viz': ['rerun-sdk>=0.20'],  # `rigid-gns view`; not in `all`, since it takes 500 MB
     'cluster': ['distributed>=2024.1'],  # --backend dask
     # the meta packages pin Jazzy; a plain `ros-rclpy` would be a newer distribution
     'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],
@@ -65,9 +73,49 @@ EXTRAS = {
         'furo>=2024.8.6',
         'soupsieve<3',  # of furo; later ones need Python 3.11.5, Debian 12 has 3.11.2
     ],
-    'dev': ['ruff>=0.9', 'mypy>=1.11', 'types-PyYAML', 'pre-commit>=3.6'],
+    'dev': ['ruff>=0.9', 'mypy>=1.11', 'types-PyYAML', 'pre-commit>=3.6', 'import-linter>=2.1'],
 }
-EXTRAS['all'] = sorted({each for name in EXTRAS if name != 'viz' for each in EXTRAS[name]})
+EXTRAS['demo'] = [*EXTRAS['ros'], *EXTRAS['plot']]  # `make demo`
+EXTRAS['all'] = sorted({each for extra in EXTRAS.values() for each in extra})
+
+
+class BuildCompiled(build_py):
+    """Compiles what Numba compiles, so that the first use after an installation does not wait."""
+
+    def run(self) -> None:
+        """Copy the sources and compile them where they are now."""
+        super().run()
+        if self.editable_mode:
+            return
+        for module, name in COMPILED.items():
+            cached = Path(*module.split('.'), '__pycache__')
+            for kept in cached.glob(f'{name}-*'):  # by an earlier use of the source tree
+                shutil.copytree(kept, self.build_lib / kept, dirs_exist_ok=True)
+        # pip has an interpreter for the build; colcon takes the system's, while nodes run with
+        # that of the environment that is active
+        imports = 'import ' + ', '.join(f'{module}.__main__' for module in COMPILED)
+        for python in (sys.executable, shutil.which('python3') or sys.executable):
+            if self._succeeds(python, '-c', imports, stderr=subprocess.DEVNULL):
+                break
+        else:
+            print(f'{NAME}: no numba to compile the engine with: the first use will do it')
+            return
+        for module in COMPILED:
+            if not self._succeeds(python, '-m', module):
+                print(f'{NAME}: {module} is not compiled: the first use will do it')
+
+    def _succeeds(self, python: str, *arguments: str, **options: Any) -> bool:
+        path = os.pathsep.join([os.path.abspath(self.build_lib), os.environ.get('PYTHONPATH', '')])
+        environment = {**os.environ, 'PYTHONPATH': path, 'PYTHONDONTWRITEBYTECODE': '1'}
+        environment.pop('NUMBA_CACHE_DIR', None)  # it shall be kept beside the sources
+        command = [python, '-P', *arguments]  # without the folder that this runs in
+        return subprocess.run(command, env=environment, **options).returncode == 0
+
+    def get_outputs(self, include_bytecode: bool = True) -> list[str]:
+        """Files that were built, for the list by which they are removed again."""
+        folders = [Path(self.build_lib, *module.split('.'), '__pycache__') for module in COMPILED]
+        made = [path for folder in folders for path in folder.glob('*-*/*/*')]
+        return [*super().get_outputs(include_bytecode), *map(str, made)]
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
@@ -104,6 +152,7 @@ setup(
         'Topic :: Scientific/Engineering :: Physics',
     ],
     python_requires='>=3.11',
+    cmdclass={'build_py': BuildCompiled},
     packages=find_packages(include=['rigid_gns_ros*', 'rigid_gns_core*']),
     package_data={
         '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg'],

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+# PYTHON_ARGCOMPLETE_OK
 """`rigid-gns`: one command per stage, whose module owns its options and is imported on demand."""
 
 from __future__ import annotations
@@ -36,7 +37,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.report',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
-    'view': ('rigid_gns_core.show.view', 'a rollout or a bag in the viewer Rerun'),
     'evaluate': (
         'rigid_gns_core.commands.evaluate',
         'score predictions on data or a recorded bag',
@@ -67,10 +67,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.closed_forms',
         'check the teacher, or a model, against closed forms',
     ),
-    'completion': (
-        'rigid_gns_core.commands.completion',
-        'completion of commands and options in a shell',
-    ),
 }
 EPILOG = """examples:
   rigid-gns info
@@ -78,6 +74,7 @@ EPILOG = """examples:
   rigid-gns rollout --help
 
 rigid-gns COMMAND --help shows the options of a command and an example.
+eval "$(register-python-argcomplete rigid-gns)" lets the shell complete them.
 
 exit code:
   0    done
@@ -163,7 +160,7 @@ class _Version(argparse.Action):
 def _run(argv: list[str]) -> int:
     if '_ARGCOMPLETE' in os.environ:
         _complete()
-    command = next((word for word in argv if not word.startswith('-')), None)
+    command = _command(argv)
     name = f'rigid-gns {command}' if command in COMMANDS else 'rigid-gns'
     try:
         arguments = make_parser(command).parse_args(argv)
@@ -203,12 +200,14 @@ def _complete() -> None:
     """Answer a shell that asks what the next word can be, and exit."""
     import argcomplete
 
-    from .completion import chosen_command
-
-    line, point = os.environ['COMP_LINE'], int(os.environ['COMP_POINT'])
+    typed = os.environ['COMP_LINE'][: int(os.environ['COMP_POINT'])]
     argcomplete.autocomplete(
-        make_parser(chosen_command(COMMANDS, line, point)), always_complete_options='long'
+        make_parser(_command(typed.split()[1:])), always_complete_options='long'
     )
+
+
+def _command(words: Sequence[str]) -> str | None:
+    return next((word for word in words if not word.startswith('-')), None)
 
 
 if __name__ == '__main__':

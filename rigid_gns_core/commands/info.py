@@ -36,7 +36,6 @@ LIBRARIES = ('numpy', 'scipy', 'numba', 'h5py', 'safetensors', 'mcap', 'joblib')
 # module: (distribution, what it is for); these are looked for, and not imported
 OPTIONAL = {
     'matplotlib': ('matplotlib', 'figures'),
-    'rerun': ('rerun-sdk', 'view'),
     'mujoco': ('mujoco', 'a peer of benchmark'),
     'distributed': ('distributed', '--backend dask'),
 }

@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 
 from .frame import advance
@@ -29,7 +27,7 @@ from .spheres import is_finite, Spheres, store
 from .substep import Settings
 from .warm_start import cold_start, WarmStart
 from .world import World, world_of
-from ..kernels.jit import compiled, entry, is_compiled
+from ..kernels.jit import compiled, compiling, entry, is_compiled
 from ..rollout.stepper import Advance, state_at, Stepper
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
@@ -102,8 +100,8 @@ def warm_up() -> None:
     """Compile what is not compiled yet, or read it from the disk, before it is needed."""
     scene = Scene(surfaces=(Plane(),))
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
-    stepper = EngineStepper(scene, start, 0.1, substeps=1, rounds=1)
-    stepper.step()
+    with compiling():
+        EngineStepper(scene, start, 0.1, substeps=1, rounds=1).step()
 
 
 class EngineStepper(Stepper):
@@ -131,7 +129,7 @@ class EngineStepper(Stepper):
         sleep: bool = True,
     ) -> None:
         if not is_compiled():
-            print('rigid_gns: compiling the engine, once; about a minute', file=sys.stderr)
+            warm_up()
         self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
         self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))

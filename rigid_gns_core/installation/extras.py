@@ -24,7 +24,7 @@ from typing import Any
 from .versions import PACKAGE
 
 # modules that are not named as the distribution that brings them
-_DISTRIBUTIONS = {'rclpy': 'ros-jazzy-rclpy', 'rerun': 'rerun-sdk', 'yaml': 'PyYAML'}
+_DISTRIBUTIONS = {'rclpy': 'ros-jazzy-rclpy', 'yaml': 'PyYAML'}
 # another way than pip
 _ALSO = {'rclpy': 'source the setup.bash of a ROS 2 Jazzy, or '}
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from .machine_code import Function, MachineCode
@@ -24,7 +25,8 @@ from .machine_code import Function, MachineCode
 _CODE = MachineCode(
     'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath={'contract'}
 )
-is_compiled = _CODE.exists
+is_compiled = _CODE.is_complete
+compiling = partial(_CODE.compiling, 'the engine', 'about a minute')
 
 
 def compiled(function: Function) -> Function:

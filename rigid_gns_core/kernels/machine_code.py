@@ -12,67 +12,194 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How Numba compiles a package of ours: at the first use, then read from a folder of its own."""
+"""How Numba compiles a package of ours: at install or first use; then it is read from a folder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
 import hashlib
 import os
 from pathlib import Path
+import pickle
 import shutil
+import sys
 from typing import Any, cast, TypeVar
+import uuid
 
 import numba
+from numba.core import caching, compiler, serialize
+from numba.core.registry import cpu_target
 
 Function = TypeVar('Function', bound=Callable[..., Any])
+
+_COMPLETE = 'complete'
+_dumps: Any = serialize.dumps
 
 
 class MachineCode:
     """Machine code of some sources, in a folder named by a hash of all of them.
 
-    Numba looks at the file of a function only, and would go on with old code of those it calls.
+    Numba's own cache looks at the file of a function only, and would go on with old code of those
+    it calls. It also depends on where the sources are; this one can be copied with them.
+
+    It is read from beside the sources, and from the user's folder: NUMBA_CACHE_DIR, or else that
+    for caches. It is written to NUMBA_CACHE_DIR where that is set, or else to the first of the two
+    that can be written.
 
     Args:
         name: What the folder's name begins with.
-        sources: Folders of the sources; the code is kept beside the first, or in the user's cache
-            where that cannot be written. Of their files `jit.py` counts, and those that import it.
+        sources: Folders of the sources; the code is kept beside the first. Of their files
+            `jit.py` counts, and those that import it.
         options: Of numba.njit, for all functions.
     """
 
     def __init__(self, name: str, *sources: Path, **options: Any) -> None:
-        self._options = options
+        self._name, self._options = name, options
         paths = [path for folder in sources for path in sorted(folder.glob('*.py'))]
         texts = [(path.name, path.read_bytes()) for path in paths]
         code = b''.join(text for own, text in texts if own == 'jit.py' or b'jit import' in text)
-        mark = hashlib.sha256(code + repr(options).encode()).hexdigest()[:16]
-        self.folder = _place(sources[0], name, mark)
-        self._seen = False
+        self._mark = hashlib.sha256(code + repr(options).encode()).hexdigest()[:16]
+        self._beside = sources[0] / '__pycache__'
+        self._complete = False
 
-    def exists(self) -> bool:
-        """Whether this or an earlier process has left machine code of these sources."""
-        # the disk is searched no more, once it was found
-        self._seen = self._seen or any(self.folder.rglob('*.nbc'))
-        return self._seen
+    def is_complete(self) -> bool:
+        """Whether this or an earlier process has compiled all that a first use needs."""
+        self._complete = self._complete or self._exists(_COMPLETE)
+        return self._complete
+
+    @contextmanager
+    def compiling(self, what: str, wait: str) -> Iterator[None]:
+        """Around a first use of everything: tell who waits, and leave a mark when it is over.
+
+        Args:
+            what: Is compiled.
+            wait: How long that takes.
+        """
+        if self._exists(_COMPLETE):
+            yield
+            return
+        print(f'rigid_gns: compiling {what}, once; {wait}', file=sys.stderr)
+        self._complete = True  # what is used meanwhile shall not tell it again
+        try:
+            yield
+        except BaseException:
+            self._complete = False
+            raise
+        if not self.write(_COMPLETE, b''):
+            print(
+                f'rigid_gns: {self._writable()[-1].parents[1]} cannot be written, so that each '
+                'process compiles anew: set NUMBA_CACHE_DIR to a folder that can be written',
+                file=sys.stderr,
+            )
 
     def of(self, function: Function, **options: Any) -> Function:
         """Return `function` compiled, with more options of numba.njit."""
-        settings: Any = numba.config
-        theirs = settings.CACHE_DIR
-        settings.CACHE_DIR = str(self.folder)
+        decorate: Any = numba.njit(error_model='numpy', **self._options, **options)
+        dispatcher: Any = decorate(function)
+        if hasattr(dispatcher, '_cache'):  # not with NUMBA_DISABLE_JIT
+            dispatcher._cache = _Cache(function, self)
+        return cast(Function, dispatcher)
+
+    def read(self, name: str) -> bytes | None:
+        """Read what `write` has left; None where there is nothing, or nothing whole."""
+        for folder in self._readable():
+            try:
+                content = (folder / name).read_bytes()
+            except OSError:
+                continue
+            digest, _, kept = content.partition(b'\n')
+            if digest == _digest(kept):
+                return kept
+            print(f'rigid_gns: {folder / name} is damaged: compiled anew', file=sys.stderr)
+        return None
+
+    def write(self, name: str, kept: bytes) -> bool:
+        """Leave a file, whole or not at all; False where no folder can be written."""
+        for folder in self._writable():
+            made = folder / f'{name}.{uuid.uuid4().hex}'
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                try:
+                    made.write_bytes(_digest(kept) + b'\n' + kept)
+                    made.replace(folder / name)
+                finally:
+                    made.unlink(missing_ok=True)
+            except OSError:
+                continue
+            if folder.parents[1] == self._beside:
+                self._remove_old()
+            return True
+        return False
+
+    def _exists(self, name: str) -> bool:
+        return any((folder / name).exists() for folder in self._readable())
+
+    def _readable(self) -> list[Path]:
+        return [folder / self._place for folder in (self._beside, *_users_folder())]
+
+    def _writable(self) -> list[Path]:
+        return self._readable()[1:] if _chosen() else self._readable()
+
+    @cached_property
+    def _place(self) -> Path:
+        """Of these sources, for this Python, Numba and CPU; in each folder."""
+        codegen = cpu_target.target_context.codegen()
+        made_for = (sys.implementation.cache_tag, numba.__version__, codegen.magic_tuple())
+        return Path(f'{self._name}-{self._mark}', _digest(repr(made_for).encode()).decode()[:16])
+
+    def _remove_old(self) -> None:
+        for old in self._beside.glob(f'{self._name}-*'):
+            if old.name != self._place.parts[0]:
+                shutil.rmtree(old, ignore_errors=True)
+
+
+class _Cache(caching.NullCache):
+    """Where Numba looks for the machine code of a function, one file for each signature.
+
+    Other than Numba's own it has no index, which two processes could spoil, and what is damaged
+    or cannot be written is no error.
+    """
+
+    def __init__(self, function: Callable[..., Any], code: MachineCode) -> None:
+        self._name = f'{function.__module__}.{function.__qualname__}'
+        self._code = code
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        target.refresh()
+        kept = self._code.read(self._file(signature))
+        if kept is None:
+            return None
         try:
-            decorate: Any = numba.njit(cache=True, error_model='numpy', **self._options, **options)
-            return cast(Function, decorate(function))
-        finally:
-            settings.CACHE_DIR = theirs
+            their_signature, code = pickle.loads(kept)  # noqa: S301  # Numba knows no other way
+        except (AttributeError, ImportError):  # of a type that has moved
+            return None
+        if their_signature != signature:  # another type of the same name
+            return None
+        result: Any = compiler.CompileResult
+        return result._rebuild(target, *code)
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        self._code.write(self._file(signature), _dumps((signature, compiled._reduce())))
+
+    def _file(self, signature: Any) -> str:
+        return f'{self._name}-{_digest(str(signature).encode()).decode()[:16]}.nbc'
 
 
-def _place(sources: Path, name: str, mark: str) -> Path:
-    beside, own = sources / '__pycache__', f'{name}-{mark}'
-    if not os.access(beside if beside.exists() else sources, os.W_OK):
-        home = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
-        return Path(home) / 'rigid_gns' / own
-    for old in beside.glob(f'{name}-*'):
-        if old.name != own:
-            shutil.rmtree(old, ignore_errors=True)
-    return beside / own
+def _users_folder() -> list[Path]:
+    """For the machine code of all packages; empty where there is no home."""
+    place = _chosen() or os.environ.get('XDG_CACHE_HOME')
+    try:
+        return [Path(place or Path.home() / '.cache') / 'rigid_gns']
+    except RuntimeError:
+        return []
+
+
+def _chosen() -> str:
+    settings: Any = numba.config
+    return str(settings.CACHE_DIR)
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest().encode()

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from ..scenes.state import Array
 _CODE = MachineCode(
     'tracking', *(Path(__file__).parents[1] / name for name in ('tracking', 'engine', 'kernels'))
 )
-is_compiled = _CODE.exists
+compiling = partial(_CODE.compiling, 'the tracking filter', 'about 15 s')
 
 
 def in_place(function: Function) -> Function:

@@ -17,14 +17,13 @@
 from __future__ import annotations
 
 from functools import cache
-import sys
 
 import numpy as np
 
 from .association import gates, match
 from .coasting import turn_on
 from .environment import Environment
-from .jit import is_compiled
+from .jit import compiling
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
 
@@ -32,8 +31,11 @@ from ..scenes.scene import Plane, Scene
 @cache
 def warm_up() -> None:
     """Compile what is not compiled yet, or read it from the disk; once in a process."""
-    if not is_compiled():
-        print('rigid_gns: compiling the tracking filter, once; about 15 s', file=sys.stderr)
+    with compiling():
+        _use_everything()
+
+
+def _use_everything() -> None:
     frames, ones = 4, np.ones(2)
     places = np.tile([[0.0, 0.0, 1.0], [0.0, 1.5, 1.0]], (frames, 1, 1))
     seen = np.ones((frames, 2), dtype=bool)

