@@ -14,7 +14,7 @@
 
 """How far a model is from closed-form mechanics, for spheres of 1 m and of 20 mm.
 
-    python benchmarks/closed_form_card.py --model contact --json docs/model/closed_form_card.json
+    python benchmarks/closed_form_card.py --json docs/model/closed_form_card.json
 
 The checks are those of `rigid-gns teacher-card`. For 20 mm the scene of each check is built anew
 with r = 0.02 m under the same gravity, given to the simulator as a user would, and what it says is
@@ -39,7 +39,6 @@ from rigid_gns_core.rollout.rollout import load_simulator, Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
-import torch
 
 BOUND = 0.02
 MOMENTUM_BOUND = 1e-5
@@ -189,12 +188,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument('--model', nargs='+', default=['contact'], help='shipped names or paths')
-    parser.add_argument('--threads', type=int, default=1, help='of torch (default: 1)')
+    parser.add_argument('--model', nargs='+', default=['laws'], help='shipped names or paths')
     parser.add_argument('--quick', action='store_true', help='fewer cases')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all checks to this file')
     arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
     simulators = {name: load_simulator(name) for name in arguments.model}
     models = {}
     total = len(simulators) * len(work(arguments.quick))
@@ -211,7 +208,7 @@ def main() -> int:
             'bound': BOUND,
             'momentum_bound': MOMENTUM_BOUND,
             'models': {
-                name: {'weights_sha256': simulators[name].card['weights_sha256'], 'checks': rows}
+                name: {'card': simulators[name].card, 'checks': rows}
                 for name, rows in models.items()
             },
         }

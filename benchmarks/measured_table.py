@@ -58,17 +58,11 @@ def cell(entry: dict[str, Any] | None) -> str:
 
 
 def table() -> str:
-    """Return the Markdown table: shipped model, without network, GNS, Bullet against itself."""
-    contact = read_json(FOLDER / 'contact_test.json')['summary']
-    law = read_json(FOLDER / 'contact_law_test.json')['summary']
-    gns = read_json(FOLDER / 'gns_thesis_test.json')['summary']
-    sides = (
-        contact['models']['contact']['test'],
-        law['models']['contact']['test'],
-        gns['models']['gns']['test'],
-        contact['floor']['test'],
-    )
-    head = ('', 'contact model', 'its laws alone', 'GNS baseline', 'Bullet against itself')
+    """Return the Markdown table: the laws, the GNS, Bullet against itself."""
+    summary = read_json(FOLDER / 'laws_test.json')['summary']
+    models = summary['models']
+    sides = (models['laws']['test'], models['gns']['test'], summary['floor']['test'])
+    head = ('', 'laws', 'GNS baseline', 'Bullet against itself')
     found = [(name, *(cell(side.get(key)) for side in sides)) for key, name in ROWS.items()]
     lines = [f'| {" | ".join(row)} |' for row in [head, ('---',) * len(head), *found]]
     return '\n'.join(lines) + '\n'

@@ -198,7 +198,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog='examples:\n'
         '  evaluate bags/first\n'
         '  evaluate bags/first --reproduce\n'
-        '  evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model contact',
+        '  evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model laws',
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

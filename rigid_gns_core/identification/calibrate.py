@@ -14,7 +14,7 @@
 
 """`rigid-gns calibrate`: materials under which short rollouts meet tracked poses best.
 
-From a start of tracked poses, the contact model predicts some steps; the errors, in units of what
+From a start of tracked poses, the laws predict some steps; the errors, in units of what
 the tracker's noise explains, are made least by Gauss-Newton steps
 (`scipy.optimize.least_squares`), under a loss that grows with the logarithm, since a missed
 collision says nothing of materials.
@@ -233,9 +233,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--data', required=True, type=Path, nargs='+', help='folders made by import'
     )
-    model = parser.add_argument(
-        '--model', default='', help='contact model: a shipped name or a path'
-    )
+    model = parser.add_argument('--model', default='', help='laws (default)')
     completes(model, shipped_models)
     parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write all numbers')

@@ -36,7 +36,7 @@ def test_stages_run_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     stages = re.findall(r'^\|.*`(rigid-gns [^`]+)`', TEXT, re.M)
     Reader().type('\n'.join(stage for stage in stages if '--bag' not in stage))
-    for made in ('data/boxes/0000.h5', 'runs/contact/best.safetensors', 'rollout.h5'):
+    for made in ('data/smoke/0000.h5', 'runs/gns/best.safetensors', 'rollout.h5'):
         assert (tmp_path / made).is_file(), made
 
 

@@ -276,7 +276,7 @@ def test_no_steps_and_no_spheres(on_device):
         ('gns', {'device': 'gpu', 'backend': 'torch'}, "device is 'gpu', allowed: 'cpu', 'cuda'"),
         ('gns', {'device': 'mps', 'backend': 'torch'}, "device is 'mps', allowed: 'cpu', 'cuda'"),
         ('gns', {'device': 'cuda', 'backend': 'torch'}, 'finds 0 CUDA devices here; leave device'),
-        ('contact', {'device': 'cuda', 'backend': 'torch'}, "has no option 'device', allowed: ba"),
+        ('laws', {'device': 'cuda'}, "unknown key 'device', allowed: guard, sleep"),
     ],
 )
 def test_a_device_that_cannot_be_had_is_named(name, options, message, monkeypatch):

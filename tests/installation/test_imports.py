@@ -79,7 +79,7 @@ def test_public_names_exist() -> None:
         _ = rigid_gns_core.no_such_name
 
 
-@pytest.mark.parametrize('model', ['contact', 'gns'])
+@pytest.mark.parametrize('model', ['laws', 'gns'])
 def test_rollout_without_torch_ros_bullet_and_plots(model: str) -> None:
     output = run(
         f"""

@@ -201,7 +201,7 @@ def test_what_is_not_installed_is_named(
 
 def test_a_comparison_goes_to_rerun(tmp_path: Path) -> None:
     pytest.importorskip('rerun', reason="pip install 'rigid_gns_ros[viz]'")
-    ours = record(tmp_path / 'a.h5', 1.1, engine='rigid_gns', model='contact')
+    ours = record(tmp_path / 'a.h5', 1.1, engine='rigid_gns', model='laws')
     other, out = record(tmp_path / 'b.h5', engine='pybullet'), tmp_path / 'c.rrd'
     assert cli.main(['view', str(ours), '--reference', str(other), '--save', str(out)]) == 0
     content = out.read_bytes()
