@@ -131,4 +131,4 @@ def test_bash_completes(tmp_path: Path) -> None:
         check=True,
     )
     assert '-F _python_argcomplete rigid-gns' in done.stderr
-    assert [word.strip() for word in done.stdout.splitlines()] == ['gns', 'laws']
+    assert [word.strip() for word in done.stdout.splitlines()] == ['laws', 'gns']
