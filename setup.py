@@ -136,7 +136,7 @@ def shared_files() -> list[tuple[str, list[str]]]:
 setup(
     name=NAME,
     version='0.1.0',  # as in package.xml and CHANGELOG.rst, which a test compares
-    description='Learned simulators of rigid spheres: real-time prediction in ROS 2',
+    description='Simulators of rigid spheres, laws and learned: real-time prediction in ROS 2',
     long_description=Path('README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     author='rigid_gns maintainers',

@@ -26,8 +26,8 @@ from ablations import Change, USUAL
 import numpy as np
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
+from rigid_gns_core.files.checkpoint import LAWS
 from rigid_gns_core.prediction.load import load_simulator
-from rigid_gns_core.prediction.simulators import ContactSimulator
 from rigid_gns_core.rollout.rollout import Rollout
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State
@@ -45,10 +45,9 @@ def advance(rollout: Rollout, steps: int) -> float:
 
 
 class Bench:
-    """Measures changes of one model.
+    """Measures changes of the laws.
 
     Args:
-        model: Name or path.
         starts: See `make_starts`.
         records: Bullet's, for errors; none: no such errors.
         repeats: Turns of each of the two.
@@ -56,18 +55,11 @@ class Bench:
     """
 
     def __init__(
-        self,
-        model: str,
-        starts: Mapping[str, Start],
-        records: Sequence[Record],
-        repeats: int,
-        block: int,
+        self, starts: Mapping[str, Start], records: Sequence[Record], repeats: int, block: int
     ) -> None:
         self.starts, self.records = starts, records
         self.repeats, self.block = repeats, block
-        self.load = cache(partial(load_simulator, model))
-        if not isinstance(self.load(), ContactSimulator):
-            raise SystemExit(f'{model} is a {self.load().kind}, expected a contact model')
+        self.load = cache(partial(load_simulator, LAWS))
         self.before = cache(self._before)
         self.bullet_error = cache(self._bullet_error)
 

@@ -23,25 +23,6 @@ from rigid_gns_core.files.tables import format_rows, number
 
 # what the page says of each row, before its numbers
 TEXTS = {
-    'substeps, nothing near': (
-        'Spheres that nothing can touch within the frame are moved along exact parabolas. Here '
-        'they take part in all K substeps.'
-    ),
-    'network, isolated contacts': (
-        'A contact that shares no body with another has an exact solution, so the network is not '
-        'asked where spheres bounce without meeting each other.'
-    ),
-    'network, box': (
-        'Early in the box a few contacts share a sphere. The network is asked for these alone.'
-    ),
-    'network, pile': (
-        'In a pile nearly all contacts share spheres, so this is what the network costs at most.'
-    ),
-    'rounds, isolated contacts': (
-        'An isolated contact takes one round of the law; only contacts that share spheres take '
-        'all M rounds, each with the network. Here every contact is treated as if it did.'
-    ),
-    'rounds, box': 'The same early in the box, where a few contacts do share a sphere.',
     'sleep, box that came to rest': (
         'Spheres that have come to rest sleep until something comes near: no contact of theirs is '
         'solved.'
@@ -118,13 +99,13 @@ def page(report: dict[str, Any]) -> str:
     return f"""# Only what is needed
 
 A scene pays for what it has: contacts, walls, rolling friction, piles. What each of them costs a
-step, what the model would cost if it always did everything, and what is lost where it is left out.
+step, and what is lost where it is left out.
 
 {format_table(report)}
 {body}
 ## How it was measured
 
-Model `{report['model']}`, {about['cpu']}, {about['cores']} cores, load {about['load']},
+{about['cpu']}, {about['cores']} cores, load {about['load']},
 Numba {about['numba']}, one thread. Each row: {report['repeats']} turns of
 {report['block']} steps of either side, in alternating order from the same state; those of sleep
 go on from where they were. "ms" is the median of a step's time, "times as long" the median of the

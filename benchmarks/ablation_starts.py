@@ -57,7 +57,6 @@ def make_starts(quick: bool) -> dict[str, Start]:
     scene, recipe = load_start('box_154')
     wide = replace(scene, surfaces=Plane.box(400.0, 400.0))
     shaft = replace(scene, surfaces=Plane.box(8.0, 8.0))
-    air = State(positions=_lattice(spheres, 20.0, (150.0, 250.0)))
     bounce = State(positions=_lattice(spheres, 5.0, (2.0, 4.0)))
     speed = np.c_[np.random.default_rng(1).uniform(-1.0, 1.0, (spheres, 2)), np.zeros(spheres)]
     roll = State(
@@ -69,11 +68,6 @@ def make_starts(quick: bool) -> dict[str, Start]:
     pile = sample_start(shaft, StartRecipe(spheres=piled, height=(0.0, 60.0)))
     in_box = f'the box of 60 m with {spheres} spheres'
     return {
-        'air': Start(
-            f'{spheres} spheres fall, 20 m from each other and over 100 m above the ground',
-            wide,
-            air,
-        ),
         'bounce': Start(
             f'{spheres} spheres, 5 m from each other, bounce in the middle of a box of 400 m',
             wide,

@@ -31,7 +31,7 @@ class Change:
 
     Args:
         usual, other: What the model does as it is, and with the change.
-        options: Of the model, see `ContactOptions`.
+        options: Of the model, see `LawsOptions`.
         scene: The scene to simulate, from the one as it is and the number of spheres.
         goes_on: Turns follow each other instead of beginning anew, for what builds up in time.
     """
@@ -56,13 +56,6 @@ def _tuples(scene: Scene, count: int) -> Scene:
 
 
 USUAL = Change()
-TAKE_PART = Change(
-    'only spheres that may touch something', 'all, in K substeps', options={'everywhere': True}
-)
-NETWORK = Change('with network', 'law alone', options={'network': False})
-ROUNDS = Change(
-    'one for an isolated contact', 'M for all, with network', options={'everywhere': True}
-)
 SLEEP = Change('islands at rest sleep', 'all stay awake', options={'sleep': False}, goes_on=True)
 GUARD = Change('guard on', 'guard off', options={'guard': False})
 WALLS = Change('ground and four walls', 'ground alone', scene=_ground_only)
@@ -71,12 +64,6 @@ TUPLES = Change('one number for all', 'the same, one per sphere', scene=_tuples)
 
 # name: start, see `make_starts`, and what is changed; its text is in ablation_page.py
 ROWS = {
-    'substeps, nothing near': ('air', TAKE_PART),
-    'network, isolated contacts': ('bounce', NETWORK),
-    'network, box': ('box', NETWORK),
-    'network, pile': ('pile', NETWORK),
-    'rounds, isolated contacts': ('bounce', ROUNDS),
-    'rounds, box': ('box', ROUNDS),
     'sleep, box that came to rest': ('settled', SLEEP),
     'sleep, pile': ('settled pile', SLEEP),
     'guard, box': ('box', GUARD),

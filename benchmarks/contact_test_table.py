@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Means of the measures over records and models, and the tables of them."""
+"""Means of the measures over records, and the tables of them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from rigid_gns_core.files.tables import format_rows
 from rigid_gns_core.files.tables import summary as summary_cell
 
 
-def mean_of(rows: Iterable[Mapping[str, float | None]], spread: int = 0) -> dict[str, Any]:
+def mean_of(rows: Iterable[Mapping[str, float | None]]) -> dict[str, Any]:
     """Mean, standard deviation, count and number of infinite values of each measure.
 
-    The mean is of the finite ones. `spread` 1: the deviation of a sample, as of seeds.
+    The mean is of the finite ones.
     """
     rows = list(rows)
     summary = {}
@@ -39,7 +39,7 @@ def mean_of(rows: Iterable[Mapping[str, float | None]], spread: int = 0) -> dict
             continue
         summary[key] = {
             'mean': float(finite.mean()) if len(finite) else float('inf'),
-            'std': float(finite.std(ddof=spread)) if len(finite) > spread else 0.0,
+            'std': float(finite.std()) if len(finite) else 0.0,
             'count': len(values),
             'infinite': len(values) - len(finite),
         }
@@ -47,7 +47,7 @@ def mean_of(rows: Iterable[Mapping[str, float | None]], spread: int = 0) -> dict
 
 
 def summarise(report: dict[str, Any]) -> dict[str, Any]:
-    """Means over the records of each group: of each model, of the floor, and over the models."""
+    """Means over the records of each group: of each model, and of the floor."""
     groups: dict[str, list[str]] = {}
     for name in report['floors']:
         groups.setdefault(name.split('/')[0], []).append(name)
@@ -59,13 +59,7 @@ def summarise(report: dict[str, Any]) -> dict[str, Any]:
         }
 
     models = {name: by_group(entry['records']) for name, entry in report['models'].items()}
-    over_models: dict[str, Any] = {}
-    for group in groups:
-        means = [
-            {key: one['mean'] for key, one in model[group].items()} for model in models.values()
-        ]
-        over_models[group] = mean_of(means, spread=1)
-    return {'floor': by_group(report['floors']), 'models': models, 'over_models': over_models}
+    return {'floor': by_group(report['floors']), 'models': models}
 
 
 def format_table(summary: Mapping[str, Any], floor: Mapping[str, Any]) -> str:

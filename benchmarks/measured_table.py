@@ -41,17 +41,11 @@ ROWS = {
 
 
 def table() -> str:
-    """Return the Markdown table: shipped model, without network, GNS, Bullet against itself."""
-    contact = read_json(FOLDER / 'contact_test.json')['summary']
-    law = read_json(FOLDER / 'contact_law_test.json')['summary']
-    gns = read_json(FOLDER / 'gns_thesis_test.json')['summary']
-    sides = (
-        contact['models']['contact']['test'],
-        law['models']['contact']['test'],
-        gns['models']['gns']['test'],
-        contact['floor']['test'],
-    )
-    head = ('', 'contact model', 'its laws alone', 'GNS baseline', 'Bullet against itself')
+    """Return the Markdown table: the laws, the GNS, Bullet against itself."""
+    found = read_json(FOLDER / 'laws_test.json')['summary']
+    models = found['models']
+    sides = (models['laws']['test'], models['gns']['test'], found['floor']['test'])
+    head = ('', 'laws', 'GNS baseline', 'Bullet against itself')
     rows = [(name, *(summary(side.get(key), 2) for side in sides)) for key, name in ROWS.items()]
     return format_rows(head, rows, markdown=True) + '\n'
 

@@ -14,7 +14,7 @@
 
 """What each thing that a scene may need costs, and what it brings: docs/only_what_is_needed.md.
 
-    python benchmarks/only_what_is_needed.py --model contact --data data/test
+    python benchmarks/only_what_is_needed.py --data data/test
 
 Each row compares the model as it is with one change. Both run in turns from the same state, so
 that what else the machine does meets both alike; times are medians over the repeats. Without
@@ -50,7 +50,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument('--model', default='contact', help='shipped name or path')
     parser.add_argument('--data', type=Path, metavar='FOLDER', help="Bullet's, for errors")
     parser.add_argument(
         '--rows', nargs='+', metavar='WORD', help='only rows that begin with these'
@@ -75,11 +74,10 @@ def main() -> int:
             for record in islice(Dataset(arguments.data), 1 if quick else None)
         ]
     starts = make_starts(quick)
-    bench = Bench(arguments.model, starts, records, repeats, block)
+    bench = Bench(starts, records, repeats, block)
     report: dict[str, Any] = {
         'command': ' '.join(['python', 'benchmarks/only_what_is_needed.py', *sys.argv[1:]]),
-        'model': arguments.model,
-        'weights_sha256': bench.load().card['weights_sha256'],
+        'card': bench.load().card,
         'data': None if arguments.data is None else arguments.data.name,
         'records': len(records),
         'quick': quick,

@@ -35,6 +35,7 @@ from sphinx.application import Sphinx
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 sys.path.insert(0, str(ROOT))  # the sources of this tree, whatever is installed
+os.environ['NUMBA_DISABLE_JIT'] = '1'  # compiled functions are none to autodoc
 
 project = 'rigid_gns_ros'
 author = 'rigid_gns maintainers'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Learned simulators of rigid spheres: scenes, trajectories and prediction. No ROS in here."""
+"""Simulators of rigid spheres: scenes, trajectories and prediction. No ROS in here."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
     """
     parser = argparse.ArgumentParser(
         prog='rigid-gns',
-        description='Learned simulators of rigid spheres.',
+        description='Simulators of rigid spheres: laws and learned.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,

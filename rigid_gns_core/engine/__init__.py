@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Prediction without torch: the contact model compiled by Numba, the thesis' GNS in NumPy."""
+"""Prediction without torch: the laws compiled by Numba, the thesis' GNS in NumPy."""

@@ -14,7 +14,7 @@
 
 """Materials under which short rollouts meet tracked poses best.
 
-From a start of tracked poses, the contact model predicts some steps; the errors, in units of what
+From a start of tracked poses, the laws predict some steps; the errors, in units of what
 the tracker's noise explains, are made least by Gauss-Newton steps
 (`scipy.optimize.least_squares`), under a loss that grows with the logarithm, since a missed
 collision says nothing of materials.

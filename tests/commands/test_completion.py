@@ -62,10 +62,10 @@ def test_commands_are_offered() -> None:
     ('line', 'expected'),
     [
         ('rigid-gns rollout --s', {'--scene', '--steps', '--seed', '--samples', '--spread'}),
-        ('rigid-gns rollout --model ', {'contact', 'gns'}),
+        ('rigid-gns rollout --model ', {'laws', 'gns'}),
         ('rigid-gns rollout --model gns --scene ood_', {'ood_a', 'ood_b', 'ood_c', 'ood_d'}),
         ('rigid-gns generate --config sm', {'smoke'}),
-        ('rigid-gns train --config ', {'contact', 'gns', 'gns_finetune'}),
+        ('rigid-gns train --config ', {'gns', 'gns_finetune'}),
         ('rigid-gns train --device ', {'auto', 'cpu', 'cuda'}),
         ('rigid-gns calibrate --fit sur', {'surface_restitution', 'surface_friction'}),
         ('rigid-gns experiment hist', {'history'}),
@@ -74,7 +74,7 @@ def test_commands_are_offered() -> None:
         ('rigid-gns hard-cases --cases same', {'same_point_2', 'same_point_3'}),
         ('rigid-gns benchmark --peers B', {'Bullet'}),
         ('rigid-gns report a.h5 --velocities ', {'given', 'poses'}),
-        ('rigid-gns import a --model ', {'contact', 'gns'}),
+        ('rigid-gns import a --model ', {'laws', 'gns'}),
     ],
 )
 def test_options_and_names_of_a_command_are_offered(line: str, expected: set[str]) -> None:
@@ -112,4 +112,4 @@ def test_bash_completes(tmp_path: Path) -> None:
         check=True,
     )
     assert '-F _python_argcomplete rigid-gns' in done.stderr
-    assert [word.strip() for word in done.stdout.splitlines()] == ['contact', 'gns']
+    assert [word.strip() for word in done.stdout.splitlines()] == ['laws', 'gns']

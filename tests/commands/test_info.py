@@ -65,9 +65,12 @@ def test_engine_tells_whether_it_is_compiled(collected: dict[str, Any]) -> None:
 
 def test_each_shipped_model_is_described(collected: dict[str, Any]) -> None:
     models = {model['name']: model for model in collected['models']}
+    laws = models.pop('laws')
+    assert laws['kind'] == 'laws' and laws['default'] and laws['version']
+    assert laws['options'] == {'guard': True, 'sleep': True, 'substeps': 8, 'rounds': 4}
     assert set(models) == {path.stem for path in WEIGHTS_FOLDER.glob('*.safetensors')}
-    assert [name for name, model in models.items() if model['default']] == ['contact']
     for name, model in models.items():
+        assert not model['default']
         card = json.loads((WEIGHTS_FOLDER / f'{name}.json').read_text())
         assert (model['kind'], model['validation']) == (card['kind'], card['validation'])
         assert model['step'] == card['training']['step']
@@ -81,7 +84,7 @@ def test_text_holds_what_the_json_does(
     assert text.startswith(f'rigid_gns_ros   {collected["version"]}\n')
     for name in info.OPTIONAL:
         assert f'\n{name} ' in text
-    assert '\nmodel contact (the default)\n' in text and '\nmodel gns\n' in text
+    assert '\nmodel laws (the default)\n' in text and '\nmodel gns\n' in text
     assert 'restitution 0.7746, friction 0.5' in text  # of the GNS
     assert 'best of 16000 steps: that after step 15000, on 40 trajectories' in text
     assert cli.main(['info', '--json', '--model', 'gns']) == 0
@@ -106,7 +109,7 @@ def test_a_damaged_model_does_not_hide_the_rest(
     assert cli.main(['info']) == 0
     output = capsys.readouterr().out
     assert 'model gns\n  damaged: ' in output and 'gns.json: not valid JSON' in output
-    assert 'closed_loop_loss' in output
+    assert 'options    guard True, sleep True, substeps 8, rounds 4' in output
 
 
 def test_what_is_missing_or_broken_is_told(

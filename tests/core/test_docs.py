@@ -41,7 +41,7 @@ def recorded_bag(name: str) -> None:
     noisy = poses + np.random.default_rng(0).normal(0.0, 1e-3, poses.shape)
     codec, start = PoseArrayCodec('world', 3), 1_700_000_000_000_000_000
     topics = {'tracked': '/tracked_poses', 'predicted': '/predicted_poses'}
-    said = {'scene': scene.to_mapping(), 'model': 'contact', 'dt': path.dt, 'period': path.dt}
+    said = {'scene': scene.to_mapping(), 'model': 'laws', 'dt': path.dt, 'period': path.dt}
     with BagWriter(name) as bag:
         bag.add_topic('/simulator/scene', 'std_msgs/msg/String', 'latched')
         bag.write('/simulator/scene', encode_string(json.dumps(said | {'topics': topics})), start)

@@ -132,12 +132,7 @@ def test_pages_of_files_at_the_root_hold_their_text(site: Path) -> None:
 @SLOW
 def test_names_beside_equations_lead_to_the_api(site: Path) -> None:
     found = links(site / 'physics.html', 'href')
-    for name in (
-        'models.contact.law.aim_of',
-        'gns.network.GNBlock',
-        'State',
-        'gns.graph.sphere_pairs',
-    ):
+    for name in ('engine.law.target_of', 'gns.network.GNBlock', 'State', 'gns.graph.sphere_pairs'):
         assert [link for link in found if link.endswith(f'#rigid_gns_core.{name}')], name
 
 
@@ -217,4 +212,4 @@ def test_each_name_beside_an_equation_exists(name: str) -> None:
 
 
 def test_names_beside_equations_are_found() -> None:
-    assert len(NAMES) > 80
+    assert len(NAMES) > 70

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rigid_gns_core.data.recipe import DataRecipe, load_recipe, recipe_hash
-from rigid_gns_core.files.config import config_folder, ConfigError
+from rigid_gns_core.files.config import ConfigError
 from rigid_gns_core.scenes.scene import Plane
 
 from ..scenes.apart import assert_apart, gaps
@@ -30,7 +30,56 @@ from ..scenes.apart import assert_apart, gaps
 SMOKE = DataRecipe(
     trajectories=3, seed=5, steps=4, spheres=(5, 10), height=(0.0, 5.0), box_side=(6.0, 10.0)
 )
-CONTACT = sorted(path.stem for path in (config_folder() / 'data').glob('contact_*.yaml'))
+_BOXES = DataRecipe(
+    trajectories=4,
+    seed=100,
+    steps=4,
+    spheres=(4, 40),
+    height=(1.0, 30.0),
+    box_side=(6.0, 25.0),
+    restitution=(0.0, 0.975),
+    friction=(0.0, 1.0),
+    rolling_friction=(0.0, 0.06),
+)
+_FLOOR = replace(
+    _BOXES,
+    spheres=(5, 30),
+    box_side=(10.0, 25.0),
+    layers=0.5,
+    layout='floor',
+    gap=0.0,
+    speed=(0.0, 15.0),
+    spin=(0.0, 5.0),
+    moving=0.4,
+)
+_BLOCKS = replace(
+    _BOXES,
+    spheres=(8, 64),
+    height=(1.0, 12.0),
+    box_side=(18.0, 30.0),
+    layout='blocks',
+    speed=(0.0, 2.0),
+)
+DENSE = {
+    'boxes': _BOXES,
+    'piles': replace(
+        _BOXES, spheres=(20, 80), height=(1.0, 22.0), box_side=(4.5, 9.4), layers=4.0
+    ),
+    'floor': _FLOOR,
+    'blocks': _BLOCKS,
+    'mixed': replace(
+        _BOXES,
+        spheres=(4, 30),
+        height=(0.0, 10.0),
+        box_side=(5.0, 15.0),
+        gap=0.02,
+        radius=(0.1, 1.0),
+        mass=(0.1, 1.0),
+        vary='sphere',
+        speed=(0.0, 5.0),
+    ),
+    'rest': replace(_BLOCKS, spheres=(8, 40), height=(0.0, 0.0), speed=(0.0, 0.5), moving=0.1),
+}
 
 # hash of the recipe: middle of a wall [m], friction, sums of x, y and z [m]
 BEFORE = {
@@ -95,9 +144,9 @@ def test_materials_are_drawn_from_a_range() -> None:
     assert all(0.1 <= float(np.asarray(value)) <= 0.9 for value in friction)
 
 
-@pytest.mark.parametrize('name', CONTACT)
-def test_contact_recipes_draw_spheres_that_are_not_inside_others(name: str) -> None:
-    recipe = load_recipe(name)
+@pytest.mark.parametrize('name', DENSE)
+def test_dense_recipes_draw_spheres_that_are_not_inside_others(name: str) -> None:
+    recipe = DENSE[name]
     for index in range(4):
         scene, state = recipe.draw(index)
         assert recipe.spheres[0] <= len(state) <= recipe.spheres[1]
@@ -105,11 +154,6 @@ def test_contact_recipes_draw_spheres_that_are_not_inside_others(name: str) -> N
         again = recipe.draw(index)
         assert again[0] == scene
         assert np.array_equal(again[1].velocities, state.velocities)
-
-
-def test_contact_recipes_share_no_seed() -> None:
-    seeds = [load_recipe(name).seed for name in CONTACT]
-    assert len(CONTACT) == len(set(seeds)) == 7
 
 
 def test_radii_and_masses_are_drawn_evenly_in_the_logarithm() -> None:

@@ -41,8 +41,8 @@ BELIEVED = Scene(restitution=0.7, friction=0.5, rolling_friction=0.02)
 
 
 @pytest.fixture(scope='module')
-def contact() -> Simulator:
-    return load_simulator('contact', network=False)  # nothing but single contacts here
+def laws() -> Simulator:
+    return load_simulator()
 
 
 def heights(times: np.ndarray, drop: float, restitution: float) -> np.ndarray:
@@ -96,19 +96,19 @@ def record(places: np.ndarray, turns: np.ndarray, noise: float, seed: int) -> Re
     [(0.64, 0.0, 2e-3), (0.9, 1e-3, 4e-3), (0.5, 5e-3, 1e-2)],
 )
 def test_restitution_of_bounces_is_found(
-    contact: Simulator, restitution: float, noise: float, bound: float
+    laws: Simulator, restitution: float, noise: float, bound: float
 ) -> None:
     records = [dropped(restitution**2, noise, seed) for seed in range(2)]
-    found = calibrate(contact, records, names=['restitution'])
+    found = calibrate(laws, records, names=['restitution'])
     assert found.materials['restitution'].told
     assert found.values['restitution'] == pytest.approx(restitution, abs=bound)
     before, after = found.position_error
     assert after < before, 'what noise leaves in a start stays'
 
 
-def test_rolling_friction_is_found(contact: Simulator) -> None:
+def test_rolling_friction_is_found(laws: Simulator) -> None:
     records = [rolling(0.05, 1e-3, seed) for seed in range(2)]
-    found = calibrate(contact, records, names=['rolling_friction'])
+    found = calibrate(laws, records, names=['rolling_friction'])
     # 0.001 more slows by 7 mm/s^2: 1.3 mm in 0.6 s, where noise of 1 mm in poses and starts is
     # 5 mm in each of 96 ways and as much in rotations
     assert found.values['rolling_friction'] == pytest.approx(0.05, abs=1.5e-3)
@@ -116,29 +116,29 @@ def test_rolling_friction_is_found(contact: Simulator) -> None:
 
 
 def test_what_the_data_cannot_tell_is_kept_and_named(
-    contact: Simulator, capsys: pytest.CaptureFixture[str]
+    laws: Simulator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Balls that drop without spin never slide nor roll."""
-    found = calibrate(contact, [dropped(0.64)])
+    found = calibrate(laws, [dropped(0.64)])
     assert found.values['restitution'] == pytest.approx(0.8, abs=3e-3)
     for name, value in (('friction', 0.5), ('rolling_friction', 0.02)):
         one = found.materials[name]
         assert (one.told, one.value) == (False, value)
 
 
-def test_surfaces_of_their_own(contact: Simulator) -> None:
+def test_surfaces_of_their_own(laws: Simulator) -> None:
     """The product of ball and ground is all that bounces on the ground tell."""
-    found = calibrate(contact, [dropped(0.56)], names=['surface_restitution'])
+    found = calibrate(laws, [dropped(0.56)], names=['surface_restitution'])
     assert 0.7 * found.values['surface_restitution'] == pytest.approx(0.56, abs=3e-3)
     scene = with_materials(BELIEVED, found.values)
     assert scene.restitution == 0.7
     assert scene.surfaces[0].restitution == found.values['surface_restitution']
 
 
-def test_of_a_product_one_factor_is_kept(contact: Simulator) -> None:
+def test_of_a_product_one_factor_is_kept(laws: Simulator) -> None:
     """Balls that meet the ground alone tell the product: no factor may pass for known."""
     names = ['restitution', 'surface_restitution']
-    found = calibrate(contact, [dropped(0.448)], names=names)
+    found = calibrate(laws, [dropped(0.448)], names=names)
     ball, ground = (found.materials[name] for name in names)
     assert (ground.told, ground.value) == (False, 0.7)
     assert ball.told and 0.7 * ball.value == pytest.approx(0.448, abs=3e-3)
@@ -182,9 +182,9 @@ def test_starts_are_exact_in_flight_and_not_trusted_at_a_bounce() -> None:
     ('model', 'arguments', 'message'),
     [
         ('gns', {}, "model 'gns' is a gns, which takes no materials.*train --from"),
-        ('contact', {'names': ['colour']}, "unknown material 'colour', allowed: restitution"),
-        ('contact', {'names': []}, '0 materials, 1 records'),
-        ('contact', {'steps': 40}, 'no window of 40 steps .* has 26 steps, and .* needs 41'),
+        ('laws', {'names': ['colour']}, "unknown material 'colour', allowed: restitution"),
+        ('laws', {'names': []}, '0 materials, 1 records'),
+        ('laws', {'steps': 40}, 'no window of 40 steps .* has 26 steps, and .* needs 41'),
     ],
 )
 def test_bad_input_is_named(model: str, arguments: dict, message: str) -> None:
@@ -192,12 +192,12 @@ def test_bad_input_is_named(model: str, arguments: dict, message: str) -> None:
         calibrate(load_simulator(model), [dropped(0.64)], **arguments)
 
 
-def test_another_time_step_is_refused(contact: Simulator) -> None:
+def test_another_time_step_is_refused(laws: Simulator) -> None:
     other = dropped(0.64)
     slow = Trajectory.from_poses(other.trajectory.positions, other.trajectory.quaternions, 0.05)
     record = Record(trajectory=slow, scene=BELIEVED, seed=0, name='slow')
     with pytest.raises(ValueError, match="record 'slow' has a time step of 0.05 s, but .* 0.1 s"):
-        calibrate(contact, [record])
+        calibrate(laws, [record])
 
 
 def test_windows_share_no_tracked_frame() -> None:

@@ -85,7 +85,7 @@ def test_a_tracker_that_moves_as_the_model_says_shows_no_error(tmp_path, truth, 
     # free flight is exact; a window with a bounce in it has a wrong velocity
     assert one['median_m'] < 0.05
     assert one['median_m'] <= one['p90_m'] <= one['max_m']
-    assert report['recording']['model'] == 'contact'
+    assert report['recording']['model'] == 'laws'
     assert report['timing']['tracked_lateness_p50_ms'] == pytest.approx(20.0)
     assert (report['frames']['segments'], report['frames']['cuts']) == (1, 0)
     assert report['frames']['starts'] == 8
@@ -126,7 +126,7 @@ def test_an_uneven_tracker_is_compared_without_a_chord(tmp_path, truth, scene):
 
 def test_predictions_are_counted_from_each_start(tmp_path, scene):
     """Off by 0.1 m times the time since the start, of which there are three."""
-    codec, said = PoseArrayCodec('world', 1), {'scene': SCENE.to_mapping(), 'model': 'contact'}
+    codec, said = PoseArrayCodec('world', 1), {'scene': SCENE.to_mapping(), 'model': 'laws'}
     starts = [0, 15, 37]
 
     def poses(stamp: int, off: float = 0.0) -> np.ndarray:
@@ -211,7 +211,7 @@ def test_the_command_rolls_out_and_draws(tmp_path, truth, scene, capsys):
     pytest.importorskip('matplotlib', reason='matplotlib is not installed')
     bag = write_tracks(tmp_path / 'bag', truth)
     figure = tmp_path / 'bag.png'
-    options = ['--topic', '/vicon/balls', '--scene', str(scene), '--model', 'contact']
+    options = ['--topic', '/vicon/balls', '--scene', str(scene), '--model', 'laws']
     assert evaluate([str(bag), *options, '--starts', '3', '--figure', str(figure)]) == 0
     assert 'Position error since a start' in capsys.readouterr().out
     assert figure.read_bytes().startswith(b'\x89PNG')

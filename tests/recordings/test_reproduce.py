@@ -160,9 +160,14 @@ def test_missing_frames_are_told(tmp_path, model):
 
 
 def test_another_model_is_refused(tmp_path, model):
-    card = {**model.simulator.card, 'weights_sha256': '0' * 64}
-    folder = write_bag(tmp_path / 'bag', model, card=card)
-    with pytest.raises(ValueError, match='weights 000000000000.*; here: contact with .*--model'):
+    trained = {'kind': 'gns', 'weights_sha256': '0' * 64}
+    folder = write_bag(tmp_path / 'trained', model, card=trained)
+    with pytest.raises(ValueError, match='weights 000000000000.*; here: laws with .*--model'):
+        again(folder)
+    card = model.simulator.card
+    finer = {**card, 'options': {**card['options'], 'substeps': 16}}
+    folder = write_bag(tmp_path / 'finer', model, card=finer)
+    with pytest.raises(ValueError, match='substeps 16; here: laws with options .* substeps 8'):
         again(folder)
 
 

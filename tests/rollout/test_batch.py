@@ -32,7 +32,7 @@ SCENE = Scene(surfaces=Plane.box(12.0, 12.0), **MATERIAL)
 SMALL = Scene(surfaces=(Plane(),), radius=0.02, gravity=(-9.81, 0.0, 0.0), **MATERIAL)
 
 
-@pytest.fixture(scope='module', params=['contact', 'gns'])
+@pytest.fixture(scope='module', params=['laws', 'gns'])
 def simulator(request):
     return load_simulator(request.param)
 
@@ -96,7 +96,7 @@ def test_threads_of_the_thesis_network_change_nothing():
 
 
 def test_the_torch_backend_takes_one_after_another_in_this_thread(monkeypatch):
-    simulator = load_simulator('contact', backend='torch')
+    simulator = load_simulator('gns', backend='torch')
     starts = [start(seed, 3) for seed in range(2)]
     monkeypatch.setattr(
         'rigid_gns_core.running.threads.ThreadPoolExecutor', None

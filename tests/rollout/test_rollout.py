@@ -26,7 +26,7 @@ MATERIAL = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
 SCENE = Scene(surfaces=Plane.box(30.0, 30.0), radius=1.0, **MATERIAL)
 
 
-@pytest.fixture(scope='module', params=['contact', 'gns'])
+@pytest.fixture(scope='module', params=['laws', 'gns'])
 def simulator(request):
     return load_simulator(request.param)
 
@@ -36,8 +36,9 @@ def gns():
     return load_simulator('gns')
 
 
-def test_the_contact_model_is_the_default():
-    assert load_simulator().name == 'contact'
+def test_the_laws_are_the_default():
+    assert load_simulator().name == 'laws'
+    assert load_simulator('').name == 'laws'
 
 
 def start(count=12, seed=0):
@@ -173,20 +174,11 @@ def test_a_material_it_was_not_trained_on_is_said(gns):
         gns.rollout(SCENE, start(1), steps=1)
 
 
-def test_properties_beyond_the_training_data_are_said():
-    contact = load_simulator('contact')
-    with pytest.warns(UserWarning, match='mass_ratio of the scene is 1 to 1000, beyond the 1 to'):
-        contact.rollout(Scene(mass=(1.0, 1000.0)), start(2), steps=1)
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        contact.rollout(Scene(mass=(1.0, 4.0), restitution=(0.3, 0.9)), start(2), steps=1)
-
-
 def test_no_gravity():
     still = Scene(surfaces=(), gravity=(0.0, 0.0, 0.0), **MATERIAL)
     with pytest.raises(ValueError, match='gravity is 0'):
         load_simulator('gns').rollout(still, start(2))
-    flight = load_simulator('contact').rollout(still, [[0.0, 0, 0]], [[1.0, 2, 3]], steps=10)
+    flight = load_simulator('laws').rollout(still, [[0.0, 0, 0]], [[1.0, 2, 3]], steps=10)
     np.testing.assert_allclose(flight.positions[-1, 0], [1.0, 2, 3], rtol=1e-12)
 
 

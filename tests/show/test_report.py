@@ -210,7 +210,7 @@ def test_what_was_compared_has_units() -> None:
 
 
 def test_from_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ours = record(tmp_path / 'ours.h5', 1.1, engine='rigid_gns', model='contact')
+    ours = record(tmp_path / 'ours.h5', 1.1, engine='rigid_gns', model='laws')
     bullet = record(tmp_path / 'bullet.h5', engine='pybullet', substeps=24)
     half = record(tmp_path / 'half.h5', 1.05, engine='pybullet', substeps=12)
     out = tmp_path / 'report.html'
@@ -219,13 +219,13 @@ def test_from_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert f'report: {out}' in capsys.readouterr().out
     page = out.read_text('utf-8')
     payload = payload_of(page)
-    assert payload['sides'] == ['predicted (contact)', 'Bullet']
+    assert payload['sides'] == ['predicted (laws)', 'Bullet']
     labels = [curve['label'] for curve in payload['charts'][0]['curves']]
     assert 'floor: half, 12 substeps' in labels
     assert 'data-key="errors.position_error"' in page
     assert cli.main(['report', str(ours), '--out', str(out)]) == 0  # alone: laws, no errors
     page = out.read_text('utf-8')
-    assert payload_of(page)['sides'] == ['predicted (contact)']
+    assert payload_of(page)['sides'] == ['predicted (laws)']
     assert 'laws.predicted.energy_gain' in page and 'errors.position_error' not in page
 
 

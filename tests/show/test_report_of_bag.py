@@ -53,7 +53,7 @@ def bag(tmp_path: Path) -> Path:
             ('simulator/step_time', 'std_msgs/msg/Float64', 'reliable'),
         ):
             writer.add_topic(f'/{name}', kind, qos)
-        said = {'scene': SCENE.to_mapping(), 'model': 'contact', 'dt': 0.1, 'parameters': {}}
+        said = {'scene': SCENE.to_mapping(), 'model': 'laws', 'dt': 0.1, 'parameters': {}}
         writer.write('/simulator/scene', encode_string(json.dumps(said)), START)
         for k in range(20):
             stamp = START + k * PERIOD

@@ -20,12 +20,10 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core.data.records import Record
-from rigid_gns_core.gns.config import ContactConfig, GNSConfig
+from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.training.contact import ContactLearner, ContactTrainConfig
 from rigid_gns_core.training.distributed import Processes, started_by_torchrun
 from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.training.gns.windows import Noise, Source
@@ -39,7 +37,6 @@ GNS = GNSTrainConfig(
     noise=Noise(0.01, True),
     energy_weight=0.1,
 )
-CONTACT = ContactTrainConfig(model=ContactConfig(substeps=2, rounds=2, width=8), batch=3)
 
 
 def straight(positions: np.ndarray, velocities: np.ndarray, steps: int = 8) -> Trajectory:
@@ -60,43 +57,14 @@ def flying(count: int) -> Trajectory:
     return straight(rng.uniform(-6, 6, (count, 3)) + [0, 0, 8], rng.normal(size=(count, 3)))
 
 
-def piled(side: int) -> Record:
-    """Two layers of spheres that touch and move slowly."""
-    grid = 2.0 * np.stack(np.meshgrid(range(side), range(2), range(2)), -1).reshape(-1, 3)
-    velocities = 0.2 * np.random.default_rng(side).normal(size=grid.shape)
-    return Record(trajectory=straight(grid + [0, 0, 1.0], velocities), scene=SCENE, seed=side)
-
-
-def learners() -> dict[str, GNSLearner | ContactLearner]:
+def learners() -> dict[str, GNSLearner]:
     """One of each kind of training."""
     sources = [Source.of(flying(count), SCENE) for count in (2, 7, 25)]
     units = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
-    contact = ContactLearner(CONTACT, [piled(side) for side in (2, 3)])
-    torch.manual_seed(0)
-    with (
-        torch.no_grad()
-    ):  # outputs begin as zeros, which the other weights get no gradient through
-        for parameter in contact.network.heads.parameters():
-            parameter.normal_(std=0.3)
     return {
         'one_step': GNSLearner(GNS, sources, units),
         'closed_loop': GNSLearner(replace(GNS, closed_loop_steps=3), sources, units),
-        'contact': contact,
     }
-
-
-def in_shares(learner: ContactLearner, step: int) -> torch.Tensor:
-    """Loss of one process that simulates the shares of two after each other.
-
-    Windows of the contact model that are simulated together end their extra rounds together, so
-    that a batch in shares is not quite the batch as a whole.
-    """
-    processes, means = learner.processes, []
-    for processes.rank in (0, 1):
-        processes.size = 2
-        means += learner.means_at(step)
-    processes.rank, processes.size = 0, 1
-    return sum(mean.value * mean.weight for mean in means) / sum(mean.weight for mean in means)
 
 
 def gradients(steps: int = 2) -> dict[str, torch.Tensor]:
@@ -106,10 +74,7 @@ def gradients(steps: int = 2) -> dict[str, torch.Tensor]:
         processes = learner.processes
         for step in range(steps):
             learner.network.zero_grad()
-            if processes.size == 1 and isinstance(learner, ContactLearner):
-                loss = in_shares(learner, step)
-            else:
-                loss = learner.shared_loss(step)
+            loss = learner.shared_loss(step)
             loss.backward()
             whole = processes.sum(loss.item()) / processes.size
             found[f'{name}.{step}.loss'] = torch.tensor(whole, dtype=torch.float64)

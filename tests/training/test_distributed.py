@@ -28,7 +28,6 @@ from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
 from rigid_gns_core.data.records import Dataset, Record, record_path, write_recipe, write_record
 from rigid_gns_core.files.config import to_mapping
 from rigid_gns_core.training.distributed import find_device, Mean, Processes
-from rigid_gns_core.training.recipes import device_of
 from rigid_gns_core.training.train import Trainer
 from safetensors.torch import load_file
 import torch
@@ -130,17 +129,14 @@ def test_alone_a_process_does_all():
     assert processes.fair(Mean(value, 7)) is value
 
 
-def test_devices_that_are_not_there_are_named(monkeypatch, worker):
+def test_devices_that_are_not_there_are_named(monkeypatch):
     monkeypatch.setattr(torch.cuda, 'is_available', lambda: False)
     assert find_device('auto') == find_device('cpu') == torch.device('cpu')
     with pytest.raises(ValueError, match='device is cuda, but torch finds no CUDA device'):
         find_device('cuda')
-    with pytest.raises(ValueError, match='contact model is trained on the CPU'):
-        device_of(worker.CONTACT, 'cuda')
     monkeypatch.setattr(torch.cuda, 'is_available', lambda: True)
     monkeypatch.setattr(torch.cuda, 'device_count', lambda: 1)
-    assert device_of(worker.GNS, 'auto') == torch.device('cuda', 0)
-    assert device_of(worker.CONTACT, 'auto') == torch.device('cpu')
+    assert find_device('auto') == torch.device('cuda', 0)
     monkeypatch.setenv('LOCAL_RANK', '1')
     with pytest.raises(
         ValueError, match='process 1 of this machine has no CUDA device, there are 1'

@@ -122,8 +122,10 @@ def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:
     floating = replace(tracked(), scene=replace(tracked().scene, gravity=(0.0, 0.0, 0.0)))
     with pytest.raises(ValueError, match="'flight' has no gravity, .*without --from"):
         point.records([floating])
-    with pytest.raises(ValueError, match="'flight' holds tracked poses, .* rigid-gns calibrate"):
-        StartingPoint.of('contact').records([tracked()])
+    with pytest.raises(
+        CheckpointError, match="model 'laws' has no weights .* rigid-gns calibrate"
+    ):
+        StartingPoint.of('laws')
     recipe = load_recipe('gns_finetune')
     other = replace(recipe, model=replace(recipe.model, width=16))
     with pytest.raises(CheckpointError, match=r'differs from the recipe \(gns\) in width'):

@@ -64,7 +64,7 @@ def test_they_come_by_themselves_with_values(simulated: Simulated, falling: Fall
     ]
     assert {status.hardware_id for status in statuses} == {'none'}
     values = {item.key: item.value for item in statuses[1].values}
-    assert values['model'] == 'contact' and values['published'] == str(count)
+    assert values['model'] == 'laws' and values['published'] == str(count)
     assert float(values['period [s]']) == 0.1
     assert values['last start: reason'] == 'first' and values['starts'] == '1'
     for name in ('lateness p50 [ms]', 'lateness p99 [ms]', 'lateness worst [ms]'):

@@ -47,8 +47,8 @@ def test_the_scene_is_latched(simulated: Simulated) -> None:
     setup.bench.until(lambda: heard, 'the scene')
     content = json.loads(heard[0].data)
     assert content['scene'] == load_scene('box_154').to_mapping()
-    assert content['model'] == 'contact' and content['dt'] == content['period'] == 0.1
-    assert content['model_card']['format_version'] == 1
+    assert content['model'] == 'laws' and content['dt'] == content['period'] == 0.1
+    assert content['model_card']['kind'] == 'laws' and content['model_card']['version']
     assert content['parameters']['velocity_window'] == 1
     assert content['topics'] == {
         'tracked': '/tracked_poses',
