@@ -95,17 +95,6 @@ def test_threads_of_the_thesis_network_change_nothing():
         assert_same_bytes(trajectory, alone(simulator, SCENE, state, 10))
 
 
-def test_the_torch_backend_takes_one_after_another_in_this_thread(monkeypatch):
-    simulator = load_simulator('gns', backend='torch')
-    starts = [start(seed, 3) for seed in range(2)]
-    monkeypatch.setattr(
-        'rigid_gns_core.running.threads.ThreadPoolExecutor', None
-    )  # a call would fail
-    batch = simulator.rollout_batch(SCENE, starts, steps=2, workers=4)
-    for state, trajectory in zip(starts, batch, strict=True):
-        assert_same_bytes(trajectory, alone(simulator, SCENE, state, 2))
-
-
 def test_one_that_diverges_leaves_the_others_alone():
     simulator = load_simulator('gns')
     starts = [start(seed) for seed in range(3)]
