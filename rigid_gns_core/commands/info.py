@@ -133,7 +133,7 @@ def format_info(info: dict[str, Any]) -> str:
         ('Python', f'{info["python"]}, {info["system"]}'),
         ('libraries', libraries),
         ('engine', _engine(info['engine'])),
-        ('torch', _probed(info['torch'], 'train, the backend torch')),
+        ('torch', _probed(info['torch'], 'train, the model gns')),
         ('GPU', _gpu(info['torch'], info['graphics'])),
         ('pybullet', _probed(info['pybullet'], 'the teacher: generate, closed-forms')),
         ('ROS', _ros(info['ros'])),

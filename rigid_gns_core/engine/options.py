@@ -20,15 +20,6 @@ from dataclasses import dataclass
 
 from ..files.config import check_least
 
-BACKENDS = ('engine', 'torch')
-
-
-def known_backend(name: str) -> str:
-    """Return the name of a backend; ValueError where there is none such."""
-    if name not in BACKENDS:
-        raise ValueError(f'backend is {name!r}, allowed: {", ".join(BACKENDS)}')
-    return name
-
 
 @dataclass(frozen=True)
 class LawsOptions:

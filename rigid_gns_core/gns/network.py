@@ -17,9 +17,9 @@
 ==========================================  ====================================
 equation                                    here
 ==========================================  ====================================
-x_i without p_i, q_i (3.2.3)                `GraphInput.nodes`
-r_ij^pp = [p_i - p_j, norm] (3.2.2)         `GraphInput.edges`
-r_is^ps = [v_i, n_s, d n_s, abs(d)]         `GraphInput.surface_edges`
+x_i without p_i, q_i (3.2.3)                `Features.nodes`
+r_ij^pp = [p_i - p_j, norm] (3.2.2)         `Features.edges`
+r_is^ps = [v_i, n_s, d n_s, abs(d)]         `Features.surface_edges`
 m_ij = MLP(v_i, v_j, e_ij), m_ji = -m_ij    `GNBlock.forward`, `third_law`
 v_i' = v_i + MLP(v_i, Agg_i)                `GNBlock.forward`
 e_ij' = e_ij + m_ij; e_is stays             `GNBlock.forward`
@@ -29,67 +29,12 @@ y_i = decoder(v_i)                          `GNS.forward`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 import torch
 from torch import nn, Tensor
 
 from .config import GNSConfig
-from .features import Features, features_of, Motion
-from .graph import Graph
+from .features import Features
 from .layers import MLP, Normaliser
-from ..scenes.scene import Scene
-from ..scenes.state import Array
-
-
-class GraphInput(NamedTuple):
-    """`Features`, with its shapes, as tensors, of one graph or of several side by side."""
-
-    nodes: Tensor
-    edges: Tensor
-    surface_edges: Tensor
-    senders: Tensor
-    receivers: Tensor
-    reverse: Tensor
-    surface_receivers: Tensor
-    motion: Tensor
-
-
-def graph_input(
-    config: GNSConfig, motion: Motion, scene: Scene, dt: float, graph: Graph | None = None
-) -> GraphInput:
-    """Features of one step as tensors; see `features_of`."""
-    return as_tensors(features_of(config, motion, scene, dt, graph))
-
-
-def as_tensors(features: Features) -> GraphInput:
-    """Return the same as tensors, without a copy."""
-    return GraphInput(*(torch.from_numpy(array) for array in features))
-
-
-def side_by_side(inputs: Sequence[GraphInput]) -> GraphInput:
-    """Several graphs as one graph without edges between them."""
-    nodes = np.cumsum([0] + [len(graph.nodes) for graph in inputs])
-    edges = np.cumsum([0] + [len(graph.edges) for graph in inputs])
-
-    def shifted(name: str, offsets: NDArray[np.int64]) -> torch.Tensor:
-        return torch.cat(
-            [getattr(g, name) + int(o) for g, o in zip(inputs, offsets[:-1], strict=True)]
-        )
-
-    return GraphInput(
-        nodes=torch.cat([graph.nodes for graph in inputs]),
-        edges=torch.cat([graph.edges for graph in inputs]),
-        surface_edges=torch.cat([graph.surface_edges for graph in inputs]),
-        senders=shifted('senders', nodes),
-        receivers=shifted('receivers', nodes),
-        reverse=shifted('reverse', edges),
-        surface_receivers=shifted('surface_receivers', nodes),
-        motion=torch.cat([graph.motion for graph in inputs]),
-    )
 
 
 class GNBlock(nn.Module):
@@ -103,7 +48,7 @@ class GNBlock(nn.Module):
         self.node_update = MLP((width, width), width, width)
 
     def forward(
-        self, nodes: Tensor, edges: Tensor, surface_edges: Tensor, graph: GraphInput
+        self, nodes: Tensor, edges: Tensor, surface_edges: Tensor, graph: Features
     ) -> tuple[Tensor, Tensor]:
         received = torch.zeros_like(nodes)
         if len(edges):
@@ -147,7 +92,7 @@ class GNS(nn.Module):
         )
         self.decoder = MLP((width,), width, 6)
 
-    def forward(self, graph: GraphInput) -> Tensor:
+    def forward(self, graph: Features) -> Tensor:
         """Normalised target of every sphere, shape (n, 6)."""
         nodes = self.node_encoder(self.node_normaliser(graph.nodes))
         edges = self.edge_encoder(self.edge_normaliser(graph.edges))
@@ -161,12 +106,6 @@ class GNS(nn.Module):
         """Next [v, omega] [m/s, rad/s] from the output, shape (n, 6); undoes `encode_target`."""
         value = self.target_normaliser.inverse(output)
         return motion + value if self.config.target == 'acceleration' else value
-
-    @torch.inference_mode()
-    def predict(self, features: Features) -> Array:
-        """Next [v, omega] from arrays, shape (n, 6)."""
-        graph = as_tensors(features)
-        return self.decode(self(graph), graph.motion).numpy()
 
     def encode_target(self, next_motion: Tensor, motion: Tensor) -> Tensor:
         """Normalised target from the next [v, omega], shape (n, 6)."""

@@ -16,45 +16,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
+import torch
 
-from .config import GNSConfig
-from .features import Features, features_of, Motion
+from .features import SideBySide
 from .graph import build_graph, Reach
+from .motion import Motion
+from .network import GNS
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
-from ..scenes.state import Array, rotate_quaternions, rotation_between, State
-
-
-def integrate(
-    positions: Array, quaternions: Array, velocities: Array, angular_velocities: Array, dt: float
-) -> tuple[Array, Array]:
-    """Semi-implicit Euler: p + v dt, and q turned by w dt; inverse of `difference`.
-
-    The rotation is the exponential of w dt in the world frame. The thesis' first order form,
-    q + q (0, w) dt / 2 and normalised, turns a sphere that rolls at 20 m/s by 90 degrees in a step
-    of 0.1 s, where it should be 115.
-
-    Args:
-        positions: Centres [m], shape (n, 3).
-        quaternions: Rotations (x, y, z, w), shape (n, 4).
-        velocities: [m/s], shape (n, 3).
-        angular_velocities: [rad/s], world frame, shape (n, 3).
-        dt: Length of the step [s].
-    """
-    return positions + dt * velocities, rotate_quaternions(quaternions, dt * angular_velocities)
-
-
-def difference(
-    positions: Array, quaternions: Array, next_positions: Array, next_quaternions: Array, dt: float
-) -> tuple[Array, Array]:
-    """Velocities [m/s] and angular velocities [rad/s] that lead to the next pose (section 3.3).
-
-    Positions have shape (n, 3), quaternions (n, 4), both results (n, 3).
-    """
-    return (next_positions - positions) / dt, rotation_between(quaternions, next_quaternions) / dt
+from ..scenes.state import Array, State
 
 
 def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
@@ -76,56 +50,63 @@ def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
 class GNSStepper(Stepper):
     """Rolls a GNS out in the model's units. The history starts with copies of the first motion.
 
+    State, features and network are on the network's device; who is connected is found on the CPU.
+
     Args:
-        predict: The network: next [v, omega] from features, shape (n, 6).
-        config: Its configuration.
+        network: With its weights.
         scene: Surfaces and sphere properties.
         state: Start.
         dt: Length of a step.
+        threads: CPU threads of torch in a step.
     """
 
     def __init__(
-        self,
-        predict: Callable[[Features], Array],
-        config: GNSConfig,
-        scene: Scene,
-        state: State,
-        dt: float,
+        self, network: GNS, scene: Scene, state: State, dt: float, *, threads: int = 1
     ) -> None:
-        self.predict, self.config, self.scene, self.dt = predict, config, scene, dt
-        states = config.history + 1
-        velocity = backward_velocities(state, scene, dt)
+        self.network, self.dt, self.threads = network, dt, threads
+        device = network.target_normaliser.mean.device
+        self.graph = SideBySide([scene], [len(state)], network.config, dt, device)
+        history = (network.config.history + 1, 1, 1)
+        velocity = torch.from_numpy(backward_velocities(state, scene, dt))
         self.motion = Motion(
-            state.positions,
-            state.quaternions,
-            np.repeat(velocity[None], states, axis=0),
-            np.repeat(state.angular_velocities[None], states, axis=0),
-        )
+            torch.from_numpy(state.positions),
+            torch.from_numpy(state.quaternions),
+            velocity.repeat(history),
+            torch.from_numpy(state.angular_velocities).repeat(history),
+        ).to(device)
 
+    @torch.inference_mode()
     def step(self) -> State:
         """Advance by dt; the result's velocities are means over the step: backward differences.
 
         Raises:
             FloatingPointError: The rollout diverged (a value is not finite or beyond 1e9).
         """
-        motion = self.motion
-        features = features_of(self.config, motion, self.scene, self.dt)
-        predicted = self.predict(features).astype(np.float64)
-        if predicted.size and not np.abs(predicted).max() < 1e9:  # also false for NaN
-            raise FloatingPointError('the rollout diverged: a predicted velocity is not finite')
-        velocity, angular = predicted[:, :3], predicted[:, 3:]
-        positions, quaternions = integrate(
-            motion.positions, motion.quaternions, velocity, angular, self.dt
-        )
-        self.motion = Motion(
-            positions,
-            quaternions,
-            np.concatenate([velocity[None], motion.velocities[:-1]]),
-            np.concatenate([angular[None], motion.angular_velocities[:-1]]),
-        )
+        with torch_threads(self.threads):
+            features = self.graph.features(self.motion)
+            predicted = self.network.decode(self.network(features), features.motion).double()
+            if len(predicted) and not predicted.abs().max() < 1e9:  # also false for NaN
+                raise FloatingPointError(
+                    'the rollout diverged: a predicted velocity is not finite'
+                )
+            self.motion = motion = self.motion.advanced(predicted, self.dt)
         return State(
-            positions=positions,
-            quaternions=quaternions,
-            velocities=velocity,
-            angular_velocities=angular,
+            positions=motion.positions.cpu().numpy(),
+            quaternions=motion.quaternions.cpu().numpy(),
+            velocities=motion.velocities[0].cpu().numpy(),
+            angular_velocities=motion.angular_velocities[0].cpu().numpy(),
         )
+
+
+@contextmanager
+def torch_threads(count: int) -> Iterator[None]:
+    """Let torch use `count` CPU threads within, and as many as before afterwards."""
+    before = torch.get_num_threads()
+    if before == count:
+        yield
+        return
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -204,9 +204,7 @@ class Simulator(ABC):
 
         Each trajectory is bit for bit that of `rollout`, whatever the number of workers, and one
         that diverges leaves the others alone; warnings and errors name the index of its start.
-        Workers are threads, since compiled code runs beside other threads; the backend 'torch'
-        takes one after another. On a device all are one batch of tensors, so that there results
-        are the same to the rounding of float32.
+        Workers are threads, since compiled code, as that of torch, runs beside other threads.
 
         Args:
             scenes: One for all starts, or one per start.
@@ -214,8 +212,7 @@ class Simulator(ABC):
                 shape (n, 3), where n may differ.
             steps: Steps of `native_dt` of each scene.
             workers: Threads; None: one per usable core.
-            done: Called with each number of steps that a start has taken, in its thread; never on
-                a device, where all take their steps at once.
+            done: Called with each number of steps that a start has taken, in its thread.
 
         Raises:
             ValueError: A start is wrong, or the model cannot serve its scene; before any runs.
@@ -276,11 +273,11 @@ def load_simulator(
         name_or_path: 'laws', 'gns', or a path; None: the laws.
         threads: CPU threads of a network; the laws take one.
         options: Of the kind of model. The laws: `guard`, `sleep`, `substeps`, `rounds`; see
-            `LawsOptions`. A GNS: `backend` and, with the backend 'torch', `device`, such as
-            'cuda'; see `GNSSimulator`.
+            `LawsOptions`. A GNS, which needs torch: `device`, such as 'cuda'; see `GNSSimulator`.
 
     Raises:
         CheckpointError: There is no such model, or its files are damaged or of another version.
+        ModuleNotFoundError: The model needs torch, which is not installed.
         ValueError: The model has no such option.
     """
     from ..prediction.simulators import (  # here, since they build on this module

@@ -19,13 +19,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.gns.features import Motion
-from rigid_gns_core.gns.graph import build_graph
-from rigid_gns_core.gns.network import GNBlock, GNS, graph_input, side_by_side
+from rigid_gns_core.gns.motion import Motion
+from rigid_gns_core.gns.network import GNBlock, GNS
 from rigid_gns_core.scenes.scene import Plane, Scene
 import torch
 
-from .random_motion import random_motion
+from .random_motion import features, random_motion
 
 SCENE = Scene(surfaces=Plane.box(12.0, 12.0))
 CONFIG = GNSConfig(message_passing_steps=2, width=16)
@@ -38,7 +37,7 @@ def network(config=CONFIG, seed=0):
 
 def output(net, moving, scene=SCENE):
     with torch.no_grad():
-        return net(graph_input(net.config, moving, scene, 0.1)).numpy()
+        return net(features(net.config, scene, moving)).numpy()
 
 
 def permuted(moving, order):
@@ -51,11 +50,11 @@ def permuted(moving, order):
 
 
 def shifted(moving, by):
-    return replace(moving, positions=moving.positions + by)
+    return moving._replace(positions=moving.positions + torch.from_numpy(by))
 
 
 def test_shapes_of_the_thesis():
-    graph = graph_input(GNSConfig(), random_motion(0), SCENE, 0.1)
+    graph = features(GNSConfig(), SCENE, random_motion(0))
     assert graph.nodes.shape == (20, 18)  # v and omega at k, k - 1, k - 2
     assert graph.edges.shape[1] == 4
     assert graph.surface_edges.shape[1] == 10
@@ -64,18 +63,58 @@ def test_shapes_of_the_thesis():
     assert sum(p.numel() for p in GNS(GNSConfig()).parameters()) == 894_342
 
 
-def test_surface_features_follow_the_thesis():
-    moving = random_motion(1)
-    graph = build_graph(moving.positions, moving.velocities[0], SCENE, 0.1, CONFIG.reach())
-    features = graph_input(CONFIG, moving, SCENE, 0.1, graph).surface_edges.numpy()
-    for row, sphere, surface in zip(
-        features, graph.surface_receivers, graph.surface_senders, strict=True
-    ):
-        plane = SCENE.surfaces[surface]
-        normal = np.asarray(plane.normal)
-        height = (moving.positions[sphere] - plane.point) @ normal
-        expected = [*moving.velocities[0, sphere], *normal, *(height * normal), abs(height)]
-        np.testing.assert_allclose(row, expected, rtol=1e-6, atol=1e-6)
+def relu_mlp(mlp, *parts):
+    """Linear, ReLU, linear on the parts in a row, in float64."""
+    first, bias, last, last_bias = (
+        w.detach().double().numpy()
+        for w in (torch.cat(list(mlp.weights), 1), mlp.bias, mlp.last.weight, mlp.last.bias)
+    )
+    return last @ np.maximum(first @ np.concatenate(parts) + bias, 0.0) + last_bias
+
+
+@pytest.mark.parametrize('third_law', [True, False])
+@pytest.mark.parametrize('target', ['velocity', 'acceleration'])
+def test_the_network_follows_the_equations_edge_by_edge(third_law, target):
+    net = network(replace(CONFIG, third_law=third_law, target=target))
+    for normaliser in (net.node_normaliser, net.edge_normaliser, net.surface_normaliser):
+        normaliser.fit(torch.randn_like(normaliser.mean), torch.rand_like(normaliser.mean) + 0.5)
+    net.target_normaliser.fit(torch.arange(6.0), torch.arange(1.0, 7.0))
+    graph = features(net.config, SCENE, random_motion(11))
+    with torch.no_grad():
+        found = net.decode(net(graph), graph.motion).numpy()
+
+    def encoded(encoder, normaliser, rows):
+        mean, scale = normaliser.mean.double().numpy(), normaliser.scale.double().numpy()
+        return [relu_mlp(encoder, (row - mean) / scale) for row in rows.double().numpy()]
+
+    v = encoded(net.node_encoder, net.node_normaliser, graph.nodes)
+    e = encoded(net.edge_encoder, net.edge_normaliser, graph.edges)
+    e_s = encoded(net.surface_encoder, net.surface_normaliser, graph.surface_edges)
+    edge_of = {
+        pair: k
+        for k, pair in enumerate(
+            zip(graph.receivers.tolist(), graph.senders.tolist(), strict=True)
+        )
+    }
+    assert len(edge_of) == len(e) > 10
+    for block in net.blocks:
+        raw = {(i, j): relu_mlp(block.particle_message, v[i], v[j], e[k])
+               for (i, j), k in edge_of.items()}  # fmt: skip
+        m = {(i, j): (raw[i, j] - raw[j, i]) / 2 if third_law else raw[i, j] for i, j in raw}
+        received = [np.zeros(16) for _ in v]
+        for (i, j), k in edge_of.items():
+            received[i] = received[i] + m[i, j]
+            e[k] = e[k] + m[i, j]
+        for k, i in enumerate(graph.surface_receivers.tolist()):
+            received[i] = received[i] + relu_mlp(block.surface_message, v[i], e_s[k])
+        v = [
+            x + relu_mlp(block.node_update, x, total) for x, total in zip(v, received, strict=True)
+        ]
+    expected = np.array([relu_mlp(net.decoder, x) for x in v]) * np.arange(1, 7) + np.arange(6)
+    if target == 'acceleration':
+        expected += graph.motion.numpy()
+    # float32: some 50 roundings of 6e-8 of values up to 10 in a row
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=3e-5)
 
 
 @pytest.mark.parametrize('third_law', [True, False])
@@ -110,19 +149,16 @@ def test_translation_invariant_unless_the_pose_is_shown():
 
 def test_batch_equals_single():
     net = network()
-    graphs = [
-        graph_input(CONFIG, random_motion(s, count), SCENE, 0.1)
-        for s, count in ((4, 7), (5, 13), (6, 1))
-    ]
+    motions = [random_motion(s, count) for s, count in ((4, 7), (5, 13), (6, 1))]
     with torch.no_grad():
-        together = net(side_by_side(graphs))
-        alone = torch.cat([net(graph) for graph in graphs])
+        together = net(features(CONFIG, SCENE, *motions))
+        alone = torch.cat([net(features(CONFIG, SCENE, motion)) for motion in motions])
     torch.testing.assert_close(together, alone, rtol=0, atol=5e-6)
 
 
 def test_messages_obey_newtons_third_law():
     torch.manual_seed(0)
-    graph = graph_input(CONFIG, random_motion(7), SCENE, 0.1)
+    graph = features(CONFIG, SCENE, random_motion(7))
     nodes, edges = torch.randn(20, 16), torch.randn(len(graph.edges), 16)
     for third_law in (True, False):
         block = GNBlock(16, third_law)
@@ -136,7 +172,7 @@ def test_messages_obey_newtons_third_law():
 
 def test_particle_edges_change_in_every_block_and_surface_edges_do_not_reach_them():
     net = network()
-    graph = graph_input(CONFIG, random_motion(8), SCENE, 0.1)
+    graph = features(CONFIG, SCENE, random_motion(8))
     nodes = net.node_encoder(graph.nodes)
     edges = net.edge_encoder(graph.edges)
     surface = net.surface_encoder(graph.surface_edges)
@@ -149,12 +185,12 @@ def test_particle_edges_change_in_every_block_and_surface_edges_do_not_reach_the
 def test_far_spheres_do_not_interact():
     net = network(replace(CONFIG, ground_edge=False))
     moving = random_motion(9, count=2)
-    positions = np.array([[0.0, 0, 50.0], [5.0, 0, 50.0]])
-    far = positions + [[0, 0, 0], [400.0, 0, 0]]
+    positions = torch.tensor([[0.0, 0, 50.0], [5.0, 0, 50.0]], dtype=torch.float64)
+    far = positions + torch.tensor([[0, 0, 0], [400.0, 0, 0]])
     scene = Scene(surfaces=())
-    slow = replace(moving, velocities=moving.velocities * 0.1)
-    first = output(net, replace(slow, positions=positions), scene)
-    second = output(net, replace(slow, positions=far), scene)
+    slow = moving._replace(velocities=moving.velocities * 0.1)
+    first = output(net, slow._replace(positions=positions), scene)
+    second = output(net, slow._replace(positions=far), scene)
     np.testing.assert_array_equal(first, second)
 
 

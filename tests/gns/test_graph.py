@@ -72,6 +72,59 @@ def test_pairs_equal_brute_force(connectivity, seed):
         assert found == expected
 
 
+PLATE = Plane((1.0, 0, 4), (0, 0.6, 0.8), length_x=6.0, length_y=4.0)
+
+
+def brute_force_surfaces(positions, velocities, radius, scene, reach):
+    """(sphere, surface) and the closest point, which is looked for corner by corner and inside."""
+    speed = np.linalg.norm(velocities, axis=1)
+    found = {}
+    for i, p in enumerate(positions):
+        limit = {
+            'epsilon': reach.epsilon,
+            'vmax': speed.max() * DT + reach.margin,
+            'vi': speed[i] * DT + reach.margin,
+        }[reach.connectivity]
+        for s, plane in enumerate(scene.surfaces):
+            x, y, normal = plane.axes
+            along, across, height = (axis @ (p - plane.point) for axis in (x, y, normal))
+            along = sorted([-plane.length_x / 2, along, plane.length_x / 2])[1]
+            across = sorted([-plane.length_y / 2, across, plane.length_y / 2])[1]
+            point = plane.point + along * x + across * y
+            gap = np.linalg.norm(p - point)
+            if height < 0 and np.isinf(max(plane.length_x, plane.length_y)):
+                gap = -gap
+            if gap - radius <= limit or (reach.ground_edge and s == scene.ground):
+                found[i, s] = point
+    return found
+
+
+@pytest.mark.parametrize('ground_edge', [True, False])
+@pytest.mark.parametrize('connectivity', ['epsilon', 'vmax', 'vi'])
+def test_surface_edges_equal_brute_force(connectivity, ground_edge):
+    reach = Reach(connectivity, epsilon=0.6, ground_edge=ground_edge)
+    scene = Scene(surfaces=(*Plane.box(9.0, 9.0, 5.0), PLATE), radius=0.7)
+    for seed in range(3):
+        positions, velocities = random_spheres(seed, side=10.0)
+        positions = 1.2 * positions - [0, 0, 2.0]  # some behind walls and below the ground
+        graph = build_graph(positions, velocities, scene, DT, reach)
+        expected = brute_force_surfaces(positions, velocities, 0.7, scene, reach)
+        edges = zip(graph.surface_receivers.tolist(), graph.surface_senders.tolist(), strict=True)
+        found = dict(zip(edges, graph.surface_points, strict=True))
+        assert found.keys() == expected.keys()
+        assert len({s for _, s in found}) == 6 and len(found) > 20
+        for edge, point in expected.items():
+            np.testing.assert_allclose(found[edge], point, atol=1e-13)  # float64 of order 10
+
+
+def test_gravity_brings_a_sphere_at_rest_to_a_plane():
+    # 0.06 m above it, beyond the margin of 0.05, but g dt^2 / 2 = 0.049 m nearer after the step
+    positions = np.array([[0.0, 0, 1.06], [9.0, 0, 1.2]])
+    reach = Reach('swept', ground_edge=False)
+    graph = build_graph(positions, np.zeros((2, 3)), Scene(), DT, reach)
+    assert graph.surface_receivers.tolist() == [0]
+
+
 @pytest.mark.parametrize('connectivity', CONNECTIVITIES)
 def test_edges_come_in_both_directions(connectivity):
     positions, velocities = random_spheres(4)

@@ -79,22 +79,36 @@ def test_public_names_exist() -> None:
         _ = rigid_gns_core.no_such_name
 
 
-@pytest.mark.parametrize('model', ['contact', 'gns'])
-def test_rollout_without_torch_ros_bullet_and_plots(model: str) -> None:
+def test_rollout_without_torch_ros_bullet_and_plots() -> None:
     output = run(
-        f"""
+        """
 import numpy as np
 from rigid_gns_core import Plane, Scene, load_simulator
 
 scene = Scene(surfaces=Plane.box(20.0, 20.0))
 positions = np.array([[0.0, 0.0, 3.0], [0.4, 0.0, 6.0], [5.0, 5.0, 1.0]])
-trajectory = load_simulator({model!r}).rollout(scene, positions, steps=10)
+trajectory = load_simulator().rollout(scene, positions, steps=10)
 assert trajectory.diverged_at is None
 print(trajectory.positions.shape, set(Absent.names) & set(sys.modules))
 """,
         ABSENT,
     )
     assert output.strip() == '(11, 3, 3) set()'
+
+
+def test_the_network_of_the_thesis_asks_for_torch() -> None:
+    output = run(
+        """
+from rigid_gns_core import load_simulator
+try:
+    load_simulator('gns')
+except ModuleNotFoundError as error:
+    print(error)
+""",
+        ABSENT,
+    )
+    assert output.startswith("model 'gns' needs torch, which is not installed")
+    assert "pip install 'rigid_gns_ros[torch]'" in output
 
 
 def test_bags_are_read_without_ros() -> None:

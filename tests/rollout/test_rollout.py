@@ -96,7 +96,7 @@ def test_blocks_grow_with_the_time_they_may_take(simulator, seconds, lengths):
 
 def test_blocks_end_where_it_diverges():
     simulator = load_simulator('gns')
-    simulator.tensors['decoder.last.weight'] *= 1e6
+    simulator.network.decoder.last.weight.data *= 1e6
     *sound, (last, error) = simulator.start(SCENE, start()).blocks(30, 1.0)
     assert 'diverged' in error and not any(why for _, why in sound)
     assert sum(len(states) for states, _ in sound) + len(last) < 30
@@ -192,7 +192,7 @@ def test_no_gravity():
 
 def test_divergence_is_said_and_marked():
     simulator = load_simulator('gns')
-    simulator.tensors['decoder.last.weight'] *= 1e6
+    simulator.network.decoder.last.weight.data *= 1e6
     with pytest.warns(UserWarning, match='diverged'):
         trajectory = simulator.rollout(SCENE, start(), steps=30)
     assert trajectory.diverged_at is not None

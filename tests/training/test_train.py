@@ -29,6 +29,7 @@ from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.training.gns.closed_loop import batch_of
 from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.training.gns.windows import Noise, Source
 from rigid_gns_core.training.train import load_recipe, Trainer
@@ -186,10 +187,15 @@ def test_a_run_that_is_killed_loses_little(tmp_path, monkeypatch):
         assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
 
 
+def quiet_batch(learner):
+    windows = learner.windows(learner.draw(0, 3, Noise(std=0.0)), 1)
+    return batch_of(windows, 0, windows.start, corrects_target=False)
+
+
 def test_energy_regulariser_is_the_energy_that_the_prediction_gains():
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
     learner = GNSLearner(CONFIG, [source], UNITS)
-    batch = learner.batch(learner.draw(0, 3, Noise(std=0.0)))
+    batch = quiet_batch(learner)
     motion = batch.graph.motion
     predicted = motion.clone()
     predicted[:, 2] = 0.0  # level flight: no potential energy is won
@@ -208,7 +214,7 @@ def test_free_flight_gains_no_energy():
     # backward differences make E[k+1] - E[k] = -m g^2 dt^2 / 2 in free flight: never a gain
     source = Source.of(RECORDS[0].trajectory, RECORDS[0].scene)
     learner = GNSLearner(CONFIG, [source], UNITS)
-    batch = learner.batch(learner.draw(0, 3, Noise(std=0.0)))
+    batch = quiet_batch(learner)
     assert learner.energy_gain(batch.next_motion, batch).item() < 1e-5  # float32 of 9.81 * 40
 
 

@@ -17,18 +17,13 @@
 import numpy as np
 import pytest
 from rigid_gns_core.gns.config import GNSConfig
+from rigid_gns_core.gns.motion import difference, integrate
 from rigid_gns_core.gns.network import GNS
-from rigid_gns_core.gns.stepper import backward_velocities, difference, integrate
+from rigid_gns_core.gns.stepper import backward_velocities
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
-from rigid_gns_core.training.gns.windows import (
-    Draw,
-    draw_windows,
-    Noise,
-    one_step_batch,
-    rotate_batch,
-    Source,
-)
+from rigid_gns_core.training.gns.closed_loop import batch_of, rotate_batch
+from rigid_gns_core.training.gns.windows import Draw, draw_windows, Noise, Source, stack_windows
 import torch
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)
@@ -56,6 +51,11 @@ def ballistic(steps=20, count=4, seed=0):
     )
 
 
+def one_step_batch(sources, draws, config, corrects):
+    windows = stack_windows(sources, draws, config, 1, corrects, torch.device('cpu'))
+    return batch_of(windows, 0, windows.start, corrects)
+
+
 def draw_batch(sources, size, config, noise, rng, **options):
     draws = draw_windows(sources, size, config, noise, rng, **options)
     return one_step_batch(sources, draws, config, noise.corrects_target)
@@ -65,10 +65,12 @@ def test_integrate_is_the_inverse_of_difference():
     trajectory = ballistic()
     for step in range(trajectory.steps):
         here, there = trajectory[step], trajectory[step + 1]
-        velocity, angular = difference(
-            here.positions, here.quaternions, there.positions, there.quaternions, DT
+        before, after = (
+            (torch.from_numpy(state.positions), torch.from_numpy(state.quaternions))
+            for state in (here, there)
         )
-        positions, quaternions = integrate(here.positions, here.quaternions, velocity, angular, DT)
+        velocity, angular = difference(*before, *after, DT)
+        positions, quaternions = (x.numpy() for x in integrate(*before, velocity, angular, DT))
         # float64: a few roundings of values near 60
         np.testing.assert_allclose(positions, there.positions, atol=1e-13)
         same = np.abs(np.einsum('ij,ij->i', quaternions, there.quaternions))
@@ -77,11 +79,12 @@ def test_integrate_is_the_inverse_of_difference():
 
 
 def test_rotation_is_exact_where_the_first_order_form_is_not():
-    quaternion = np.array([[0.0, 0.0, 0.0, 1.0]])
-    _, turned = integrate(
-        np.zeros((1, 3)), quaternion, np.zeros((1, 3)), np.array([[20.0, 0, 0]]), DT
+    still = torch.zeros(1, 3, dtype=torch.float64)
+    quaternion, spin = (
+        torch.tensor([values], dtype=torch.float64) for values in ([0, 0, 0, 1], [20, 0, 0])
     )
-    assert 2 * np.arctan2(turned[0, 0], turned[0, 3]) == pytest.approx(2.0, abs=1e-12)
+    _, turned = integrate(still, quaternion, still, spin, DT)
+    assert 2 * torch.atan2(turned[0, 0], turned[0, 3]).item() == pytest.approx(2.0, abs=1e-12)
 
 
 def test_velocities_are_differences_of_poses_alone():

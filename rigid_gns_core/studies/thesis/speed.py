@@ -28,8 +28,7 @@ from .measure import describe
 from ...data.common_scene import common_scene
 from ...data.records import Record
 from ...files.config import to_mapping
-from ...gns.graph import build_graph
-from ...prediction.simulators import GNSSimulator
+from ...prediction.gns import GNSSimulator
 from ...running.machine import cpu_name, load_average
 
 REPEATS = 3
@@ -46,10 +45,9 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
         `frames_per_second`, `seconds_per_frame`, `edges` (of spheres, one direction) and
         `surface_edges`, one value for each record, means over its frames; `cpu` and `load`.
     """
-    from threadpoolctl import threadpool_limits
     import torch
 
-    from ...gns.features import Motion
+    from ...gns.motion import Motion
     from ...gns.network import GNS
     from ...training.gns.windows import Source
 
@@ -68,28 +66,22 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
         motions: list[Motion] = [source.motion(int(frame), model.history) for frame in frames]
         stepper: Any = simulator.stepper(record.scene, record.trajectory[0])
         best = float('inf')
-        with threadpool_limits(1):
-            stepper.step()  # what is made once is not timed
-            for _ in range(REPEATS):
-                seconds = 0.0
-                for motion in motions:
-                    stepper.motion = motion
-                    begin = time.perf_counter()
-                    stepper.step()
-                    seconds += time.perf_counter() - begin
-                best = min(best, seconds / len(motions))
-        graphs = [
-            build_graph(
-                motion.positions, motion.velocities[0], record.scene, source.dt, model.reach()
-            )
-            for motion in motions
-        ]
+        stepper.step()  # what is made once is not timed
+        for _ in range(REPEATS):
+            seconds = 0.0
+            for motion in motions:
+                stepper.motion = motion
+                begin = time.perf_counter()
+                stepper.step()
+                seconds += time.perf_counter() - begin
+            best = min(best, seconds / len(motions))
+        edges = [stepper.graph.connect(motion) for motion in motions]
         rows.append(
             {
                 'seconds_per_frame': best,
                 'frames_per_second': 1.0 / best,
-                'edges': float(np.mean([len(graph.senders) / 2 for graph in graphs])),
-                'surface_edges': float(np.mean([len(graph.surface_senders) for graph in graphs])),
+                'edges': float(np.mean([len(each.senders) / 2 for each in edges])),
+                'surface_edges': float(np.mean([len(each.surface_receivers) for each in edges])),
             }
         )
     return {

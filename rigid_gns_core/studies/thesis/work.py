@@ -233,7 +233,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
         return result
     del trainer, records
     begin = time.monotonic()
-    simulator = load_simulator(folder / 'best')
+    simulator = load_simulator(folder / 'best', device=str(device))
     for which in ('test', 'ood'):
         held_out = references(cell.budget, data, which)
         if not held_out:  # a budget may have no unseen scenes

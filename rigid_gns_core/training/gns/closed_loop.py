@@ -12,56 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Windows of several steps, rolled out with gradients: each step starts from what was predicted.
+"""Windows rolled out with gradients: each step starts from what was predicted.
 
-One-step training sees only states near those of the teacher (thesis section 3.3); here the network
-is asked to mend what it did itself.
+One-step training sees only states near those of the teacher (thesis section 3.3); over several
+steps the network is asked to mend what it did itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from .windows import angles_of, Batch, Draw, owners, rotate_batch, Source, turned
+from .windows import Windows
 from ...gns.config import GNSConfig
-from ...gns.graph import build_graph
+from ...gns.features import Features
+from ...gns.motion import Motion
 from ...gns.network import GNS
-from ...gns.tensor_features import tensor_features, TensorGraph, TensorMotion
 
 # radii from the truth beyond which a sphere is lost to chaos and teaches nothing any more
 LOST = 0.5
 
-# connections of a step from positions and velocities, which have no gradient, shape (n, 3) each
-Connect = Callable[[Tensor, Tensor], TensorGraph]
 
+class Batch(NamedTuple):
+    """One step of all windows.
 
-class Windows(NamedTuple):
-    """Windows of K steps, side by side; n spheres in all.
-
-    start: with noise; positions: true ones after each step [m], shape (K, n, 3); targets: [v,
-    omega] of each step [m/s, rad/s], shape (K, n, 6); properties: radius and mass, shape (n, 2);
-    owner: index of the window, shape (n,); angles: by which windows are turned about gravity
-    [rad], shape (windows,), or None; windows: number of windows; dt: time step [s].
+    graph: input of the network; next_motion: [v, omega] at k + 1 [m/s, rad/s], shape (n, 6);
+    owner: index of the window, shape (n,); windows: number of windows.
     """
 
-    start: TensorMotion
-    positions: Tensor
-    targets: Tensor
-    properties: Tensor
+    graph: Features
+    next_motion: Tensor
     owner: Tensor
-    angles: Tensor | None
     windows: int
-    dt: float
 
 
 class Frame(NamedTuple):
-    """One step of all windows.
+    """What a step of all windows gave.
 
     batch: what went in; output: of the network, normalised, shape (n, 6); counted: the spheres
     that count, shape (n,).
@@ -72,57 +61,17 @@ class Frame(NamedTuple):
     counted: Tensor
 
 
-def stack_windows(
-    sources: Sequence[Source],
-    draws: Sequence[Draw],
-    config: GNSConfig,
-    steps: int,
-    corrects_target: bool,
-) -> Windows:
-    """Windows that were drawn, side by side."""
-    starts, positions, targets, properties = [], [], [], []
-    for draw in draws:
-        source = sources[draw.source]
-        motion, *first = source.start(draw, config, corrects_target)
-        after = slice(draw.step + 1, draw.step + 1 + steps)
-        target = np.concatenate([source.velocities[after], source.angular_velocities[after]], 2)
-        target[0] = np.concatenate(first, axis=1)
-        starts.append(motion)
-        positions.append(source.positions[after])
-        targets.append(target)
-        properties.append(source.properties)
-    return Windows(
-        start=TensorMotion.of(starts),
-        positions=torch.from_numpy(np.concatenate(positions, axis=1)),
-        targets=torch.from_numpy(np.concatenate(targets, axis=1)),
-        properties=torch.from_numpy(np.concatenate(properties)),
-        owner=owners(sources, draws),
-        angles=angles_of(draws),
-        windows=len(draws),
-        dt=sources[0].dt,
-    )
+def batch_of(windows: Windows, step: int, motion: Motion, corrects_target: bool) -> Batch:
+    """Step of the windows, counted from 0, that starts with this motion."""
+    graph, target = windows.graph, windows.targets[step]
+    if corrects_target:
+        velocity = (windows.positions[step] - motion.positions) / graph.dt
+        target = torch.cat([velocity, target[:, 3:]], dim=1)
+    batch = Batch(graph.features(motion), target.float(), graph.owner, len(graph.scenes))
+    return batch if windows.angles is None else rotate_batch(batch, windows.angles, graph.config)
 
 
-def connector(sources: Sequence[Source], draws: Sequence[Draw], config: GNSConfig) -> Connect:
-    """Return connections of windows by `build_graph`."""
-    own = [sources[draw.source] for draw in draws]
-    ends = np.cumsum([0, *(source.count for source in own)])
-    spheres = [slice(*pair) for pair in pairwise(ends)]
-
-    def connect(positions: Tensor, velocities: Tensor) -> TensorGraph:
-        p, v = positions.numpy(), velocities.numpy()
-        graphs = [
-            build_graph(p[part], v[part], s.scene, s.dt, config.reach(s.radius))
-            for s, part in zip(own, spheres, strict=True)
-        ]
-        return TensorGraph.of(graphs, [s.scene for s in own], [s.count for s in own])
-
-    return connect
-
-
-def roll_out(
-    network: GNS, windows: Windows, connect: Connect, corrects_target: bool
-) -> Iterator[Frame]:
+def roll_out(network: GNS, windows: Windows, corrects_target: bool) -> Iterator[Frame]:
     """Yield steps of all windows in closed loop, with gradients through features and integration.
 
     The graph is built anew in each step, from poses without gradient. A sphere counts until a step
@@ -131,33 +80,51 @@ def roll_out(
     Raises:
         FloatingPointError: A predicted position is not finite.
     """
-    motion, config = windows.start, network.config
-    counted = torch.ones_like(windows.owner, dtype=torch.bool)
-    turns = None if windows.angles is None else windows.angles[windows.owner]
-    for positions, target in zip(windows.positions, windows.targets, strict=True):
-        here = motion.positions
-        if not torch.isfinite(here).all():
+    motion, graph = windows.start, windows.graph
+    counted = torch.ones_like(graph.owner, dtype=torch.bool)
+    steps = len(windows.targets)
+    for step in range(steps):
+        if not torch.isfinite(motion.positions).all():
             raise FloatingPointError(
                 'a position is not finite in closed loop; train anew, in another folder, with a '
                 'lower learning_rate, or with closed_loop_steps 1 first'
             )
-        links = connect(here.detach(), motion.velocities[0].detach())
-        graph = tensor_features(config, motion, links, windows.properties)
-        if corrects_target:
-            target = torch.cat([(positions - here) / windows.dt, target[:, 3:]], dim=1)
-        batch = Batch(graph, target.float(), windows.owner, windows.windows)
-        if windows.angles is not None:
-            batch = rotate_batch(batch, windows.angles, config)
+        batch = batch_of(windows, step, motion, corrects_target)
         output = network(batch.graph)
         yield Frame(batch, output, counted)
+        if step + 1 == steps:
+            return
         predicted = network.decode(output, batch.graph.motion).double()
-        if turns is not None:  # the network saw a turned world
-            predicted = turned(predicted, -turns.double(), 2)
-        motion = motion.advanced(predicted, windows.dt)
-        counted = counted & near(motion.positions, positions, windows.properties[:, 0])
+        if windows.angles is not None:  # the network saw a turned world
+            predicted = turned(predicted, -windows.angles[graph.owner].double(), 2)
+        motion = motion.advanced(predicted, graph.dt)
+        truth, radius = windows.positions[step], graph.properties[:, 0]
+        counted = counted & near(motion.positions, truth, radius)
 
 
 def near(positions: Tensor, truth: Tensor, radius: Tensor) -> Tensor:
     """Whether spheres are where they are to be, but for `LOST` radii; shape (n,)."""
     distance: Tensor = (positions - truth).detach().norm(dim=1)
     return distance < LOST * radius
+
+
+def rotate_batch(batch: Batch, angles: Tensor, config: GNSConfig) -> Batch:
+    """Turn every window about the z axis by its angle [rad], shape (windows,)."""
+    graph = batch.graph
+    node = angles[batch.owner]
+    graph = graph._replace(
+        nodes=turned(graph.nodes, node, 2 * (config.history + 1)),
+        edges=turned(graph.edges, node[graph.receivers], 1),
+        surface_edges=turned(graph.surface_edges, node[graph.surface_receivers], 3),
+        motion=turned(graph.motion, node, 2),
+    )
+    return batch._replace(graph=graph, next_motion=turned(batch.next_motion, node, 2))
+
+
+def turned(values: Tensor, angle: Tensor, vectors: int) -> Tensor:
+    """Rows with the first `vectors` triples turned about z by each row's angle [rad], (rows,)."""
+    block = values[:, : 3 * vectors].reshape(-1, vectors, 3)
+    cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
+    x, y = block[..., 0], block[..., 1]
+    block = torch.stack([cosine * x - sine * y, sine * x + cosine * y, block[..., 2]], dim=-1)
+    return torch.cat([block.flatten(1), values[:, 3 * vectors :]], dim=1)

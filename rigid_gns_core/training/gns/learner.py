@@ -23,9 +23,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .closed_loop import connector, roll_out, stack_windows
-from .resident import Resident
-from .windows import Batch, Draw, draw_windows, Noise, one_step_batch, Source
+from .closed_loop import Batch, batch_of, roll_out
+from .windows import Draw, draw_windows, Noise, Source, stack_windows, Windows
 from ..distributed import Mean
 from ..learner import Learner, Schedule
 from ...data.common_scene import common_scene
@@ -84,9 +83,7 @@ class GNSLearner(Learner[GNS]):
         sources: Training trajectories, all in `units`.
         units: Radius, gravity and time step of the trajectories.
         materials: Of all trajectories.
-        device: Where the network is trained; None: the CPU.
-        resident: Keep the trajectories there and connect spheres there; None: unless it is the
-            CPU.
+        device: Where features are computed and the network is trained; None: the CPU.
 
     Raises:
         ValueError: No trajectory is as long as `closed_loop_steps`.
@@ -102,8 +99,6 @@ class GNSLearner(Learner[GNS]):
         units: ModelUnits,
         materials: dict[str, float] | None = None,
         device: torch.device | None = None,
-        *,
-        resident: bool = False,
     ) -> None:
         steps = config.closed_loop_steps
         self.sources = [source for source in sources if source.steps >= steps]
@@ -123,9 +118,6 @@ class GNSLearner(Learner[GNS]):
             device=device,
         )
         self._fit_normalisers()
-        self.resident: Resident | None = None
-        if resident or self.device.type != 'cpu':
-            self.resident = Resident(self.sources, config.model, self.device)
 
     @classmethod
     def of(
@@ -141,11 +133,9 @@ class GNSLearner(Learner[GNS]):
         return cls(config, sources, units, materials, device)
 
     def means_at(self, step: int) -> tuple[Mean, ...]:
-        """L2 on normalised targets, and lambda times the energy gain (section 3.3)."""
-        draws = self.processes.share(self.draw(step, self.config.batch, self.config.noise))
-        if self.config.closed_loop_steps == 1 and self.resident is None:
-            return self.one_step(self.batch(draws))
-        return self.closed_loop(draws)
+        """Terms of the loss over this process' share of the windows of a step."""
+        draws = self.draw(step, self.config.batch, self.config.noise)
+        return self.loss_terms(self.processes.share(draws))
 
     def draw(self, step: int, size: int, noise: Noise) -> list[Draw]:
         """Return the windows of a step: a resumed run draws the same ones."""
@@ -170,34 +160,20 @@ class GNSLearner(Learner[GNS]):
         counts = [source.count for source in self.sources]
         return min(counts) + (max(counts) - min(counts)) * step / grown
 
-    def batch(self, draws: Sequence[Draw]) -> Batch:
-        """Windows of one step."""
-        config = self.config
-        return one_step_batch(self.sources, draws, config.model, config.noise.corrects_target)
+    def windows(self, draws: Sequence[Draw], steps: int) -> Windows:
+        """Windows that were drawn, of so many steps."""
+        corrects = self.config.noise.corrects_target
+        return stack_windows(self.sources, draws, self.config.model, steps, corrects, self.device)
 
-    def one_step(self, batch: Batch) -> tuple[Mean, ...]:
-        """Terms of the one-step loss."""
-        motion = batch.graph.motion
-        output = self.network(batch.graph)
-        error = (output - self.network.encode_target(batch.next_motion, motion)).square()
-        terms = (Mean(error.mean(), error.numel()),)
-        if self.config.energy_weight:
-            gain = self.energy_gain(self.network.decode(output, motion), batch)
-            terms += (Mean(self.config.energy_weight * gain, batch.windows),)
-        return terms
+    def loss_terms(self, draws: Sequence[Draw]) -> tuple[Mean, ...]:
+        """L2 on normalised targets, and lambda times the energy gain (section 3.3).
 
-    def closed_loop(self, draws: Sequence[Draw]) -> tuple[Mean, ...]:
-        """Return the same over several steps, or on a device; what counts does so alike."""
+        Both are means over the steps of the windows; spheres that are lost count no more.
+        """
         config, network = self.config, self.network
-        steps, corrects = config.closed_loop_steps, config.noise.corrects_target
-        if self.resident is None:
-            windows = stack_windows(self.sources, draws, config.model, steps, corrects)
-            connect = connector(self.sources, draws, config.model)
-        else:
-            windows = self.resident.windows(draws, steps, corrects)
-            connect = self.resident.connector(draws)
+        windows = self.windows(draws, config.closed_loop_steps)
         errors, gains = [], []
-        for batch, output, counted in roll_out(network, windows, connect, corrects):
+        for batch, output, counted in roll_out(network, windows, config.noise.corrects_target):
             motion = batch.graph.motion
             target = network.encode_target(batch.next_motion, motion)
             errors.append((output - target)[counted].square().flatten())
@@ -207,7 +183,7 @@ class GNSLearner(Learner[GNS]):
         terms = (Mean(error.mean(), error.numel()),)
         if gains:
             gain = config.energy_weight * torch.stack(gains).mean()
-            terms += (Mean(gain, windows.windows),)
+            terms += (Mean(gain, len(draws)),)
         return terms
 
     def energy_gain(self, predicted: Tensor, batch: Batch) -> Tensor:
@@ -228,7 +204,9 @@ class GNSLearner(Learner[GNS]):
         return torch.relu(total / spheres).mean() / (g * radius)
 
     def _fit_normalisers(self) -> None:
-        batch = self.batch(self.draw(_STATISTICS_STEP, _STATISTICS_WINDOWS, Noise(std=0.0)))
+        draws = self.draw(_STATISTICS_STEP, _STATISTICS_WINDOWS, Noise(std=0.0))
+        windows = self.windows(draws, 1)
+        batch = batch_of(windows, 0, windows.start, corrects_target=False)
         network, graph = self.network, batch.graph
         target = batch.next_motion
         if self.config.model.target == 'acceleration':

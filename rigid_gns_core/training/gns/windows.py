@@ -25,11 +25,12 @@ import torch
 from torch import Tensor
 
 from ...gns.config import GNSConfig
-from ...gns.features import Motion
-from ...gns.network import graph_input, GraphInput, side_by_side
-from ...gns.stepper import backward_velocities, difference
+from ...gns.features import SideBySide
+from ...gns.motion import difference, joined, Motion
+from ...gns.rotations import rotate_quaternions
+from ...gns.stepper import backward_velocities
 from ...scenes.scene import Scene
-from ...scenes.state import Array, rotate_quaternions, Trajectory
+from ...scenes.state import Array, Trajectory
 
 
 class Shifts(NamedTuple):
@@ -45,11 +46,12 @@ class Shifts(NamedTuple):
 
     def __call__(self, motion: Motion) -> Motion:
         """Return the motion with this noise."""
+        positions, rotations, velocities, angular_velocities = map(torch.from_numpy, self)
         return Motion(
-            motion.positions + self.positions,
-            rotate_quaternions(motion.quaternions, self.rotations),
-            motion.velocities + self.velocities,
-            motion.angular_velocities + self.angular_velocities,
+            motion.positions + positions,
+            rotate_quaternions(motion.quaternions, rotations),
+            motion.velocities + velocities,
+            motion.angular_velocities + angular_velocities,
         )
 
 
@@ -65,19 +67,6 @@ class Draw(NamedTuple):
     known: int | None
     shifts: Shifts | None
     angle: float | None
-
-
-class Batch(NamedTuple):
-    """Graphs side by side, next motions, and which graph a sphere belongs to.
-
-    graph: input of the network; next_motion: [v, omega] at k + 1 [m/s, rad/s], shape (n, 6);
-    owner: index of the window, shape (n,); windows: number of windows.
-    """
-
-    graph: GraphInput
-    next_motion: Tensor
-    owner: Tensor
-    windows: int
 
 
 @dataclass(frozen=True)
@@ -158,11 +147,6 @@ class Source:
         """Largest radius [m]."""
         return float(np.max(self.scene.radius))
 
-    @property
-    def properties(self) -> Array:
-        """Radius [m] and mass [kg] of each sphere, shape (n, 2)."""
-        return np.stack([self.scene.per_sphere(p, self.count) for p in ('radius', 'mass')], 1)
-
     def motion(self, step: int, history: int, known: int | None = None) -> Motion:
         """Motion at `step` with `history` previous velocities.
 
@@ -172,30 +156,17 @@ class Source:
         oldest = max(step - (history if known is None else min(known, history)), 0)
         index = np.maximum(np.arange(step, step - history - 1, -1), oldest)
         return Motion(
-            self.positions[step],
-            self.quaternions[step],
-            self.velocities[index],
-            self.angular_velocities[index],
+            torch.from_numpy(self.positions[step]),
+            torch.from_numpy(self.quaternions[step]),
+            torch.from_numpy(self.velocities[index]),
+            torch.from_numpy(self.angular_velocities[index]),
         )
 
-    def start(
-        self, draw: Draw, config: GNSConfig, corrects_target: bool
-    ) -> tuple[Motion, Array, Array]:
-        """Motion of a window, with its noise, and v and omega of the step to predict, (n, 3)."""
-        motion = self.motion(draw.step, config.history, draw.known)
-        there = draw.step + 1
-        target = self.velocities[there], self.angular_velocities[there]
-        if draw.shifts is not None:
-            motion = draw.shifts(motion)
-            if corrects_target:
-                target = difference(
-                    motion.positions,
-                    motion.quaternions,
-                    self.positions[there],
-                    self.quaternions[there],
-                    self.dt,
-                )
-        return motion, *target
+    def targets(self, step: int, steps: int) -> Tensor:
+        """[v, omega] of the steps after `step` [m/s, rad/s], shape (steps, n, 6)."""
+        after = slice(step + 1, step + 1 + steps)
+        both = [self.velocities[after], self.angular_velocities[after]]
+        return torch.from_numpy(np.concatenate(both, axis=2))
 
 
 def draw_windows(
@@ -244,51 +215,59 @@ def draw_windows(
     return draws
 
 
-def one_step_batch(
-    sources: Sequence[Source], draws: Sequence[Draw], config: GNSConfig, corrects_target: bool
-) -> Batch:
-    """Windows of one step, side by side."""
-    graphs, targets = [], []
+class Windows(NamedTuple):
+    """Windows of K steps, side by side; n spheres in all.
+
+    start: with noise; positions: true ones after each step [m], shape (K, n, 3); targets: [v,
+    omega] of each step [m/s, rad/s], shape (K, n, 6); graph: of the windows' scenes; angles: by
+    which windows are turned about gravity [rad], shape (windows,), or None.
+    """
+
+    start: Motion
+    positions: Tensor
+    targets: Tensor
+    graph: SideBySide
+    angles: Tensor | None
+
+
+def stack_windows(
+    sources: Sequence[Source],
+    draws: Sequence[Draw],
+    config: GNSConfig,
+    steps: int,
+    corrects_target: bool,
+    device: torch.device,
+) -> Windows:
+    """Windows that were drawn, side by side on a device."""
+    starts, positions, targets = [], [], []
     for draw in draws:
-        source = sources[draw.source]
-        motion, *target = source.start(draw, config, corrects_target)
-        graphs.append(graph_input(config, motion, source.scene, source.dt))
-        targets.append(torch.from_numpy(np.concatenate(target, axis=1).astype(np.float32)))
-    batch = Batch(side_by_side(graphs), torch.cat(targets), owners(sources, draws), len(draws))
-    angles = angles_of(draws)
-    return batch if angles is None else rotate_batch(batch, angles, config)
-
-
-def owners(sources: Sequence[Source], draws: Sequence[Draw]) -> Tensor:
-    """Window of each sphere, shape (n,)."""
-    counts = torch.tensor([sources[draw.source].count for draw in draws])
-    return torch.repeat_interleave(torch.arange(len(draws)), counts)
-
-
-def angles_of(draws: Sequence[Draw]) -> Tensor | None:
-    """Angle of each window [rad], shape (windows,); None where they are not turned."""
+        source, there = sources[draw.source], draw.step + 1
+        motion = source.motion(draw.step, config.history, draw.known)
+        target = source.targets(draw.step, steps)
+        following = torch.from_numpy(source.positions[there : there + steps])
+        if draw.shifts is not None:
+            motion = draw.shifts(motion)
+            if corrects_target:
+                after = torch.from_numpy(source.quaternions[there])
+                to_truth = difference(
+                    motion.positions, motion.quaternions, following[0], after, source.dt
+                )
+                target[0] = torch.cat(to_truth, dim=1)
+        starts.append(motion)
+        positions.append(following)
+        targets.append(target)
+    own = [sources[draw.source] for draw in draws]
     angles = [draw.angle for draw in draws if draw.angle is not None]
-    return torch.from_numpy(np.array(angles, dtype=np.float32)) if angles else None
-
-
-def rotate_batch(batch: Batch, angles: Tensor, config: GNSConfig) -> Batch:
-    """Turn every window about the z axis by its angle [rad], shape (windows,)."""
-    graph = batch.graph
-    node = angles[batch.owner]
-
-    graph = graph._replace(
-        nodes=turned(graph.nodes, node, 2 * (config.history + 1)),
-        edges=turned(graph.edges, node[graph.receivers], 1),
-        surface_edges=turned(graph.surface_edges, node[graph.surface_receivers], 3),
-        motion=turned(graph.motion, node, 2),
+    return Windows(
+        start=joined(starts).to(device),
+        positions=torch.cat(positions, dim=1).to(device),
+        targets=torch.cat(targets, dim=1).to(device),
+        graph=SideBySide(
+            [source.scene for source in own],
+            [source.count for source in own],
+            config,
+            own[0].dt,
+            device,
+        ),
+        angles=torch.tensor(angles, dtype=torch.float32, device=device) if angles else None,
     )
-    return batch._replace(graph=graph, next_motion=turned(batch.next_motion, node, 2))
-
-
-def turned(values: Tensor, angle: Tensor, vectors: int) -> Tensor:
-    """Rows with the first `vectors` triples turned about z by each row's angle [rad], (rows,)."""
-    block = values[:, : 3 * vectors].reshape(-1, vectors, 3)
-    cosine, sine = torch.cos(angle)[:, None], torch.sin(angle)[:, None]
-    x, y = block[..., 0], block[..., 1]
-    block = torch.stack([cosine * x - sine * y, sine * x + cosine * y, block[..., 2]], dim=-1)
-    return torch.cat([block.flatten(1), values[:, 3 * vectors :]], dim=1)

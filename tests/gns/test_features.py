@@ -12,17 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Features with gradients: those of prediction, with the slopes of finite differences."""
+"""Features follow the thesis sphere by sphere, with the slopes of finite differences."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.gns.features import features_of
+from rigid_gns_core.gns.features import features_of, SideBySide
 from rigid_gns_core.gns.graph import build_graph
+from rigid_gns_core.gns.motion import joined
 from rigid_gns_core.gns.rotations import rotation_between
-from rigid_gns_core.gns.tensor_features import tensor_features, TensorGraph, TensorMotion
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotation_between as rotation_between_arrays
 import torch
@@ -30,6 +30,7 @@ import torch
 from .random_motion import random_motion
 
 DT = 0.1
+CPU = torch.device('cpu')
 SCENE = Scene(surfaces=Plane.box(12.0, 12.0))
 MODEL = GNSConfig(message_passing_steps=2, width=16)
 SWITCHES = [
@@ -45,35 +46,54 @@ SWITCHES = [
 ]
 
 
+def expected_features(config, motion, scene):
+    """Rows as the thesis writes them (3.2.2, 3.2.3), one after another, in float64."""
+    p, q, v, w = (values.numpy() for values in motion)
+    count = len(p)
+    graph = build_graph(p, v[0], scene, DT, config.reach())
+    nodes, edges, surface_edges = [], [], []
+    for i in range(count):
+        row = [*v[:, i].ravel(), *w[:, i].ravel()]
+        if not config.mask_pose:
+            row += [*p[i], *q[i]]
+        if config.sphere_properties:
+            row += [scene.per_sphere(name, count)[i] for name in ('radius', 'mass')]
+        nodes.append(row)
+    for i, j in zip(graph.receivers, graph.senders, strict=True):
+        edges.append([*(p[i] - p[j]), np.sqrt(np.sum((p[i] - p[j]) ** 2))])
+    for i, s in zip(graph.surface_receivers, graph.surface_senders, strict=True):
+        normal = np.asarray(scene.surfaces[s].normal)
+        height = (p[i] - scene.surfaces[s].point) @ normal
+        surface_edges.append([*v[0, i], *normal, *(height * normal), abs(height)])
+    rows = {
+        'nodes': nodes,
+        'edges': edges,
+        'surface_edges': surface_edges,
+        'motion': [[*v[0, i], *w[0, i]] for i in range(count)],
+    }
+    return rows, graph
+
+
 @pytest.mark.parametrize('switch', SWITCHES, ids=str)
-def test_features_with_gradients_are_those_of_prediction(switch):
+def test_features_of_scenes_side_by_side_follow_the_thesis(switch):
     config = replace(MODEL, **switch)
     scenes = [replace(SCENE, mass=2.0), Scene(surfaces=()), SCENE]
-    motions = [random_motion(s, count, config.history) for s, count in ((0, 40), (1, 3), (2, 9))]
-    graphs = [
-        build_graph(m.positions, m.velocities[0], s, DT, config.reach())
-        for m, s in zip(motions, scenes, strict=True)
-    ]
-    expected = [features_of(config, m, s, DT) for m, s in zip(motions, scenes, strict=True)]
-    counts = [len(motion.positions) for motion in motions]
-    properties = np.concatenate(
-        [
-            np.stack([s.per_sphere(p, n) for p in ('radius', 'mass')], 1)
-            for s, n in zip(scenes, counts, strict=True)
-        ]
+    counts = [40, 3, 9]
+    motions = [random_motion(s, n, config.history) for s, n in enumerate(counts)]
+    side_by_side = SideBySide(scenes, counts, config, DT, CPU)
+    found = side_by_side.features(joined(motions))
+    assert side_by_side.owner.tolist() == [0] * 40 + [1] * 3 + [2] * 9
+    expected, graphs = zip(
+        *(expected_features(config, m, s) for m, s in zip(motions, scenes, strict=True)),
+        strict=True,
     )
-    found = tensor_features(
-        config,
-        TensorMotion.of(motions),
-        TensorGraph.of(graphs, scenes, counts),
-        torch.from_numpy(properties),
-    )
-    assert len(found.edges) > 20
+    assert len(found.edges) > 20 and len(found.surface_edges) > 10
     for name in ('nodes', 'edges', 'surface_edges', 'motion'):
-        array = np.concatenate([getattr(features, name) for features in expected])
+        rows = np.array([row for each in expected for row in each[name]])
+        assert getattr(found, name).dtype == torch.float32
         # one rounding to float32 each, of float64 values that may differ in their last bits
-        np.testing.assert_allclose(getattr(found, name).numpy(), array, rtol=2**-23, atol=1e-12)
-    edges = np.cumsum([0] + [len(features.edges) for features in expected])
+        np.testing.assert_allclose(getattr(found, name).numpy(), rows, rtol=2**-23, atol=1e-12)
+    edges = np.cumsum([0] + [len(graph.senders) for graph in graphs])
     spheres = np.cumsum([0, *counts])
     for name, offsets in (
         ('senders', spheres),
@@ -81,24 +101,22 @@ def test_features_with_gradients_are_those_of_prediction(switch):
         ('surface_receivers', spheres),
         ('reverse', edges),
     ):
-        parts = [getattr(f, name) + o for f, o in zip(expected, offsets[:-1], strict=True)]
+        parts = [getattr(g, name) + o for g, o in zip(graphs, offsets[:-1], strict=True)]
         np.testing.assert_array_equal(getattr(found, name).numpy(), np.concatenate(parts))
 
 
 def test_gradients_of_features_are_those_of_finite_differences():
     config = replace(MODEL, mask_pose=False)
     motion = random_motion(3, count=8)
-    graph = build_graph(motion.positions, motion.velocities[0], SCENE, DT, config.reach())
-    links = TensorGraph.of([graph], [SCENE], [8])
+    edges = SideBySide([SCENE], [8], config, DT, CPU).connect(motion)
     rng = np.random.default_rng(0)
     weights = None
 
     def value(by):
-        start = TensorMotion.of([motion])
-        shifted = start._replace(
-            positions=start.positions + by[:, :3], velocities=start.velocities + by[:, 3:6]
+        shifted = motion._replace(
+            positions=motion.positions + by[:, :3], velocities=motion.velocities + by[:, 3:6]
         ).advanced(by, DT)
-        found = tensor_features(config, shifted, links, torch.ones(8, 2))
+        found = features_of(config, shifted, edges, torch.ones(8, 2))
         nonlocal weights
         parts = [found.nodes.double(), found.edges.double(), found.surface_edges.double()]
         if weights is None:
@@ -119,9 +137,11 @@ def test_gradients_of_features_are_those_of_finite_differences():
 
 def test_rotation_between_is_that_of_arrays_and_has_a_gradient_at_rest():
     before, after = random_motion(0).quaternions, random_motion(1).quaternions
-    found = rotation_between(torch.from_numpy(before), torch.from_numpy(after))
+    found = rotation_between(before, after)
     # float64: a few roundings of angles up to pi
-    np.testing.assert_allclose(found.numpy(), rotation_between_arrays(before, after), atol=1e-13)
-    same = torch.from_numpy(before).requires_grad_()
-    rotation_between(torch.from_numpy(before), same).sum().backward()
+    np.testing.assert_allclose(
+        found.numpy(), rotation_between_arrays(before.numpy(), after.numpy()), atol=1e-13
+    )
+    same = before.clone().requires_grad_()
+    rotation_between(before, same).sum().backward()
     assert torch.isfinite(same.grad).all()

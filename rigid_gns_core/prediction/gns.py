@@ -1,0 +1,157 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The thesis' GNS as a simulator: what it can serve, and where it runs. It needs torch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TYPE_CHECKING
+import warnings
+
+import numpy as np
+
+from ..files.checkpoint import Tensors
+from ..files.config import from_mapping
+from ..gns.config import GNSConfig
+from ..installation.extras import needed
+from ..rollout.outcome import Outcome
+from ..rollout.rollout import Rollout, Simulator
+from ..rollout.stepper import Stepper
+from ..scenes.scene import Scene
+from ..scenes.similarity import ModelUnits
+from ..scenes.state import Array, State
+
+if TYPE_CHECKING:
+    import torch
+
+
+@dataclass(frozen=True)
+class Materials:
+    """What a model without materials as inputs was trained on; see `Scene`."""
+
+    restitution: float
+    friction: float
+    rolling_friction: float
+
+
+class GNSSimulator(Simulator):
+    """The thesis' GNS: one radius, one mass, one material.
+
+    Args:
+        tensors: The trained weights, by name.
+        card: See `Simulator`.
+        name: See `Simulator`.
+        threads: CPU threads.
+        device: Where features and network are, as torch names it: 'cpu', 'cuda', 'cuda:1', ...
+            Who is connected is found on the CPU in any case.
+
+    Raises:
+        ModuleNotFoundError: torch is not installed; the message tells how to get it.
+        ValueError: There is no such device.
+    """
+
+    kind = 'gns'
+    velocities = 'poses'
+
+    def __init__(
+        self,
+        tensors: Tensors,
+        card: dict[str, Any],
+        name: str,
+        *,
+        threads: int = 1,
+        device: str = 'cpu',
+    ) -> None:
+        super().__init__(card, name, from_mapping(ModelUnits, card['units'], f'{name}: units'))
+        torch = needed('torch', f'model {name!r}')
+        from ..gns.network import GNS
+
+        self.tensors, self.threads = tensors, threads
+        self.device = known_device(device)
+        self.config = from_mapping(GNSConfig, card['config'], f'{name}: config')
+        self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
+        self.network = GNS(self.config)
+        weights = {key: torch.from_numpy(value) for key, value in tensors.items()}
+        self.network.load_state_dict(weights)
+        self.network.eval().to(self.device)
+
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
+        """Refuse unlike spheres and no gravity; warn of other materials."""
+        if not any(scene.gravity):
+            raise ValueError('gravity is 0, but the model was trained with gravity; set it')
+        for name in ('radius', 'mass'):
+            values = scene.per_sphere(name, count)
+            if count and np.ptp(values) > 1e-9 * values.max():
+                raise ValueError(
+                    f'{name} differs between spheres ({values.min():g} to {values.max():g}), '
+                    f'but model {self.name!r} knows spheres of one {name} only'
+                )
+        for name, trained in vars(self.materials).items():
+            values = _values(scene, name, count)
+            low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
+            if max(trained - low, high - trained) > 1e-3:
+                what = f'{low:g}' if low == high else f'{low:g} to {high:g}'
+                warnings.warn(
+                    f'{name} of the scene is {what}, but model {self.name!r} was trained at '
+                    f'{trained:g} and will behave like that',
+                    stacklevel=stacklevel,
+                )
+
+    def stepper(self, scene: Scene, state: State) -> Stepper:
+        """Return a rollout in the model's units."""
+        from ..gns.stepper import GNSStepper
+
+        return GNSStepper(self.network, scene, state, self.units.dt, threads=self.threads)
+
+    def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
+        from ..gns.stepper import torch_threads
+
+        # of the process: what each worker sets and lifts in every step would be lifted under the
+        # feet of the others
+        with torch_threads(self.threads):
+            return super()._run(rollouts, steps, workers)
+
+
+def _values(scene: Scene, name: str, count: int) -> Array:
+    """Return a material property of all spheres, and of the surfaces that have it."""
+    values = scene.per_sphere(name, count)
+    if name == 'rolling_friction':
+        return values
+    return np.concatenate([values, scene.surface_values(name)])
+
+
+def known_device(name: str) -> torch.device:
+    """Return the device of this name.
+
+    Raises:
+        ValueError: It is not there, or has no float64.
+    """
+    import torch
+
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise ValueError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...") from error
+    if device.type not in ('cpu', 'cuda'):
+        # poses are float64, which mps for instance does not have
+        raise ValueError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...")
+    present = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    if device.type == 'cuda' and (device.index or 0) >= present:
+        raise ValueError(
+            f'device is {name!r}, but torch {torch.__version__} finds {present} CUDA devices '
+            'here; leave device out to run on the CPU'
+        )
+    return device
