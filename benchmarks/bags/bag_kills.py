@@ -43,8 +43,8 @@ import time
 import numpy as np
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.writer import BagWriter, FLUSH_PERIOD
-from rigid_gns_core.files.checkpoint import find_model, load_card
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
+from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.scenes.sampling import load_scene
 
@@ -86,8 +86,8 @@ def record(folder: Path, notes: Path, split: bool) -> None:
     codec, scene = PoseArrayCodec('world', SPHERES), load_scene('box_154')[0]
     said = {
         'scene': scene.to_mapping(),
-        'model': 'contact',
-        'model_card': load_card(find_model('contact')),
+        'model': 'laws',
+        'model_card': load_simulator('laws').card,
         'dt': 1 / RATE,
         'parameters': {'start': 'first'},
     }

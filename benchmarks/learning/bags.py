@@ -103,7 +103,7 @@ def write_bag(
     codec = PoseArrayCodec('world', trajectory.count)
     said = {
         'scene': replace(scene, **BELIEVED).to_mapping(),
-        'model': 'contact',
+        'model': 'laws',
         'topics': {'tracked': TOPIC},
     }
     with BagWriter(folder) as bag:

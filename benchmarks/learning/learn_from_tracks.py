@@ -18,7 +18,7 @@
         --json docs/model/learn_from_tracks.json
 
 Bullet throws spheres of a material that the GNS has not seen into boxes; bags of their poses, with
-a tracker's noise and lost frames, are imported; the contact model's materials are fitted, the GNS
+a tracker's noise and lost frames, are imported; materials for the laws are fitted, the GNS
 is fine-tuned, and both predict further bags from tracked starts, as the node does. Errors are to
 Bullet's own poses, without noise. Needs pybullet and torch; docs/learn_from_tracks.md has the
 table.
@@ -135,9 +135,9 @@ def case(
     ]
     reports = import_bags(bags, folder / 'data')
     records = list(Dataset(folder / 'data'))
-    contact, gns = load_simulator('contact'), load_simulator('gns')
+    laws, gns = load_simulator('laws'), load_simulator('gns')
     begin = time.process_time()
-    fit = calibrate(contact, records, seed=seed, most=FITTED)
+    fit = calibrate(laws, records, seed=seed, most=FITTED)
     fitted_after = time.process_time() - begin
     starts = further(others, noise, seed)
     result: dict[str, Any] = {
@@ -151,9 +151,9 @@ def case(
         'fit': asdict(fit),
         'fit_cpu_seconds': fitted_after,
         'errors': {
-            'contact, believed materials': errors(contact, starts, BELIEVED),
-            'contact, fitted materials': errors(contact, starts, fit.values),
-            'contact, true materials': errors(contact, starts, TRUE),
+            'laws, believed materials': errors(laws, starts, BELIEVED),
+            'laws, fitted materials': errors(laws, starts, fit.values),
+            'laws, true materials': errors(laws, starts, TRUE),
             'GNS as shipped': errors(gns, starts, BELIEVED),
         },
     }
