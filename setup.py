@@ -44,7 +44,6 @@ EXTRAS = {
     'teacher': ["pybullet>=3.2.6; python_version < '3.12'"],
     'plot': ['matplotlib>=3.8'],
     'bench': ['mujoco>=3.2'],  # a peer of `rigid-gns benchmark`, which does without it
-    'render': ['Pillow>=10.1', 'imageio-ffmpeg>=0.5'],  # pictures; MP4
     'viz': ['rerun-sdk>=0.20'],  # `rigid-gns view`; not in `all`, since it takes 500 MB
     'cluster': ['distributed>=2024.1'],  # --backend dask
     # the meta packages pin Jazzy; a plain `ros-rclpy` would be a newer distribution
@@ -118,7 +117,7 @@ setup(
         'console_scripts': [
             'simulator = rigid_gns_ros.simulator_node:main',
             'tracker = rigid_gns_ros.tracker_node:main',
-            'evaluate = rigid_gns_core.commands.evaluate_bag:main',
+            'evaluate = rigid_gns_core.commands.cli:evaluate',
             'rigid-gns = rigid_gns_core.commands.cli:main',
         ]
     },

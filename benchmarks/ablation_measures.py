@@ -26,8 +26,9 @@ from ablations import Change, USUAL
 import numpy as np
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.prediction.simulators import ContactSimulator
-from rigid_gns_core.rollout.rollout import load_simulator, Rollout
+from rigid_gns_core.rollout.rollout import Rollout
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State
 from rigid_gns_core.scoring import horizon_metrics

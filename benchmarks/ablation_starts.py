@@ -19,8 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rigid_gns_core.scenes.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.scene_file import load_start
 from rigid_gns_core.scenes.start import StartRecipe
 from rigid_gns_core.scenes.state import Array, State
 
@@ -53,7 +54,7 @@ def make_starts(quick: bool) -> dict[str, Start]:
     """Return starts by name; quick ones are smaller."""
     spheres, piled = (40, 12) if quick else (154, 64)
     moving, settled, settled_pile = (30, 30, 100) if quick else (60, 300, 400)
-    scene, recipe = load_scene('box_154')
+    scene, recipe = load_start('box_154')
     wide = replace(scene, surfaces=Plane.box(400.0, 400.0))
     shaft = replace(scene, surfaces=Plane.box(8.0, 8.0))
     air = State(positions=_lattice(spheres, 20.0, (150.0, 250.0)))

@@ -36,7 +36,8 @@ import numpy as np
 from rigid_gns_core.data.records import read_record, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.files.tables import format_rows, mean_std
-from rigid_gns_core.rollout.rollout import load_simulator, Simulator
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.scoring import chamfer, position_mse

@@ -42,7 +42,8 @@ from contact_test_measures import floor_of, measure
 from contact_test_table import format_table, summarise
 from rigid_gns_core.data.records import Dataset, present_records, read_record, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
-from rigid_gns_core.rollout.rollout import load_simulator, Simulator
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.running.progress import Progress
 
 QUICK = (2, 60)  # records and steps

@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.stepper import EngineStepper
-from rigid_gns_core.rollout.rollout import Rollout, Simulator
+from rigid_gns_core.rollout.rollout import Rollout
+from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.similarity import Similarity
 from rigid_gns_core.scenes.state import State, Trajectory

@@ -19,21 +19,40 @@ from __future__ import annotations
 import importlib
 from typing import Any, TYPE_CHECKING
 
-from .scenes.scene import Plane, Scene
+from .errors import UserError
+from .scenes.plane import Plane
+from .scenes.scene import Scene
+from .scenes.scene_file import load_scene
 from .scenes.state import State, Trajectory
 
 if TYPE_CHECKING:
-    from .rollout.rollout import load_simulator, Rollout, Simulator
+    from .prediction.load import load_simulator
+    from .rollout.rollout import Rollout
+    from .rollout.simulator import Simulator
 
-__all__ = ['Plane', 'Rollout', 'Scene', 'Simulator', 'State', 'Trajectory', 'load_simulator']
+__all__ = [
+    'Plane',
+    'Rollout',
+    'Scene',
+    'Simulator',
+    'State',
+    'Trajectory',
+    'UserError',
+    'load_scene',
+    'load_simulator',
+]
 
 # Imported when first asked for (PEP 562): models take longer to load than a scene.
-_LAZY = {'Rollout', 'Simulator', 'load_simulator'}
+_LAZY = {
+    'Rollout': '.rollout.rollout',
+    'Simulator': '.rollout.simulator',
+    'load_simulator': '.prediction.load',
+}
 
 
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
-        return getattr(importlib.import_module('.rollout.rollout', __name__), name)
+        return getattr(importlib.import_module(_LAZY[name], __name__), name)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 

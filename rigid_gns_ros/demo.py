@@ -27,7 +27,7 @@ import time
 from types import FrameType
 from typing import NoReturn
 
-from rigid_gns_core.commands import cli, evaluate_bag
+from rigid_gns_core.commands import cli
 
 LOG_TAIL = 25  # lines shown of a process that failed
 POLL = 0.1  # [s]
@@ -156,7 +156,7 @@ def run_demo(folder: Path, duration: float) -> int:
         for process in processes:
             process.kill()
     print('demo: evaluating the bag\n', flush=True)
-    code = evaluate_bag.main(
+    code = cli.evaluate(
         [str(bag), '--json', str(folder / 'report.json'), '--figure', str(folder / 'report.png')]
     )
     # the replay, to be opened in any browser

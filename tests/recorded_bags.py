@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags as the simulator records them, with given content."""
+"""Bags as the simulator records them, with given content; and what falls freely."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 
 START = 1_700_000_000_000_000_001  # log time of the first message [ns]
+GRAVITY = -9.81  # along z [m/s^2]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 
 
@@ -63,3 +64,18 @@ def poses_cdr_fixture() -> Callable[..., bytes]:
 def write_bag_fixture() -> Callable[..., dict[str, list[bytes]]]:
     """`write_bag(folder, number, **limits)`: what was written, by topic."""
     return write_bag
+
+
+def falling(time_s: float, count: int = 3, velocity: float = 1.0) -> np.ndarray:
+    """Poses of spheres in free flight far from all surfaces and each other, shape (count, 7)."""
+    poses = np.zeros((count, 7))
+    poses[:, 0] = 5.0 * np.arange(count) - 2.5 * count + velocity * time_s
+    poses[:, 2] = 100.0 + 0.5 * GRAVITY * time_s**2
+    poses[:, 6] = 1.0
+    return poses
+
+
+@pytest.fixture(name='falling')
+def falling_fixture() -> Callable[..., np.ndarray]:
+    """`falling(time_s, count, velocity)`: poses of spheres in free flight."""
+    return falling

@@ -38,7 +38,7 @@ from typing import Any
 import warnings
 
 import pytest
-from rigid_gns_core.commands import cli, evaluate_bag
+from rigid_gns_core.commands import cli
 from rigid_gns_core.forecasts.parameters import SIMULATOR, TRACKER
 import yaml
 
@@ -48,8 +48,8 @@ PAGES = [README, *sorted((ROOT / 'docs').glob('*.md'))]
 NODES = {'simulator': SIMULATOR, 'tracker': TRACKER}
 # Ways of others to install and set up, which need a network or an apt ROS.
 FOREIGN = {'python3', 'pip', 'rosdep', 'colcon', '.'}
-# Only parsed, where one of these words is in it: a viewer of 500 MB, a cluster, hours.
-PARSED = {'view', '--scheduler', 'benchmarks/only_what_is_needed.py'}
+# Only parsed, where one of these words is in it: a viewer of 500 MB, a cluster, a browser, hours.
+PARSED = {'view', '--scheduler', 'benchmarks/only_what_is_needed.py', 'benchmarks/film.py'}
 # Numbers of a page may be rounded, and another processor rounds differently; counts are exact.
 CLOSE = 0.25
 NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)')
@@ -109,7 +109,6 @@ def quick(words: list[str]) -> list[str]:
         'calibrate': ['--windows', '5'],
         'hard-cases': ['--quick', '--cases', 'corner', 'half_below'],
         'benchmark': ['--quick', '--scenes', 'billiards', '--no-scaling', '--no-processes'],
-        'render': ['--start', '0', '--stop', '0.2'],
     }.get(words[1], [])
 
 
@@ -151,7 +150,7 @@ class Reader:
             elif words[0] == 'rigid-gns':
                 self._run(cli.main, words[1:], self.quick(words))
             elif words[:4] == ['ros2', 'run', 'rigid_gns_ros', 'evaluate']:
-                self._run(evaluate_bag.main, words[4:])
+                self._run(cli.evaluate, words[4:])
             elif words[0] == 'make':
                 target = next(word for word in words[1:] if '=' not in word)
                 makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
@@ -291,11 +290,10 @@ def check_options(words: list[str]) -> None:
 
 def _parser(words: list[str]) -> argparse.ArgumentParser:
     """Return that of `rigid-gns`, a command of it, or `evaluate`, without words but options."""
-    parser, module = argparse.ArgumentParser(), 'rigid_gns_core.commands.evaluate_bag'
-    if words[0] == 'rigid-gns':
-        if words[1] not in cli.COMMANDS:
-            return cli.make_parser()
-        module, _ = cli.COMMANDS[words[1]]
+    name = words[1] if words[0] == 'rigid-gns' else words[0]
+    if name not in cli.COMMANDS:
+        return cli.make_parser()
+    parser, (module, _) = argparse.ArgumentParser(), cli.COMMANDS[name]
     importlib.import_module(module).add_arguments(parser)
     return parser
 

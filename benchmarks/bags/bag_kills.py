@@ -46,7 +46,7 @@ from rigid_gns_core.bags.writer import BagWriter, FLUSH_PERIOD
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.running.machine import cpu_name
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene_file import load_scene
 
 SPHERES, RATE = 154, 100.0  # [Hz]
 LONGEST = 6.0  # a kill comes at most so long after the recording began [s]
@@ -83,7 +83,7 @@ def poses(number: int) -> np.ndarray:
 
 def record(folder: Path, notes: Path, split: bool) -> None:
     """Record until killed."""
-    codec, scene = PoseArrayCodec('world', SPHERES), load_scene('box_154')[0]
+    codec, scene = PoseArrayCodec('world', SPHERES), load_scene('box_154')
     said = {
         'scene': scene.to_mapping(),
         'model': 'laws',
@@ -168,7 +168,7 @@ def codec_stamp(message: bytes) -> int:
 
 def evaluates(folder: Path) -> bool:
     """Whether `evaluate` scores a torn bag and says that it is one."""
-    from rigid_gns_core.commands.evaluate_bag import (
+    from rigid_gns_core.recordings.scoring.evaluate import (
         evaluate_bag,  # the recorder starts faster without
     )
 

@@ -40,8 +40,9 @@ from rigid_gns_core.data.records import Dataset, Record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.files.tables import format_rows, mean_std, number
 from rigid_gns_core.identification.calibrate import calibrate
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.recordings.importing.import_bags import import_bags
-from rigid_gns_core.rollout.rollout import load_simulator, Simulator
+from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory
 from rigid_gns_core.tracking.velocity import estimate_velocities

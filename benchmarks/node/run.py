@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.running.machine import load_average
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Scene

@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracking.window import RejectedFrame, TrackingWindow
+from rigid_gns_core.tracking.usable_frames import RejectedFrame
+from rigid_gns_core.tracking.window import TrackingWindow
 from truth import Truth
 
 LENGTH = 6

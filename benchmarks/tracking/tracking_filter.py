@@ -38,7 +38,7 @@ from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.files.tables import format_rows, number
 from rigid_gns_core.running.machine import cpu_name
 from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.environment import Environment
 from rigid_gns_core.tracking.velocity import estimate_motion
 from truth import box, table, Truth
 
@@ -60,13 +60,13 @@ def classes(truth: Truth, frame: int, window: int, noise: float, gap: Array) -> 
 
 def gaps(truth: Truth) -> Array:
     """Distance of each sphere from what is nearest [m], shape (frames, n)."""
-    around = Surroundings.of(truth.scene)
+    surfaces = Environment.of(truth.scene).surfaces
     found = []
     for places in truth.trajectory.positions:
         apart = np.linalg.norm(places[:, None] - places, axis=-1) - 2.0 * truth.radius
         np.fill_diagonal(apart, np.inf)
-        local = np.einsum('nkc,kdc->nkd', places[:, None] - around.points, around.axes)
-        inside = (np.abs(local[..., :2]) <= around.halves).all(axis=-1)
+        local = np.einsum('nkc,kdc->nkd', places[:, None] - surfaces.points, surfaces.axes)
+        inside = (np.abs(local[..., :2]) <= surfaces.halves).all(axis=-1)
         beside = np.where(inside, np.abs(local[..., 2] - truth.radius), np.inf)
         found.append(np.minimum(np.abs(apart).min(axis=1), beside.min(axis=1)))
     return np.array(found)
@@ -82,14 +82,14 @@ def velocity_errors(truths: list[Truth], noise: float, every: int) -> list[dict[
         kinds = []
         for seed, (truth, gap) in enumerate(zip(truths, near, strict=True)):
             states, scene = truth.trajectory, truth.scene
-            around, gravity = Surroundings.of(scene), np.asarray(scene.gravity)
+            environment, gravity = Environment.of(scene), np.asarray(scene.gravity)
             rng = np.random.default_rng([seed, window])
             seen = states.positions + rng.normal(0.0, noise, states.positions.shape)
             radii = np.full(states.count, truth.radius)
             for frame in range(10, len(states), every):
                 part = slice(frame - window + 1, frame + 1)
                 given = states.times[part], seen[part], states.quaternions[part]
-                motion = estimate_motion(*given, around=around, radii=radii, noise=noise)
+                motion = estimate_motion(*given, environment=environment, radii=radii, noise=noise)
                 velocities, spins = plain_fit(*given, gravity)
                 true, turning = states.velocities[frame], states.angular_velocities[frame]
                 for name, off in (

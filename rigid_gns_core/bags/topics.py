@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 import json
 from typing import Any
@@ -68,10 +69,12 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
     if predicted is not None:
         said = [names for names in said if names.get('predicted') == predicted]
     names = said[0] if len(said) == 1 else {}
-    ours = _find(bag, 'predicted_poses', predicted, names.get('predicted'), '--predicted')
+    ours = find_poses(
+        bag, 'predicted_poses', '--predicted', predicted, [names.get('predicted', '')]
+    )
     if names.get('predicted') != ours.name:
         names = {}
-    theirs = _find(bag, 'tracked_poses', tracked, names.get('tracked'), '--tracked')
+    theirs = find_poses(bag, 'tracked_poses', '--tracked', tracked, [names.get('tracked', '')])
     said_or_beside = {
         suffix: _of_type(bag.topics.get(names.get(suffix, '')), type_name)
         or _beside(bag, ours, suffix, type_name)
@@ -146,30 +149,39 @@ def _recorded(bag: Bag, predicted: Topic) -> dict[str, Any]:
     return scenes.get(topic.name, {}) if topic else {}
 
 
-def _find(bag: Bag, suffix: str, name: str | None, said: str | None, option: str) -> Topic:
-    """Return the topic `name`, else `said`, else the only one whose last part is `suffix`."""
-    if name is None and said in bag.topics:
-        name = said
+def find_poses(
+    bag: Bag, suffix: str, option: str, name: str | None = None, said: Iterable[str] = ()
+) -> Topic:
+    """Return the topic of poses `name`, else one of `said`, else that whose last part is `suffix`.
+
+    Args:
+        bag: Bag.
+        suffix: As `tracked_poses`.
+        option: With which a person chooses it.
+        name: The one chosen.
+        said: Names that nodes said.
+
+    Raises:
+        BagError: It is not there, is empty, or is one of several.
+    """
+    arrays = [topic for topic in bag.topics.values() if topic.type_name == POSE_ARRAY]
     if name is not None:
-        found = [topic for topic in bag.topics.values() if topic.name == name]
+        found = [topic for topic in arrays if topic.name == name]
     else:
-        found = [topic for topic in bag.topics.values() if topic.name.split('/')[-1] == suffix]
-    found = [topic for topic in found if topic.type_name == POSE_ARRAY]
+        found = [topic for topic in arrays if topic.name in set(said)] or [
+            topic for topic in arrays if topic.name.split('/')[-1] == suffix
+        ]
+    found = [topic for topic in found if topic.messages] or found
+    if len(found) == 1 and found[0].messages:
+        return found[0]
     wanted = name or f'.../{suffix}'
-    if len(found) != 1:
-        problem = f'no topic {wanted}' if not found else f'{len(found)} topics {wanted}'
-        rollouts = (
-            '; a bag without predictions is scored with --topic and --scene, or with --model'
-        )
-        raise BagError(
-            f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with {option}. '
-            f'The bag holds {listing(bag)}' + (rollouts if option == '--predicted' else '')
-        )
-    if not found[0].messages:
-        raise BagError(
-            f'{bag.path}: {found[0].name} holds no messages. The bag holds {listing(bag)}'
-        )
-    return found[0]
+    problem = f'{len(found)} topics {wanted}' if len(found) > 1 else f'no topic {wanted}'
+    problem = f'{found[0].name} holds no messages' if len(found) == 1 else problem
+    rollouts = '; a bag without predictions is scored with --topic and --scene, or with --model'
+    raise BagError(
+        f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with {option}. '
+        f'The bag holds {listing(bag)}' + (rollouts if option == '--predicted' else '')
+    )
 
 
 def _beside(bag: Bag, predicted: Topic, suffix: str, type_name: str) -> Topic | None:

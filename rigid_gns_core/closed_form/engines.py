@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from .bounces import Simulate
-from ..rollout.rollout import Simulator
+from ..rollout.simulator import Simulator
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import State, Trajectory

@@ -23,7 +23,7 @@ from typing import Any
 
 from .arguments import completes
 from ..files.strict_json import write_json
-from ..rollout.rollout import load_simulator
+from ..prediction.load import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
 from ..studies.benchmark.busy_core import measure_busy_core

@@ -25,10 +25,11 @@ import yaml
 
 from .arguments import completes, positive, shipped_models
 from ..data.records import Dataset
+from ..files.tables import format_rows, number
 from ..identification.calibrate import calibrate, Calibration, DEFAULT
 from ..identification.fit import MATERIALS
 from ..identification.windows import with_materials
-from ..rollout.rollout import load_simulator
+from ..prediction.load import load_simulator
 from ..scenes.scene import Scene
 
 
@@ -39,13 +40,12 @@ def format_calibration(found: Calibration, scene: Scene) -> str:
         found: What was fitted.
         scene: With these materials.
     """
-    lines = [f'{"material":20} {"before":>8} {"fitted":>8} {"error":>8}']
+    rows = []
     for name, one in found.materials.items():
-        error = f'{one.error:8.2g}' if one.told and one.error is not None else '       -'
-        lines.append(
-            f'{name:20} {one.before:8.4g} {one.value:8.4g} {error}'
-            + ('' if one.told else '  the data cannot tell it: kept')
-        )
+        fitted = number(one.before, 4), number(one.value, 4)
+        error = number(one.error if one.told else None, 2)
+        rows.append([name, *fitted, error, '' if one.told else 'the data cannot tell it: kept'])
+    lines = [format_rows(['material', 'before', 'fitted', 'error', ''], rows, left=(0, -1))]
     values = found.values
     for name in ('restitution', 'friction'):
         if name in values:

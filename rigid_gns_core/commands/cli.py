@@ -36,11 +36,13 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.report',
         'one HTML file of a rollout or a bag: replay, curves, numbers',
     ),
-    'render': ('rigid_gns_core.commands.render', 'a moving picture of a rollout or a bag'),
     'view': ('rigid_gns_core.show.view', 'a rollout or a bag in the viewer Rerun'),
-    'evaluate': ('rigid_gns_core.scoring.evaluate', 'score predictions on data or a recorded bag'),
+    'evaluate': (
+        'rigid_gns_core.commands.evaluate',
+        'score predictions on data or a recorded bag',
+    ),
     'import': (
-        'rigid_gns_core.recordings.importing.import_bags',
+        'rigid_gns_core.commands.import_bags',
         'make a data set of the tracked poses in bags',
     ),
     'calibrate': ('rigid_gns_core.commands.calibrate', 'fit materials to tracked poses'),
@@ -96,6 +98,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at the exit
         return NO_READER
+
+
+def evaluate(argv: Sequence[str] | None = None) -> int:
+    """Run `evaluate ...`, as `ros2 run` finds it: the same as `rigid-gns evaluate ...`."""
+    return main(['evaluate', *(sys.argv[1:] if argv is None else argv)])
 
 
 def make_parser(command: str | None = None) -> argparse.ArgumentParser:

@@ -30,7 +30,7 @@ from ..closed_form.bounces import Simulate
 from ..closed_form.engines import scaled, simulator_engine
 from ..files.strict_json import write_json
 from ..files.tables import format_rows, number
-from ..rollout.rollout import load_simulator
+from ..prediction.load import load_simulator
 from ..running.progress import Progress
 
 TEACHER = 'teacher'

@@ -29,15 +29,13 @@ from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, LAWS,
 from ..installation.extras import remedy
 from ..installation.probes import Probes
 from ..installation.versions import PACKAGE, version_of, versions_of
-from ..prediction.simulators import LawsSimulator
+from ..prediction.laws import LawsSimulator
 
 LIBRARIES = ('numpy', 'scipy', 'numba', 'h5py', 'safetensors', 'mcap', 'joblib')
 """What everything needs."""
 # module: (distribution, what it is for); these are looked for, and not imported
 OPTIONAL = {
     'matplotlib': ('matplotlib', 'figures'),
-    'PIL': ('Pillow', 'render'),
-    'imageio_ffmpeg': ('imageio-ffmpeg', 'render to MP4'),
     'rerun': ('rerun-sdk', 'view'),
     'mujoco': ('mujoco', 'a peer of benchmark'),
     'distributed': ('distributed', '--backend dask'),

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..show.comparison import add_source, read_comparison
+from .source import add_source, read_comparison
 from ..show.report.page import MAX_FRAMES, write_report
 
 

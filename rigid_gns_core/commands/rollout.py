@@ -31,9 +31,11 @@ import numpy as np
 
 from .arguments import completes, configs, positive, shipped_models
 from ..data.records import Record, write_record
-from ..rollout.rollout import load_simulator
+from ..files.tables import format_rows, number
+from ..prediction.load import load_simulator
 from ..running.progress import Progress
-from ..scenes.sampling import load_scene, sample_start
+from ..scenes.sampling import sample_start
+from ..scenes.scene_file import load_start
 from ..scenes.state import Array, State, Trajectory
 
 
@@ -81,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f'--spread is {arguments.spread:g} m, expected a number, at least 0')
     # threads go to starts where there are several
     simulator = load_simulator(arguments.model, threads=1 if samples > 1 else arguments.threads)
-    scene, recipe = load_scene(arguments.scene)
+    scene, recipe = load_start(arguments.scene)
     seed = recipe.seed if arguments.seed is None else arguments.seed
     start = sample_start(scene, replace(recipe, seed=seed))
     starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]
@@ -155,7 +157,8 @@ def print_spread(trajectories: Sequence[Trajectory]) -> None:
     """Print a table of the spread over time, at about ten times."""
     spread = position_spread(trajectories)
     print(f'spread of {len(trajectories)} samples [m], over spheres')
-    print('  time [s]     median        90 %     largest')
+    rows = []
     for step in np.unique(np.linspace(0, trajectories[0].steps, 11).round().astype(int)):
         levels = np.quantile(spread[step], (0.5, 0.9, 1.0))
-        print(f'{step * trajectories[0].dt:10.4g}', *(f'{level:11.3g}' for level in levels))
+        rows.append([number(step * trajectories[0].dt, 4), *map(number, levels)])
+    print(format_rows(['time [s]', 'median', '90 %', 'largest'], rows, left=()))

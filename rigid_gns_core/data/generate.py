@@ -41,7 +41,8 @@ from .records import (
 from ..files.config import from_mapping
 from ..running.progress import Progress
 from ..running.workers import WorkerDied, Workers
-from ..scenes.sampling import load_scene, sample_start
+from ..scenes.sampling import sample_start
+from ..scenes.scene_file import load_start
 
 
 class GenerateError(ValueError):
@@ -115,7 +116,7 @@ def generate_scene(
     from ..teacher.bullet import simulate
     from ..teacher.settings import TeacherSettings
 
-    scene, recipe = load_scene(name)
+    scene, recipe = load_start(name)
     settings = TeacherSettings() if substeps is None else TeacherSettings(substeps=substeps)
     trajectory = simulate(scene, sample_start(scene, recipe), steps, dt, settings, done)
     record = Record(

@@ -30,7 +30,7 @@ def format_rows(
     left: Collection[int] = (0,),
     markdown: bool = False,
 ) -> str:
-    """Table of cells that are text already.
+    """Table of cells that are text already; a column that is empty throughout is left out.
 
     Args:
         head: Names of the columns.
@@ -38,12 +38,14 @@ def format_rows(
         left: Columns aligned left, as words are; -1 is the last. The others are aligned right.
         markdown: A table of a document, rather than of a terminal.
     """
-    places = {place % len(head) for place in left}
+    words = {place % len(head) for place in left}
+    lines = [head, *rows]
+    shown = [place for place in range(len(head)) if any(line[place] for line in lines)]
     text: str = tabulate(
-        list(rows),
-        head,
+        [[line[place] for place in shown] for line in lines],
+        headers='firstrow',
         tablefmt='pipe' if markdown else 'simple',
-        colalign=['left' if place in places else 'right' for place in range(len(head))],
+        colalign=['left' if place in words else 'right' for place in shown],
         disable_numparse=True,
     )
     return text

@@ -27,7 +27,6 @@ import numpy as np
 
 from .interpolation import between
 from ..scenes.plane import RANGES
-from ..scenes.sampling import load_scene
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 
@@ -121,29 +120,27 @@ class Forecaster:
 
     Args:
         model: Name or path of the model; empty: the shipped default.
-        scene: It, or the name of a shipped one, or a YAML file.
+        scene: Surfaces and spheres.
+        scene_name: Of the scene, for people.
         rate: Predictions per second [Hz]; 0: one per step of the model.
         threads: CPU threads of the model.
-        gravity_direction: See `turned_gravity`.
 
     Raises:
-        ValueError: There is no such model or scene, or the model cannot serve the scene.
+        ValueError: There is no such model, or it cannot serve the scene.
     """
 
     def __init__(
         self,
         model: str,
-        scene: Scene | str,
+        scene: Scene,
         *,
+        scene_name: str = 'at hand',
         rate: float = 0.0,
         threads: int = 1,
-        gravity_direction: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        self.scene_name = scene if isinstance(scene, str) else 'of the recording'
-        scene = scene if isinstance(scene, Scene) else load_scene(scene)[0]
-        self.scene = turned_gravity(scene, gravity_direction)
+        self.scene, self.scene_name = scene, scene_name
         # late, so that a node's signal handlers are in place while it loads and compiles
-        from ..rollout.rollout import load_simulator
+        from ..prediction.load import load_simulator
 
         self.simulator = load_simulator(model or None, threads=threads)
         self.native_dt = self.simulator.native_dt(self.scene)

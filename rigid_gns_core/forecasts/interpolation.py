@@ -17,11 +17,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..scenes.state import Array, rotate_quaternions, rotation_between
-
-Stamps = NDArray[np.int64]
+from ..tracking.usable_frames import Stamps
 
 
 def between(start: Array, end: Array, weight: ArrayLike) -> Array:

@@ -142,7 +142,7 @@ SIMULATOR = (
     ParameterSpec(
         'coast_time',
         0.0,
-        'how long a matched sphere that is not seen is carried on; 0: 2 sqrt(radius / gravity)',
+        'how long a matched sphere that is not seen is coasted; 0: 2 sqrt(radius / gravity)',
         's',
         0.0,
         3600.0,

@@ -24,7 +24,8 @@ import numpy as np
 from .forecaster import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
 from .starts import Reason, Start
-from ..tracking.window import seconds, TrackingWindow
+from ..tracking.usable_frames import seconds
+from ..tracking.window import TrackingWindow
 
 # a tracker whose clock is further off than this is followed on its own clock [ns]
 CLOCK_TOLERANCE_NS = 1_000_000_000

@@ -20,12 +20,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .forecaster import Forecaster
+from .parameters import SIMULATOR
+from ..tracking.usable_frames import WINDOW_GAP
 from ..tracking.window import TrackingWindow
 
-# frames further apart than this many model steps, and than this time, are not fitted as one
-# flight; the frames of a tracker of 1 Hz come within this time of each other
+# frames further apart than this many model steps, and than WINDOW_GAP, are not fitted as one
+# flight
 WINDOW_GAP_STEPS = 10
-WINDOW_GAP = 1.25  # [s]
 
 
 def longest_gap(model: Forecaster) -> float:
@@ -37,17 +38,18 @@ def window_of(
     model: Forecaster,
     parameters: Mapping[str, Any],
     *,
-    check: Callable[[int], None],
-    on_gap: Callable[[float], None],
+    check: Callable[[int], None] = lambda _: None,
+    on_gap: Callable[[float], None] = lambda _: None,
 ) -> TrackingWindow:
     """Return a window by the parameters of the simulator, as they are or as ~/scene recorded them.
 
     Args:
         model: Gives scene and time step.
-        parameters: By name.
+        parameters: By name; others have their defaults.
         check: See `TrackingWindow`.
         on_gap: See `TrackingWindow`.
     """
+    parameters = {**{spec.name: spec.default for spec in SIMULATOR}, **parameters}
 
     def given(name: str) -> float | None:
         return float(parameters[name]) or None  # 0: the default

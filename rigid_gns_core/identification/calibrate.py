@@ -30,7 +30,7 @@ import numpy as np
 from .fit import MaterialFit, MATERIALS, most_evaluations
 from .windows import deviations, noise_of, Window, windows_of
 from ..data.records import Record
-from ..rollout.rollout import Simulator
+from ..rollout.simulator import Simulator
 from ..running.progress import Progress
 from ..scenes.scene import Scene
 

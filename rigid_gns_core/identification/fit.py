@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .windows import residuals, Window
-from ..rollout.rollout import Simulator
+from ..rollout.simulator import Simulator
 from ..running.progress import Progress
 from ..scenes.state import Array
 

@@ -24,10 +24,10 @@ import warnings
 import numpy as np
 
 from ..data.records import Record
-from ..rollout.rollout import Simulator
+from ..rollout.simulator import Simulator
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotation_between, State
-from ..tracking.tracked_motion import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts
+from ..tracking.pose_noise import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts
 
 # what the best materials leave of an error, in radii and radians: the model is not the world
 _MODEL_ERROR = 5e-3

@@ -24,13 +24,7 @@ from typing import Any
 from .versions import PACKAGE
 
 # modules that are not named as the distribution that brings them
-_DISTRIBUTIONS = {
-    'PIL': 'Pillow',
-    'imageio_ffmpeg': 'imageio-ffmpeg',
-    'rclpy': 'ros-jazzy-rclpy',
-    'rerun': 'rerun-sdk',
-    'yaml': 'PyYAML',
-}
+_DISTRIBUTIONS = {'rclpy': 'ros-jazzy-rclpy', 'rerun': 'rerun-sdk', 'yaml': 'PyYAML'}
 # another way than pip
 _ALSO = {'rclpy': 'source the setup.bash of a ROS 2 Jazzy, or '}
 
@@ -39,7 +33,7 @@ def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str |
     """Return what makes a module importable; None: this package asks for no such module.
 
     Args:
-        module: Its name, such as 'torch' or 'PIL.Image'.
+        module: Its name, such as 'torch' or 'matplotlib.figure'.
         python: Version of the interpreter it is for.
     """
     top = module.partition('.')[0]

@@ -12,24 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""diagnostic_msgs/DiagnosticArray as CDR bytes, and statistics of the last seconds. No ROS needed.
+"""diagnostic_msgs/DiagnosticArray as CDR bytes.
 
-What is reported, and from which bounds on a level is not OK, health.py says.
+What is reported, the node says (`rigid_gns_ros/node/health.py`).
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-import time
-
-import numpy as np
 
 from .cdr import Reader, Writer
 
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
-SPAN = 10.0  # of statistics [s]
 HARDWARE_ID = 'none'
 
 
@@ -84,47 +79,3 @@ def decode_diagnostics(cdr: bytes) -> tuple[int, list[Status]]:
         statuses.append(Status(level, name, message, values))
     reader.end()
     return stamp_ns, statuses
-
-
-class Recent:
-    """Numbers of the last 10 s.
-
-    Args:
-        clock: A steady clock [s].
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._begun = self._last = clock()
-        self._values: deque[tuple[float, float]] = deque()
-
-    def add(self, value: float = 1.0) -> None:
-        """Take the next number."""
-        self._last = self._clock()
-        self._values.append((self._last, value))
-        self._trim()
-
-    def __len__(self) -> int:
-        self._trim()
-        return len(self._values)
-
-    @property
-    def rate(self) -> float:
-        """Numbers per second; over the time since the start, where that is shorter [Hz]."""
-        return len(self) / min(SPAN, max(self._clock() - self._begun, 1e-9))
-
-    @property
-    def since_last(self) -> float:
-        """Time since the last number, or since the start [s]."""
-        return self._clock() - self._last
-
-    def quantile(self, share: float) -> float:
-        """Quantile, 0 to 1; NaN where there are no numbers."""
-        if not len(self):
-            return float('nan')
-        return float(np.quantile([value for _, value in self._values], share))
-
-    def _trim(self) -> None:
-        oldest = self._clock() - SPAN
-        while self._values and self._values[0][0] < oldest:
-            self._values.popleft()

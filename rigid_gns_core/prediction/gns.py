@@ -28,7 +28,8 @@ from ..files.config import from_mapping
 from ..gns.config import GNSConfig
 from ..installation.extras import needed
 from ..rollout.outcome import Outcome
-from ..rollout.rollout import Rollout, Simulator
+from ..rollout.rollout import Rollout
+from ..rollout.simulator import Simulator
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
 from ..scenes.similarity import ModelUnits

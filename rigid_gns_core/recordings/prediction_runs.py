@@ -22,14 +22,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..forecasts.interpolation import interpolate, Stamps
+from ..forecasts.interpolation import interpolate
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
+from ..tracking.usable_frames import GAP, median_interval, Stamps
 
 # a stamp further off the grid than this part of a period belongs to another start
 RESTART_TOLERANCE = 0.01
-# more frames missing in a row than this end a run
-MAX_BRIDGED = 2
 
 
 class AlignmentError(ValueError):
@@ -85,7 +84,7 @@ def longest_run(
         restart, changed = restart | anew, changed | anew
     period = median_period(stamps)
     off = np.abs(np.diff(stamps) - advance * period)
-    ends = (changed | (off > 0.5 * period) if every else restart) | (advance > 1 + MAX_BRIDGED)
+    ends = (changed | (off > 0.5 * period) if every else restart) | (advance > GAP)
     bounds = [0, *(np.flatnonzero(ends) + 1), len(frames)]
     lengths = np.diff(bounds)
     start = bounds[int(np.argmax(lengths))]
@@ -139,13 +138,13 @@ def median_period(stamps: Stamps) -> float:
     Raises:
         AlignmentError: There is none.
     """
-    steps = np.diff(stamps)
-    if not (steps > 0).any():
+    period = median_interval(stamps)
+    if not period:
         raise AlignmentError(
             f'{len(stamps)} predictions hold no two in a row; record for longer, '
             'or see why the predictor was not started'
         )
-    return float(np.median(steps[steps > 0]))
+    return period
 
 
 def _steps(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the simulators in a bag said of the scene, and of how poses were matched. No ROS needed."""
+"""What the simulators in a bag said of scene, model and parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..bags.reader import Bag, BagError
-from ..bags.topics import listing, recorded_scenes, said_names, scene_topics
+from ..bags.topics import listing, recorded_scenes, said_names, scene_topics, Topics
+from ..files.checkpoint import CheckpointError, find_model, load_card
 from ..scenes.scene import Scene
 
 
@@ -74,13 +75,54 @@ class SaidScenes:
             )
         return Scene.from_mapping(own[0]['scene'], 'scene of the bag')
 
-    def matching(self, topic: str) -> Mapping[str, Any] | None:
-        """Return the parameters of a simulator that matched poses of a topic; None: none did."""
+    def scene_by(self, topics: Topics) -> Scene:
+        """Return the scene of the simulator that predicted, else that of its tracked poses."""
+        if 'scene' in topics.recorded:
+            return Scene.from_mapping(topics.recorded['scene'], 'scene of the bag')
+        return self.scene(topics.tracked.name)
+
+    def parameters(self, topic: str) -> Mapping[str, Any]:
+        """Return the parameters of a simulator that tracked a topic, rather of one that matched.
+
+        None is recorded where they are empty.
+        """
         said = [one.get('parameters') for one in self._of(topic)]
-        matched = [one for one in said if isinstance(one, dict) and one.get('match_spheres')]
-        return matched[0] if matched else None
+        known = [one for one in said if isinstance(one, dict)]
+        matched = [one for one in known if one.get('match_spheres')]
+        return next(iter(matched + known), {})
 
     def _of(self, topic: str) -> list[dict[str, Any]]:
         """Those that tracked the topic; where none says so, all."""
         named = zip(self.tracked, self.simulators, strict=True)
         return [one for name, one in named if name == topic] or self.simulators
+
+
+def find_recorded_model(recorded: dict[str, Any], given: str | None, where: str) -> str:
+    """Name or path of the model that a bag was recorded with, told by the hash of its weights.
+
+    Args:
+        recorded: What the simulator said on ~/scene.
+        given: Name or path instead of the recorded one.
+        where: For messages.
+
+    Raises:
+        CheckpointError: It is not here, or is another one of the same name.
+    """
+    parameters = recorded.get('parameters', {})
+    names = [given] if given is not None else [parameters.get('model', ''), recorded.get('model')]
+    expected = recorded.get('model_card', {}).get('weights_sha256')
+    seen = []
+    for name in [str(name) for name in names if name is not None]:
+        try:
+            path = find_model(name)
+        except CheckpointError:
+            continue
+        found = load_card(path)['weights_sha256']
+        if expected in (None, found):
+            return name
+        seen.append(f'{path.stem} with {found[:12]}...')
+    wanted = f'weights {expected[:12]}...' if expected else str(recorded.get('model'))
+    raise CheckpointError(
+        f'{where}: was recorded with model {recorded.get("model", "unknown")}, {wanted}; '
+        f'here: {", ".join(seen) or "no such model"}; name its file with --model'
+    )

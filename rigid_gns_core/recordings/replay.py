@@ -21,9 +21,10 @@ from contextlib import suppress
 
 import numpy as np
 
-from .alignment import Decoded
-from .forecast_starts import Start
-from ..tracking.window import RejectedFrame, seconds, TrackingWindow
+from .tracked_frames import Decoded
+from ..forecasts.starts import Start
+from ..tracking.usable_frames import RejectedFrame, seconds
+from ..tracking.window import TrackingWindow
 
 # reasons of starts before which the node had forgotten all frames
 _FROM_NOTHING = ('first', 'reset', 'restart')

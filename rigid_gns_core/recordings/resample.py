@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotate_quaternions, rotation_between
-from ..tracking.tracked_motion import SIGMAS
+from ..tracking.pose_noise import SIGMAS
 
 # two stamps within this are one [s]
 _SAME = 1e-7

@@ -12,11 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Seeded start states, and scene files that hold a scene with its start."""
+"""Seeded start states."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
@@ -24,33 +22,6 @@ from .placement import place_spheres
 from .scene import Scene
 from .start import StartRecipe
 from .state import Array, State
-from ..files.config import ConfigError, find_config, from_mapping, load_yaml
-
-
-def load_scene(name: str | Path) -> tuple[Scene, StartRecipe]:
-    """Scene and start of a YAML file, or of a shipped name in config/scenes.
-
-    The file holds `scene:` (see `Scene.from_mapping`) and `start:` (see `StartRecipe`), of which
-    the second may be absent: then one sphere starts at a random place.
-
-    Raises:
-        ConfigError: No such scene, an unknown key, or a value out of range.
-    """
-    path = find_config('scenes', name)
-    mapping = load_yaml(path)
-    if unknown := sorted(set(mapping) - {'scene', 'start'}, key=str):
-        raise ConfigError(f'{path}: unknown key {unknown[0]!r}, allowed: scene, start')
-    for key in ('scene', 'start'):
-        if not isinstance(mapping.get(key, {}), dict):
-            raise ConfigError(f'{path}: {key} is {mapping[key]!r}, expected a mapping')
-    if 'scene' not in mapping:
-        raise ConfigError(f"{path}: missing key 'scene'")
-    try:
-        scene = Scene.from_mapping(mapping['scene'], 'scene')
-        start = from_mapping(StartRecipe, mapping.get('start', {}), 'start')
-    except ValueError as error:
-        raise ConfigError(f'{path}: {error}') from error
-    return scene, start
 
 
 def sample_start(

@@ -12,17 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Score predictions against a reference: one report, as a table, JSON and a figure.
-
-Also the stage `rigid-gns evaluate`.
-"""
+"""Score predictions against a reference: one report, as a table, JSON and a figure."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
-import importlib
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -30,8 +24,6 @@ import numpy as np
 from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .error import check_comparable
 from .table import format_table
-from ..commands.arguments import completes, configs, shipped_models
-from ..files.strict_json import write_json
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory
 
@@ -129,139 +121,6 @@ def summarise(reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         values = _summarise(having)
         summary['horizons'][step] = values | {'time': values['time']['mean']}
     return summary
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns evaluate`."""
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument(
-        '--data',
-        type=Path,
-        metavar='PATH',
-        help='HDF5 file, or folder of them: roll a model out from the start of each trajectory',
-    )
-    source.add_argument(
-        '--bag', type=Path, help='recorded bag: score its predicted against its tracked poses'
-    )
-    model = parser.add_argument(
-        '--model',
-        help='shipped name or path (default: the shipped one; with --bag: the predictions in it)',
-    )
-    parser.add_argument(
-        '--steps', type=int, help='steps to roll out (with --data; default: as long as the data)'
-    )
-    parser.add_argument(
-        '--velocities',
-        choices=('given', 'poses'),
-        help='velocities of both by differences of poses, or as given (with --data; default: '
-        'poses, unless those of the model are of the instant)',
-    )
-    parser.add_argument(
-        '--json',
-        type=Path,
-        metavar='FILE',
-        help='write all numbers to this file (with --bag by default BAG_evaluation.json)',
-    )
-    parser.add_argument(
-        '--figure',
-        type=Path,
-        metavar='PNG',
-        help='draw positions, energy and error of the first trajectory (with --bag by default '
-        'BAG_evaluation.png)',
-    )
-    parser.add_argument('--no-figure', action='store_true', help='do not draw')
-    scene = parser.add_argument(
-        '--scene', metavar='NAME|FILE', help='scene of a bag that holds none'
-    )
-    completes(model, shipped_models)
-    completes(scene, configs('scenes'))
-    parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
-    parser.add_argument('--predicted', metavar='TOPIC', help='topic of predicted poses in a bag')
-    parser.epilog = (
-        'examples:\n'
-        '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
-        '  rigid-gns evaluate --bag recording --figure recording.png\n\n'
-        'The program evaluate has more for bags: --match, --starts, --reproduce.\n'
-        'What each number means: docs/metrics.md.'
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns evaluate`; prints the table and returns 0."""
-    if arguments.bag is not None:
-        return _run_bag(arguments)
-    for name in ('scene', 'tracked', 'predicted'):
-        if getattr(arguments, name) is not None:
-            raise ValueError(f'--{name} goes with --bag: data say it themselves')
-    report = _run_data(arguments)
-    if arguments.json is not None:
-        write_json(arguments.json, report)
-        print(f'numbers: {arguments.json}')
-    if arguments.figure is not None:
-        print(f'figure:  {arguments.figure}')
-    return 0
-
-
-def _run_bag(arguments: argparse.Namespace) -> int:
-    if arguments.steps is not None:
-        raise ValueError('--steps goes with --data: all of a bag is scored')
-    # the core does not depend on the ROS package; its bag reader needs no ROS either
-    return int(importlib.import_module('rigid_gns_core.commands.evaluate_bag').run(arguments))
-
-
-def _run_data(arguments: argparse.Namespace) -> dict[str, Any]:
-    if arguments.steps is not None and arguments.steps < 1:
-        raise ValueError(f'--steps is {arguments.steps}, expected at least 1')
-    from ..data.records import read_records
-    from ..rollout.rollout import load_simulator
-    from ..running.progress import Progress
-
-    simulator = load_simulator(arguments.model)
-    records = read_records(arguments.data)
-    reports: dict[str, dict[str, Any]] = {}
-    draws = arguments.figure is not None and not arguments.no_figure
-    with Progress(len(records), 'evaluate', unit='trajectory') as progress:
-        for number, record in enumerate(records):
-            start = record.trajectory[0]
-            steps = record.trajectory.steps
-            steps = steps if arguments.steps is None else min(arguments.steps, steps)
-            predicted = simulator.rollout(
-                record.scene,
-                start.positions,
-                start.velocities,
-                start.angular_velocities,
-                steps=steps,
-                quaternions=start.quaternions,
-            )
-            name = record.name if record.name not in reports else ''
-            name = name or f'{number:04d}'
-            reports[name] = evaluate(
-                predicted,
-                record.trajectory,
-                record.scene,
-                velocities=arguments.velocities or simulator.velocities,
-            )
-            if draws and number == 0:
-                from .figure import write_figure
-
-                write_figure(
-                    arguments.figure,
-                    predicted,
-                    record.trajectory,
-                    record.scene,
-                    title=f'{simulator.name} on {name}: {reports[name]["spheres"]} spheres',
-                )
-            progress.update(mse=reports[name]['errors']['mse'])
-    print(f'model {simulator.name} on {arguments.data}: {len(reports)} trajectories\n')
-    one = next(iter(reports.values()))
-    summary = summarise(list(reports.values()))
-    print(format_table(one if len(reports) == 1 else summary), end='')
-    return {
-        'model': simulator.name,
-        'data': str(arguments.data),
-        'summary': summary,
-        'records': reports,
-    }
 
 
 def _from_poses(trajectory: Trajectory) -> Trajectory:

@@ -16,10 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
+from ..files.tables import format_rows, number, summary
 
 # key: (name, unit); the first seven are named and ordered as in Table 1 of the thesis
 LAWS: dict[str, tuple[str, str]] = {
@@ -60,6 +60,7 @@ HORIZON_COLUMNS = {
 }
 # endings of keys that are units
 UNITS = {'_ms': 'ms', '_s': 's', '_hz': 'Hz'}
+DIGITS = 4
 
 
 def format_table(report: Mapping[str, Any]) -> str:
@@ -68,41 +69,38 @@ def format_table(report: Mapping[str, Any]) -> str:
     Sections of the report that other code added (mappings of numbers, such as publishing times)
     follow below under their own names.
     """
-    rows: list[tuple[str, ...]]
-    rows = [('Laws of physics', '', 'predicted', 'reference')]
     laws = report['laws']
-    for key, (name, unit) in LAWS.items():
-        if key in laws['predicted']:
-            sides = (_cell(laws[side].get(key)) for side in ('predicted', 'reference'))
-            rows.append((name, unit, *sides))
-    blocks = [_align(rows)]
+    rows = [
+        (_labelled(*names), *(_cell(laws[side].get(key)) for side in ('predicted', 'reference')))
+        for key, names in LAWS.items()
+        if key in laws['predicted']
+    ]
+    blocks = [format_rows(('Laws of physics', 'predicted', 'reference'), rows)]
 
     errors = report['errors']
-    rows = [('Errors against the reference', '', 'predicted')]
-    for key, (name, unit) in ERRORS.items():
+    rows = []
+    for key, names in ERRORS.items():
         if key in errors:
-            cell = _cell(errors[key])
-            if key == 'predictability_time' and errors.get('predictable_to_end') == 1.0:
-                cell = f'> {cell}'
-            rows.append((name, unit, cell))
-    blocks.append(_align(rows))
+            more = key == 'predictability_time' and errors.get('predictable_to_end') == 1.0
+            rows.append((_labelled(*names), ('> ' if more else '') + _cell(errors[key])))
+    blocks.append(format_rows(('Errors against the reference', 'predicted'), rows))
 
     horizons = report.get('horizons', {})
     if horizons:
-        rows = [('Errors after', '', *HORIZON_COLUMNS.values())]
-        for step, values in horizons.items():
-            time = _number(values['time'])
-            cells = (_cell(values[key]) for key in HORIZON_COLUMNS)
-            rows.append((f'{step} steps, {time} s', '', *cells))
-        blocks.append(_align(rows, least=16))
+        rows = [
+            (f'{step} steps, {number(values["time"], DIGITS)} s',)
+            + tuple(_cell(values[key]) for key in HORIZON_COLUMNS)
+            for step, values in horizons.items()
+        ]
+        blocks.append(format_rows(('Errors after', *HORIZON_COLUMNS.values()), rows))
 
     known = ('laws', 'errors', 'horizons', 'diverged_at')
     for name, section in report.items():
         if name in known or not isinstance(section, Mapping):
             continue
-        cells = [(*_words(key), _cell(v)) for key, v in section.items() if _is_cell(v)]
-        if cells:
-            blocks.append(_align([(*_words(name), ''), *cells]))
+        rows = [(_labelled(*words(key)), _cell(v)) for key, v in section.items() if _is_cell(v)]
+        if rows:
+            blocks.append(format_rows((_labelled(*words(name)), ''), rows))
     return '\n\n'.join([*blocks, *_remarks(report)]) + '\n'
 
 
@@ -124,44 +122,17 @@ def _is_cell(value: Any) -> bool:
 
 
 def _cell(value: Any) -> str:
-    if value is None:
-        return '-'
-    if isinstance(value, Mapping):
-        if not value['infinite']:
-            return f'{_number(value["mean"])} ± {_number(value["std"])}'
-        finite = value['count'] - value['infinite']
-        if not finite:
-            return 'inf'
-        mean, std = _number(value['finite_mean']), _number(value['finite_std'])
-        return f'{mean} ± {std}, inf in {value["infinite"]} of {value["count"]}'
-    return value if isinstance(value, str) else _number(value)
+    if isinstance(value, str):
+        return value
+    return summary(value, DIGITS) if isinstance(value, Mapping) else number(value, DIGITS)
 
 
-def _number(value: float) -> str:
-    if value == 0 or not np.isfinite(value):
-        return f'{value:g}'
-    if 1e-2 <= abs(value) < 1e5:
-        digits = max(0, 3 - int(np.floor(np.log10(abs(value)))))
-        text = f'{value:.{digits}f}'
-        return text.rstrip('0').rstrip('.') if '.' in text else text
-    return f'{value:.2e}'
+def _labelled(name: str, unit: str) -> str:
+    return f'{name} [{unit}]' if unit else name
 
 
-def _words(key: str) -> tuple[str, str]:
+def words(key: str) -> tuple[str, str]:
     """Name and unit of a key such as `lateness_p50_ms`."""
     ending = next((ending for ending in UNITS if key.endswith(ending)), '')
     text = key.removesuffix(ending).replace('_', ' ')
     return text[:1].upper() + text[1:], UNITS.get(ending, '')
-
-
-def _align(rows: Sequence[tuple[str, ...]], least: int = 52) -> str:
-    """First row is the head; first two columns (name, unit) become one; numbers align right."""
-    joined = [(f'{name} [{unit}]' if unit else name, *cells) for name, unit, *cells in rows]
-    widths = [max(len(row[i]) for row in joined) for i in range(len(joined[0]))]
-    widths[0] = max(widths[0], least)
-    lines = []
-    for name, *cells in joined:
-        right = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
-        lines.append('  '.join([name.ljust(widths[0]), *right]))
-    lines.insert(1, '-' * max(len(line) for line in lines))
-    return '\n'.join(line.rstrip() for line in lines)

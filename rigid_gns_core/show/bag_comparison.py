@@ -25,10 +25,8 @@ from .comparison import Comparison
 from ..bags.reader import read_bag
 from ..bags.topics import find_topics, holds_predictions, listing
 from ..messages.poses import decode_float64
-from ..recordings.alignment import align, decode_topic, longest_run, usable_frames
-from ..recordings.forecast_starts import recorded_starts, starts_of
-from ..recordings.scoring.evaluate import evaluate_bag
-from ..scenes.scene import Scene
+from ..recordings.scoring.evaluate import score_bag
+from ..recordings.tracked_frames import decode_topic
 from ..scenes.state import Array
 
 
@@ -54,33 +52,24 @@ def read_bag_comparison(
             'import`, predict from one (docs/tutorial.md), and report on that with --reference. '
             f'The bag holds {listing(bag)}'
         )
-    report = evaluate_bag(path, scene=scene, tracked=tracked, predicted=predicted)
+    scored = score_bag(bag, scene=scene, tracked=tracked, predicted=predicted)
     topics = find_topics(bag, tracked, predicted)
-    every = report['recording']['start'] == 'every'
-    ours, theirs = decode_topic(topics.predicted), decode_topic(topics.tracked)
-    starts = recorded_starts(topics.start)
-    chosen = starts_of(starts, ours.frames, ours.places) if starts else None
-    run, _ = longest_run(ours.frames, every=every, starts=chosen)
-    usable, _ = usable_frames(theirs, run.frame_id, run.poses.shape[1], ours.places[run.part])
-    ahead, truth, _ = align(run, usable)
-    model = report['recording']['model']
     return Comparison(
-        title=f'{path.resolve().name}: {ahead.count} spheres, model {model}',
-        scene=Scene.from_mapping(report['recording']['scene'], 'scene of the bag'),
-        predicted=ahead,
-        reference=truth,
+        title=scored.title,
+        scene=scored.scene,
+        predicted=scored.predicted,
+        reference=scored.tracked,
         names=('predicted', 'tracked'),
-        evaluation=report,
-        recording=_times(ours, topics.step_time),
+        evaluation=scored.report,
+        recording=_times(decode_topic(topics.predicted), topics.step_time),
     )
 
 
 def _times(ours: Any, step_time: Any) -> dict[str, tuple[Array, Array]]:
     """Lateness and period of each prediction, and model steps [ms], over their log times [s]."""
     log = np.asarray(ours.times, dtype=np.int64)
-    stamps = np.array([frame.stamp_ns for frame in ours.frames], dtype=np.int64)
     since: Array = 1e-9 * (log - log[0]).astype(np.float64)
-    late: Array = 1e-6 * (log - stamps).astype(np.float64)
+    late: Array = 1e-6 * (log - ours.stamps).astype(np.float64)
     periods: Array = 1e-6 * np.diff(log).astype(np.float64)
     times = {'lateness': (since, late), 'period': (since[1:], periods)}
     if step_time is not None and len(step_time):

@@ -12,25 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A prediction beside its reference, of a record or a bag: what report, view and render show."""
+"""A prediction beside its reference, of a record or a bag: what a report shows."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..commands.arguments import completes, configs
-from ..data.records import read_record, Record
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
-from ..scoring import divergence, law_metrics
+from ..scoring import divergence
 from ..scoring.error import check_comparable
-from ..scoring.evaluate import evaluate, Velocities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,72 +74,6 @@ class Comparison:
         )
 
 
-def add_source(parser: argparse.ArgumentParser) -> None:
-    """Options that say what to show."""
-    parser.add_argument(
-        'source',
-        type=Path,
-        metavar='RECORD|BAG',
-        help='HDF5 file of `rigid-gns rollout` or `generate`, or a recorded bag',
-    )
-    parser.add_argument(
-        '--reference',
-        type=Path,
-        metavar='RECORD',
-        help='HDF5 file to compare a record with; a bag holds its own',
-    )
-    parser.add_argument('--title', help='headline (default: from the name of the source)')
-    scene = parser.add_argument(
-        '--scene', metavar='NAME|FILE', help='scene of a bag that holds none'
-    )
-    completes(scene, configs('scenes'))
-    parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
-    parser.add_argument('--predicted', metavar='TOPIC', help='topic of predicted poses in a bag')
-
-
-def read_comparison(
-    arguments: argparse.Namespace,
-    *,
-    floors: Sequence[Path] = (),
-    scored: bool = True,
-    velocities: Velocities = 'given',
-) -> Comparison:
-    """Read what the options of `add_source` name.
-
-    Args:
-        arguments: Parsed options.
-        floors: Records of the reference's start, simulated otherwise.
-        scored: Whether to compute the evaluation; it is always there for a bag.
-        velocities: Of records: as given, or 'poses': by backward differences, as for a bag.
-
-    Raises:
-        ValueError: A file cannot be read, or two do not fit together.
-    """
-    source: Path = arguments.source
-    if not source.exists():
-        raise FileNotFoundError(f'{source}: no such record or bag')
-    if source.is_file() and source.suffix != '.mcap':
-        for name in ('scene', 'tracked', 'predicted'):
-            if getattr(arguments, name) is not None:
-                raise ValueError(f'--{name} goes with a bag: the record {source} says it itself')
-        comparison = _read_records(source, arguments.reference, scored, velocities)
-    else:
-        if arguments.reference is not None:
-            raise ValueError(
-                f'--reference goes with a record: the bag {source} holds tracked poses'
-            )
-        from .bag_comparison import read_bag_comparison
-
-        comparison = read_bag_comparison(
-            source, scene=arguments.scene, tracked=arguments.tracked, predicted=arguments.predicted
-        )
-    if floors and comparison.reference is None:
-        raise ValueError('--floor needs a reference to measure from; give --reference too')
-    added = {_floor_name(path): read_record(path).trajectory for path in floors}
-    title = arguments.title or comparison.title
-    return cut(replace(comparison, title=title, floors=added))
-
-
 def cut(comparison: Comparison) -> Comparison:
     """Only the part that all trajectories have, before any of them diverges.
 
@@ -168,66 +96,6 @@ def cut(comparison: Comparison) -> Comparison:
     if lost == 0:
         raise ValueError('a trajectory diverges at its start, so there is nothing to show')
     return replace(comparison.window(0, lost), lost=lost)
-
-
-def _read_records(
-    source: Path, reference: Path | None, scored: bool, velocities: Velocities
-) -> Comparison:
-    record = read_record(source)
-    name = record.name or source.stem
-    if reference is None:
-        return Comparison(
-            title=name,
-            scene=record.scene,
-            predicted=record.trajectory,
-            names=(engine_name(record), ''),
-            evaluation=_laws_alone(record) if scored else {},
-        )
-    other = read_record(reference)
-    frames = min(len(record.trajectory), len(other.trajectory))
-    predicted = record.trajectory.window(0, frames)
-    truth = other.trajectory.window(0, frames)
-    try:
-        check_comparable(predicted, truth)
-    except ValueError as error:
-        raise ValueError(f'{source} and {reference} do not compare: {error}') from error
-    names = engine_name(record), engine_name(other)
-    if names[0] == names[1]:
-        names = f'{names[0]} ({source.stem})', f'{names[1]} ({reference.stem})'
-    return Comparison(
-        title=name,
-        scene=other.scene,
-        predicted=predicted,
-        reference=truth,
-        names=names,
-        evaluation=evaluate(predicted, truth, other.scene, velocities=velocities)
-        if scored
-        else {},
-    )
-
-
-def _laws_alone(record: Record) -> dict[str, Any]:
-    trajectory = record.trajectory
-    return {
-        'steps': trajectory.steps,
-        'dt': trajectory.dt,
-        'spheres': trajectory.count,
-        'diverged_at': {'predicted': divergence(trajectory, record.scene)},
-        'laws': {'predicted': law_metrics(trajectory, record.scene)},
-    }
-
-
-def engine_name(record: Record) -> str:
-    """Return what computed a record, as its legend says it."""
-    engine = str(record.teacher.get('engine', 'unknown'))
-    if engine == 'pybullet':
-        return 'Bullet'
-    return f'predicted ({record.teacher["model"]})' if 'model' in record.teacher else engine
-
-
-def _floor_name(path: Path) -> str:
-    substeps = read_record(path).teacher.get('substeps')
-    return path.stem if substeps is None else f'{path.stem}, {substeps} substeps'
 
 
 def position_errors(predicted: Trajectory, reference: Trajectory) -> Array:

@@ -23,9 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from .comparison import add_source, Comparison, read_comparison
+from .comparison import Comparison
 from .series import charts
 from .surfaces import focus, visible_quads
+from ..commands.source import add_source, read_comparison
 from ..installation.extras import needed
 
 ENTITIES = ('world/predicted', 'world/reference')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which pose of a frame belongs to which sphere, where trackers give no names.
+"""Data association: which pose of a frame belongs to which sphere, where trackers give no names.
 
 A sphere is sought where its motion so far leads, within a gate.
 """
@@ -58,7 +58,7 @@ def match(predicted: Array, found: Array, gates: Array) -> Indices:
         return np.where(inside, nearest, none)
     # only those hang on each other that gates join to a pose that is the nearest of several
     joined, wanted = np.zeros(len(predicted), dtype=bool), claimed > 1
-    _join(joined, wanted, np.empty(len(found), dtype=np.int64), predicted, found, gates)
+    _cluster(joined, wanted, np.empty(len(found), dtype=np.int64), predicted, found, gates)
     spheres, poses = np.flatnonzero(joined), np.flatnonzero(wanted)
     index = np.where(inside, nearest, none)
     squares = np.square(predicted[spheres, None] - found[poses]).sum(axis=-1)
@@ -71,7 +71,7 @@ def match(predicted: Array, found: Array, gates: Array) -> Indices:
 
 
 @entry
-def _join(
+def _cluster(
     spheres: Flags, poses: Flags, waiting: Indices, predicted: Array, found: Array, gates: Array
 ) -> None:
     """Mark all spheres and poses that gates join to marked poses.
@@ -104,7 +104,7 @@ def _join(
 
 
 def gates(
-    speeds: Array, positions: Array, radii: Array, spread: Array, time: float, sure: Flags
+    speeds: Array, positions: Array, radii: Array, spread: Array, time: float, reliable: Flags
 ) -> Array:
     """How far spheres may be from where they are expected [m], shape (n,).
 
@@ -117,22 +117,22 @@ def gates(
         radii: [m], shape (n,).
         spread: Standard deviation of the expected positions [m], shape (n,).
         time: Since the frame before [s].
-        sure: Whether a speed is that of three frames or more, shape (n,): one that was matched
+        reliable: Whether a speed is that of three frames or more, shape (n,): one that was matched
             wrongly must not widen the gates of others.
     """
     positions, radii, travel = plain(positions), plain(radii), plain(speeds * time)
     fastest = travel.copy()
-    _raise(fastest, travel, sure, pairs_near(positions, radii + travel))
+    _raise_to_fastest(fastest, travel, reliable, pairs_near(positions, radii + travel))
     return radii + GATE_SIGMAS * spread + fastest
 
 
 @entry
-def _raise(fastest: Array, travel: Array, sure: Flags, pairs: Pairs) -> None:
+def _raise_to_fastest(fastest: Array, travel: Array, reliable: Flags, pairs: Pairs) -> None:
     """Raise the way of each sphere to that of the fastest sure one that can reach it."""
     one, other = pairs
     for k in range(len(one)):
         i, j = one[k], other[k]
-        if sure[j]:
+        if reliable[j]:
             fastest[i] = max(fastest[i], travel[j])
-        if sure[i]:
+        if reliable[i]:
             fastest[j] = max(fastest[j], travel[i])

@@ -21,22 +21,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .collisions import exchange, meeting, NONE_NEAR, Pairs, pairs_near
+from .collisions import NONE_NEAR, Pairs, pairs_near, time_of_contact, velocity_change
+from .environment import Environment
 from .impacts import after_impact, first_impact, placed, Surfaces
 from .jit import entry, in_place, plain
-from .stretches import Flags
-from .surroundings import Surroundings
+from .line_fit import Flags
 from ..kernels.quaternions import turn
 from ..kernels.vector import dot, minus, plus, put, row, times
 from ..scenes.state import Array
 
 # a contact may lie so many spans of the time back
 _BEHIND = 0.5
-_HELD = (0.0, 0.0, 0.0)  # acceleration of what is carried
+_HELD = (0.0, 0.0, 0.0)  # acceleration of what something holds
 
 
 def coast(
-    around: Surroundings,
+    environment: Environment,
     places: Array,
     speeds: Array,
     falls: NDArray[np.bool_],
@@ -49,19 +49,19 @@ def coast(
     would be sought where the other is.
 
     Args:
-        around: Gravity, and what spheres bounce off.
+        environment: Gravity, and what spheres bounce off.
         places: Centres [m], shape (n, 3).
         speeds: [m/s], shape (n, 3).
-        falls: Whether a sphere flies, rather than being carried, shape (n,).
+        falls: Whether a sphere flies, rather than being held, shape (n,).
         radii: [m], shape (n,).
         time: How long [s], shape (n,).
     """
     places, speeds, radii, time = plain(places), plain(speeds), plain(radii), plain(time)
     pairs = NONE_NEAR
-    if around.known:
-        fall = np.where(falls, np.linalg.norm(around.gravity), 0.0) * time
+    if environment.known:
+        fall = np.where(falls, np.linalg.norm(environment.gravity), 0.0) * time
         pairs = pairs_near(places, radii + (np.linalg.norm(speeds, axis=1) + fall) * time)
-    return _coast(around.surfaces, pairs, places, speeds, falls, radii, time)
+    return _coast(environment.surfaces, pairs, places, speeds, falls, radii, time)
 
 
 def turn_on(quaternions: Array, spins: Array, time: float) -> Array:
@@ -140,7 +140,7 @@ def _push(
             minus(row(places, j), row(places, i)),
             minus(row(speeds, j), row(speeds, i)),
         )
-        at, span = meeting(offset, speed, radii[i] + radii[j]), min(time[i], time[j])
+        at, span = time_of_contact(offset, speed, radii[i] + radii[j]), min(time[i], time[j])
         if span > 0 and at >= -_BEHIND * span and at <= span:
             met[k] = max(at, 0.0)
             first[i], first[j] = min(first[i], met[k]), min(first[j], met[k])
@@ -151,7 +151,7 @@ def _push(
                 continue
             speed = minus(row(speeds, j), row(speeds, i))
             offset = plus(minus(row(places, j), row(places, i)), times(at, speed))
-            push = exchange(offset, speed, surfaces.bounce)
+            push = velocity_change(offset, speed, surfaces.bounce)
             who = j if side else i
             put(change, who, times(-1.0, push) if side else push)
             if at < when[who]:

@@ -45,7 +45,7 @@ def within(positions: Array, reach: Array, i: int, j: int) -> bool:
 
 
 @in_place
-def meeting(offset: Vector, speed: Vector, touch: float) -> float:
+def time_of_contact(offset: Vector, speed: Vector, touch: float) -> float:
     """Time at which spheres in relative uniform motion come to touch [s]; NaN where they do not.
 
     Args:
@@ -62,7 +62,7 @@ def meeting(offset: Vector, speed: Vector, touch: float) -> float:
 
 
 @in_place
-def exchange(offset: Vector, speed: Vector, restitution: float) -> Vector:
+def velocity_change(offset: Vector, speed: Vector, restitution: float) -> Vector:
     """Change of the velocity of the first of two equal spheres that collide [m/s].
 
     Args:

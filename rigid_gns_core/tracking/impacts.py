@@ -25,7 +25,19 @@ from ..scenes.state import Array
 
 
 class Surfaces(NamedTuple):
-    """What spheres can touch, for compiled code; fields as in `Surroundings`."""
+    """What spheres can touch, for compiled code.
+
+    Args:
+        gravity: Acceleration of free flight [m/s^2].
+        points: A point of each surface [m], shape (k, 3).
+        axes: Direction, the other direction and normal of each surface, shape (k, 3, 3).
+        halves: Half lengths along the two directions [m], shape (k, 2).
+        restitution: Of a sphere on each surface, shape (k,).
+        friction: Of a sphere on each surface, shape (k,).
+        rolling_friction: Of a sphere.
+        bounce: Restitution of two spheres.
+        known: Whether these are all; without, spheres may be held anywhere.
+    """
 
     gravity: Vector
     points: Array

@@ -34,7 +34,7 @@ def in_place(function: Function) -> Function:
     """Machine code of `function` for the filter's own use: Python itself must not call it.
 
     It makes no array, so that nothing counts references. Sums are neither fused nor reordered:
-    between explanations that cost the same, rounding decides.
+    between hypotheses that cost the same, rounding decides.
     """
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 

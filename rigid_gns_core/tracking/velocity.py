@@ -29,13 +29,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from .coasting import coast
 from .collisions import NONE_NEAR, pairs_near
-from .fit import finish, fit
-from .frames import fill, Window
+from .environment import Environment
 from .jit import plain
-from .knocks import Meetings
-from .motions import Best, FLIGHT, Motion
-from .stretches import COLUMNS
-from .surroundings import Surroundings
+from .line_fit import COLUMNS
+from .motion_models import FLIGHT, Hypotheses, Motion
+from .observations import fill, Observations
+from .sphere_impact_fit import Encounters
+from .window_fit import finish, fit
 from ..scenes.state import Array
 
 # charge for being held by what the scene does not know
@@ -50,7 +50,7 @@ def estimate_motion(
     positions: ArrayLike,
     quaternions: ArrayLike,
     *,
-    around: Surroundings,
+    environment: Environment,
     radii: Array,
     noise: float,
     seen: NDArray[np.bool_] | None = None,
@@ -65,7 +65,7 @@ def estimate_motion(
         positions: Centres [m], shape (frames, n, 3).
         quaternions: Rotations (x, y, z, w), shape (frames, n, 4); between two frames a sphere may
             turn by less than half a turn.
-        around: Gravity, and what spheres can touch.
+        environment: Gravity, and what spheres can touch.
         radii: [m], shape (n,).
         noise: Standard deviation of each coordinate [m].
         seen: Whether a sphere was seen in a frame, at least once each, shape (frames, n).
@@ -88,23 +88,23 @@ def estimate_motion(
         if shape != expected:
             raise ValueError(f'{name} have shape {shape}, expected {expected}')
     sigma = np.maximum(noise, _FLOOR * radii)
-    window = Window.of(stamps, n, radii, sigma)
-    surfaces, sums = around.surfaces, np.empty((count + 1, COLUMNS))
+    window = Observations.of(stamps, n, radii, sigma)
+    surfaces, sums = environment.surfaces, np.empty((count + 1, COLUMNS))
     fill(window, places, turns, mask, surfaces.gravity, np.empty((count, 3)))
-    best = Best.at_rest(window.seen, window.last)
+    best = Hypotheses.at_rest(window.seen, window.last)
     if count > 1:
         pairs = NONE_NEAR
-        if around.known:
+        if environment.known:
             pairs = pairs_near(window.origin, np.maximum(window.touch, window.met))
-        held = np.full(n, _HELD if around.known else 0.0)
+        held = np.full(n, _HELD if environment.known else 0.0)
         level = np.empty((count + 1, 4))
-        fit(best, window, surfaces, pairs, held, Meetings.nowhere(n), sums, level)
+        fit(best, window, surfaces, pairs, held, Encounters.none(n), sums, level)
     place, speed, spins = np.empty((3, n, 3))
     quaternions = turns[window.last, np.arange(n)]
     finish(best, window, surfaces.gravity, place, speed, spins, quaternions, sums)
     missing = -stamps[window.last]
     if missing.any():
-        place, speed = coast(around, place, speed, best.kinds == FLIGHT, radii, missing)
+        place, speed = coast(environment, place, speed, best.kinds == FLIGHT, radii, missing)
     return Motion(place, quaternions, speed, spins, best.kinds, best.frames, best.errors)
 
 
@@ -121,7 +121,7 @@ def estimate_velocities(
         times,
         positions,
         quaternions,
-        around=Surroundings.unknown(gravity, 1.0),
+        environment=Environment.unknown(gravity, 1.0),
         radii=np.ones(count),
         noise=1e6,  # nothing is left out, and the motion that fits better is taken
     )

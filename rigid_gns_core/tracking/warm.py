@@ -23,8 +23,8 @@ import numpy as np
 
 from .association import gates, match
 from .coasting import turn_on
+from .environment import Environment
 from .jit import is_compiled
-from .surroundings import Surroundings
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
 
@@ -37,12 +37,12 @@ def warm_up() -> None:
     frames, ones = 4, np.ones(2)
     places = np.tile([[0.0, 0.0, 1.0], [0.0, 1.5, 1.0]], (frames, 1, 1))
     seen = np.ones((frames, 2), dtype=bool)
-    seen[-1, 0] = False  # is carried on
+    seen[-1, 0] = False  # is coasted
     motion = estimate_motion(
         0.1 * np.arange(frames),
         places,
         np.tile([0.0, 0.0, 0.0, 1.0], (frames, 2, 1)),
-        around=Surroundings.of(Scene(surfaces=(Plane(),))),
+        environment=Environment.of(Scene(surfaces=(Plane(),))),
         radii=ones,
         noise=1e-3,
         seen=seen,

@@ -21,29 +21,21 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .refusal import check_poses
-from .refusal import RejectedFrame as RejectedFrame
-from .refusal import seconds as seconds
-from .surroundings import Surroundings
-from .tracked_set import Following, TrackedSet
+from .environment import Environment
+from .tracks import TrackerSettings, Tracks
+from .usable_frames import FrameOrder, RejectedFrame
 from .warm import warm_up
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import State
 
-# a stamp further ahead of the frames before it, by the clock of arrival, is an error [ns]
-MAX_AHEAD_NS = 1_000_000_000
-# so many frames in a row refused for their stamps, while these rise, are a tracker begun anew
-RESTART_FRAMES = 5
-# positions further out than this many radii are no measurement
-MAX_DISTANCE = 1e6
 # defaults: spheres are coasted for so many times sqrt(r / g), and found up to so many times
 # sqrt(g r) of speed
 _COAST, _MAX_SPEED = 2.0, 50.0
 # frames of the same poses are refused so many times in a row, where spheres move by so many radii
 _REPEATS, _STILL = 3, 0.01
 
-_NOTHING = TrackedSet.empty()
+_NOTHING = Tracks.empty()
 
 
 class TrackingWindow:
@@ -69,7 +61,7 @@ class TrackingWindow:
         matched: Whether poses are matched to spheres, which may then come in any order, be
             missing, appear and vanish; else there is always the same number in the same order.
         noise: Standard deviation of each coordinate of a position [m]; None: estimated.
-        coast_time: A sphere that is not seen is carried on for so long [s], and for two frames at
+        coast_time: A sphere that is not seen is coasted for so long [s], and for two frames at
             least; None: 2 sqrt(radius / gravity).
         max_speed: New spheres that are faster are not found [m/s]; None: 50 sqrt(radius gravity).
     """
@@ -101,12 +93,14 @@ class TrackingWindow:
         ):
             if value is not None and not (value >= 0 and np.isfinite(value)):
                 raise ValueError(f'{name} is {value}, expected 0 or more')
-        self.frame_id, self.length, self.max_spheres = frame_id, length, max_spheres
+        self.length, self.max_spheres = length, max_spheres
         self.max_gap_ns, self._check = round(max_gap * 1e9), check
-        self._far, self._on_gap = MAX_DISTANCE * radius, on_gap
-        around = Surroundings.unknown(gravity, radius) if scene is None else Surroundings.of(scene)
-        self.following = Following(
-            around=around,
+        self._order, self._on_gap = FrameOrder(frame_id, radius), on_gap
+        environment = (
+            Environment.unknown(gravity, radius) if scene is None else Environment.of(scene)
+        )
+        self.settings = TrackerSettings(
+            environment=environment,
             length=length,
             matched=matched,
             noise=noise,
@@ -115,17 +109,18 @@ class TrackingWindow:
             radius=radius,
         )
         # newest frames, each with the spheres before it, to go on from when one comes late
-        self._frames: deque[tuple[PoseArrayFrame, TrackedSet]] = deque(
-            maxlen=self.following.memory
-        )
+        self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.memory)
         self._now = _NOTHING
         self._state: State | None = None  # of the newest frame, where it was asked for
-        self._refused: list[PoseArrayFrame] = []  # for their stamps, which rise
-        self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
         self._repeats = 0  # frames of the same content, in a row
         self.arrival_ns = 0  # of the newest frame, by this node's clock
         self.generation = 0  # changes with the set of spheres
         self.counts: Counter[str] = Counter()  # of frames and spheres, by what became of them
+
+    @property
+    def frame_id(self) -> str:
+        """Coordinate frame that messages must be in."""
+        return self._order.frame_id
 
     @property
     def full(self) -> bool:
@@ -145,7 +140,7 @@ class TrackingWindow:
     @property
     def noise(self) -> float:
         """Standard deviation of each coordinate of a position, given or estimated [m]."""
-        return self._now.noise(self.following)
+        return self._now.noise(self.settings)
 
     @property
     def stamp_ns(self) -> int | None:
@@ -160,13 +155,12 @@ class TrackingWindow:
     @property
     def lead_ns(self) -> int:
         """Stamp minus arrival of the frame that was fastest, of the newest 20 [ns]."""
-        return max(self._leads, default=0)
+        return self._order.lead_ns
 
     def clear(self) -> None:
         """Forget all frames and spheres."""
         self._frames.clear()
-        self._refused.clear()
-        self._leads.clear()
+        self._order.clear()
         self._repeats = 0
         self._become(_NOTHING)
 
@@ -188,34 +182,20 @@ class TrackingWindow:
         return restarted
 
     def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
-        if frame.frame_id != self.frame_id:
-            raise RejectedFrame(
-                'frame',
-                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} '
-                '(parameter frame_id)',
-            )
+        self._order.check(frame)
         self._check_count(len(frame.poses))
-        check_poses(frame.poses, self._far)
-        restarted = False
-        try:
-            self._check_stamp(frame.stamp_ns, now_ns)
-        except RejectedFrame:
-            if self._refused and frame.stamp_ns <= self._refused[-1].stamp_ns:
-                self._refused.clear()
-            self._refused.append(frame)
-            if len(self._refused) < RESTART_FRAMES:
-                raise
-            earlier_ones, restarted = self._refused[:-1], True
+        known = [one.stamp_ns for one, _ in self._frames]
+        admitted = self._order.admit(frame, now_ns, known, full=self.full)
+        restarted = len(admitted) > 1
+        if restarted:
             self.clear()
-            for earlier in earlier_ones:
-                self._take(earlier, now_ns)
-        if not restarted:
+        else:
             self._check_content(frame)
-        self._take(frame, now_ns)
+        for one in admitted:
+            self._take(one, now_ns)
         return restarted
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
-        self._refused.clear()
         later: list[PoseArrayFrame] = []
         now, newborn = self._now, self._now.next_id
         frames = self._frames.copy()  # what fails below leaves all as it was
@@ -228,21 +208,21 @@ class TrackingWindow:
                 if not self.full:
                     self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
                 frames.clear()
-                matched = self.following.matched
-                now = TrackedSet.empty(now.next_id, now.heard) if matched else _NOTHING
+                matched = self.settings.matched
+                now = Tracks.empty(now.next_id, now.noise_estimate) if matched else _NOTHING
             frames.append((one, now))
-            now = now.after(one, self.following)
+            now = now.after(one, self.settings)
         self._frames = frames
+        self._order.taken(frame.stamp_ns, now_ns, late=bool(later))
         if later:
             self.counts['reordered'] += 1
         else:
-            self._leads.append(frame.stamp_ns - now_ns)
             self.arrival_ns = now_ns
             self.counts['missed'] += now.missed
         # a late frame may have given other spheres the same ids
         self._become(now, changed=anew)
 
-    def _become(self, now: TrackedSet, *, changed: bool = False) -> None:
+    def _become(self, now: Tracks, *, changed: bool = False) -> None:
         before, self._now, self._state = self._now.ids, now, None
         if changed or not np.array_equal(before, now.ids):
             self.generation += 1
@@ -252,7 +232,7 @@ class TrackingWindow:
     def start(self) -> tuple[int, State]:
         """Stamp [ns] and state of the newest frame, with velocities from the whole window."""
         if self._state is None:
-            motion = self._now.window_motion(self.following)
+            motion = self._now.window_motion(self.settings)
             self._state = State(
                 positions=motion.positions,
                 quaternions=motion.quaternions,
@@ -262,7 +242,7 @@ class TrackingWindow:
         return int(self._now.stamps[-1]), self._state
 
     def _check_count(self, count: int) -> None:
-        known, matched = self.count, self.following.matched
+        known, matched = self.count, self.settings.matched
         if count == 0 and not (matched and known):
             raise RejectedFrame('empty', 'it holds no poses, expected one per sphere')
         if count > self.max_spheres:
@@ -283,30 +263,9 @@ class TrackingWindow:
                 'to start again with another number',
             )
 
-    def _check_stamp(self, stamp: int, now: int) -> None:
-        last = self.stamp_ns
-        if last is not None and stamp <= last:
-            there = any(frame.stamp_ns == stamp for frame, _ in self._frames)
-            if not there and stamp > self._frames[0][0].stamp_ns:
-                return  # it is late, but has a place
-            raise RejectedFrame(
-                'duplicate' if there else 'late',
-                f'its stamp {seconds(stamp)} s does not come after {seconds(last)} s of the frame '
-                f'before, {"and is that of a frame taken" if there else "nor into the window"}; '
-                'expected increasing stamps, or a call of ~/reset when the tracker was '
-                f'started again ({RESTART_FRAMES} such frames with rising stamps do the same)',
-            )
-        if self.full and stamp - now > self.lead_ns + MAX_AHEAD_NS:
-            ahead = (stamp - now - self.lead_ns) * 1e-9
-            raise RejectedFrame(
-                'ahead',
-                f'its stamp {seconds(stamp)} s is {ahead:.3f} s ahead of its time by the frames '
-                f'before, expected at most {MAX_AHEAD_NS * 1e-9:g} s',
-            )
-
     def _check_content(self, frame: PoseArrayFrame) -> None:
         """Refuse the poses of the newest frame under a new stamp, where spheres move."""
-        if not self.following.matched or not self._frames or not len(frame.poses):
+        if not self.settings.matched or not self._frames or not len(frame.poses):
             return
         newest = self._frames[-1][0]
         same = np.array_equal(newest.poses, frame.poses) and frame.stamp_ns > newest.stamp_ns
@@ -314,7 +273,7 @@ class TrackingWindow:
         velocities = self._now.motion.velocities
         travel = time * float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
         # what stopped at once is believed after a few
-        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.following.radius:
+        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.settings.radius:
             self._repeats = 0
             return
         self._repeats += 1

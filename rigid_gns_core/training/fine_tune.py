@@ -30,8 +30,8 @@ import numpy as np
 from ..data.records import Record
 from ..files.checkpoint import CheckpointError, find_model, Tensors
 from ..files.config import to_mapping
-from ..prediction.simulators import GNSSimulator
-from ..rollout.rollout import load_simulator
+from ..prediction.gns import GNSSimulator
+from ..prediction.load import load_simulator
 from ..scenes.similarity import ModelUnits, Similarity
 from ..scenes.state import Trajectory
 

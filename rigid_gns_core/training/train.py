@@ -39,8 +39,8 @@ from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
 from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from ..files.config import ConfigError, load_yaml, to_mapping
-from ..prediction.simulators import KINDS
-from ..rollout.rollout import Simulator
+from ..prediction.load import KINDS
+from ..rollout.simulator import Simulator
 from ..running.interrupt import stop_on_signal
 from ..running.progress import Progress
 from ..scoring import chamfer

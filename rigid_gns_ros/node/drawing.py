@@ -32,9 +32,9 @@ from rigid_gns_core.scenes.state import Array
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rigid_gns_core.forecasts.forecaster import Forecaster
+    from rigid_gns_core.forecasts.horizon import Future
     from rigid_gns_core.tracking.window import TrackingWindow
 
-    from .horizon import Future
 
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)
@@ -85,7 +85,7 @@ class Drawing:
         self, namespace: str, stamp_ns: int, positions: Array, ids: Sequence[int], color: Color
     ) -> None:
         if self.watched:
-            radii = self._window.following.around.radii(np.array(ids, dtype=np.int64))
+            radii = self._window.settings.environment.radii(np.array(ids, dtype=np.int64))
             self._send(stamp_ns, sphere_markers(namespace, positions, radii, color))
 
     def _send(self, stamp_ns: int, markers: list[Marker]) -> None:

@@ -20,12 +20,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, steps_of
 from rigid_gns_core.tracking.window import TrackingWindow
 
 from .channels import Channels
 from .drawing import Drawing
 from .health import Health
-from .horizon import Future, Horizon, Job, steps_of
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -24,8 +24,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rigid_gns_core.forecasts.schedule import OVERLOAD_COUNT
-from rigid_gns_core.messages.diagnostics import ERROR, OK, Recent, SPAN, Status, WARN
-from rigid_gns_core.tracking.window import seconds, TrackingWindow
+from rigid_gns_core.messages.diagnostics import ERROR, OK, Status, WARN
+from rigid_gns_core.tracking.usable_frames import seconds
+from rigid_gns_core.tracking.window import TrackingWindow
+
+from .recent import Recent, SPAN
 
 if TYPE_CHECKING:
     from rigid_gns_core.bags.writer import BagWriter

@@ -32,8 +32,7 @@ from rigid_gns_core.messages.poses import (
     encode_string,
     PoseArrayCodec,
 )
-from rigid_gns_core.tracking.refusal import Throttle
-from rigid_gns_core.tracking.window import RejectedFrame, RESTART_FRAMES, seconds
+from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES, seconds
 
 from .alarm import Alarm
 from .channels import Channels
@@ -41,6 +40,7 @@ from .drawing import Drawing
 from .futures import Futures
 from .health import Health, Setting
 from .set_clock import SetClock
+from .throttle import Throttle
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -260,7 +260,7 @@ class Simulation:
         cdr = self._codec.encode(prediction.poses, prediction.stamp_ns)
         self.channels.send(self.channels.predicted, cdr)
         start = self.predictor.last_start
-        if start is not None:
+        if start is not None and start.ids is not None:
             positions = prediction.poses[:, :3]
             self._drawing.predicted(prediction.stamp_ns, positions, start.ids)
 

@@ -21,10 +21,11 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
-from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.forecaster import Forecaster, turned_gravity
 from rigid_gns_core.forecasts.parameters import SIMULATOR
 from rigid_gns_core.messages.poses import encode_string
-from rigid_gns_core.tracking.window import seconds
+from rigid_gns_core.scenes.scene_file import load_scene
+from rigid_gns_core.tracking.usable_frames import seconds
 from std_srvs.srv import SetBool, Trigger
 
 from .closing_node import ClosingNode, log_end
@@ -52,10 +53,10 @@ class SimulatorNode(ClosingNode):
         values = declare(self, SIMULATOR)
         model = Forecaster(
             str(values['model']),
-            str(values['scene']),
+            turned_gravity(load_scene(str(values['scene'])), values['gravity_direction']),
+            scene_name=str(values['scene']),
             rate=float(values['rate']),
             threads=int(values['threads']),
-            gravity_direction=values['gravity_direction'],
         )
         bound_threads(int(values['threads']))
         switch_often()

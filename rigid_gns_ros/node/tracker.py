@@ -23,9 +23,10 @@ import numpy as np
 from rigid_gns_core.data.records import demo_record, read_record, Record
 from rigid_gns_core.forecasts.parameters import TRACKER
 from rigid_gns_core.messages.poses import PoseArrayCodec
-from rigid_gns_core.scenes.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import sample_start
+from rigid_gns_core.scenes.scene_file import load_start
 from rigid_gns_core.scenes.state import Array
-from rigid_gns_core.tracking.window import seconds
+from rigid_gns_core.tracking.usable_frames import seconds
 
 from .alarm import Alarm
 from .channels import overridable, sensor_data
@@ -86,7 +87,7 @@ class Live:
         from rigid_gns_core.teacher.bullet import Teacher
         from rigid_gns_core.teacher.settings import TeacherSettings
 
-        scene, recipe = load_scene(scene_name)
+        scene, recipe = load_start(scene_name)
         start = sample_start(scene, recipe)
         self.dt = LIVE_DT * float(np.sqrt(np.max(scene.radius)))
         self.count = len(start)

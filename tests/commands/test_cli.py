@@ -37,7 +37,7 @@ import warnings
 
 import pytest
 from rigid_gns_core.commands import cli
-from rigid_gns_core.rollout.rollout import Simulator
+from rigid_gns_core.rollout.simulator import Simulator
 
 PROGRAM = [sys.executable, '-m', 'rigid_gns_core.commands.cli']
 
@@ -124,7 +124,6 @@ def test_a_misspelt_option_shows_the_usage_of_its_command(
         ('calibrate --data a --out b.yaml', 'a: '),
         ('evaluate --data a.h5', 'a.h5: no such file'),
         ('report a.h5 --out a.html', 'a.h5: no such record or bag'),
-        ('render a.h5 --out a.mp4', 'a.h5: no such record or bag'),
         ('import a --out b', 'a: '),
         ('experiment', 'name an experiment, or all; allowed: ground_truth'),
         ('hard-cases --cases nothing', "'nothing'"),

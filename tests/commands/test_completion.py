@@ -56,7 +56,7 @@ def complete(line: str, folder: Path = ROOT) -> list[str]:
 
 def test_commands_are_offered() -> None:
     assert set(complete('rigid-gns ')) == {*cli.COMMANDS, '--help', '--version'}
-    assert complete('rigid-gns re') == ['report', 'render']
+    assert complete('rigid-gns re') == ['report']
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def tutorial(words: list[str]) -> list[str]:
 def test_snippets_run_as_printed(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for package in ('torch', 'pybullet', 'matplotlib', 'imageio_ffmpeg'):
+    for package in ('torch', 'pybullet', 'matplotlib'):
         pytest.importorskip(package, reason='a snippet needs it')
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('PWD', str(tmp_path))

@@ -32,7 +32,8 @@ from rigid_gns_core.data.generate import generate, GenerateError
 from rigid_gns_core.data.recipe import DataRecipe
 from rigid_gns_core.data.records import Dataset, DatasetError, read_record, record_path
 from rigid_gns_core.running.progress import Progress
-from rigid_gns_core.scenes.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import sample_start
+from rigid_gns_core.scenes.scene_file import load_start
 
 pybullet = pytest.importorskip('pybullet', reason='generation runs Bullet')
 
@@ -217,7 +218,7 @@ def test_the_command_makes_a_record_of_a_scene(tmp_path: Path) -> None:
     ]
     assert main(command) == 0
     record = read_record(file)
-    scene, start = load_scene('box_154')
+    scene, start = load_start('box_154')
     assert record.scene == scene and record.name == 'box_154'
     positions = sample_start(scene, start).positions
     # float32 of values up to 150 m

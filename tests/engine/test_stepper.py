@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Scene
 from rigid_gns_core.engine.stepper import EngineStepper
-from rigid_gns_core.prediction.simulators import LawsSimulator
+from rigid_gns_core.prediction.laws import LawsSimulator
 
 
 @pytest.mark.parametrize(

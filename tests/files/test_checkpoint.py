@@ -21,7 +21,7 @@ from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_ca
 from rigid_gns_core.files.config import to_mapping
 from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns.network import GNS
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
 import torch
 
 CONFIG = GNSConfig(message_passing_steps=1, width=8)

@@ -55,6 +55,11 @@ def test_columns_are_aligned() -> None:
         'one     1.5   10  odd',
         'longer   22    -',
     ]
+    assert format_rows(head, [('one', '', '2', '')]).splitlines() == [
+        'name      a    b',
+        '------  ---  ---',
+        'one            2',
+    ]
     assert format_rows(head, rows, markdown=True).splitlines()[:3] == [
         '| name   |   a |   b |     |',
         '|:-------|----:|----:|----:|',

@@ -23,6 +23,7 @@ import pytest
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.predictor import Predictor, Resync
 from rigid_gns_core.messages.poses import PoseArrayFrame
+from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.tracking.window import TrackingWindow
 
 PERIOD = 100_000_000  # [ns]
@@ -33,7 +34,7 @@ def follower(
     warn: Callable[[str, str], None], error: Callable[[str], None]
 ) -> tuple[TrackingWindow, Predictor]:
     """Return a predictor that starts from each frame, and the window that it hears."""
-    model = Forecaster('', 'box_154')
+    model = Forecaster('', load_scene('box_154'))
     window = TrackingWindow(
         frame_id='world',
         length=1,

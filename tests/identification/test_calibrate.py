@@ -27,11 +27,12 @@ from rigid_gns_core.data.records import Record, record_path, write_recipe, write
 from rigid_gns_core.files.config import from_mapping
 from rigid_gns_core.identification.calibrate import _least_known, calibrate, Calibration, Fitted
 from rigid_gns_core.identification.windows import windows_of, with_materials
-from rigid_gns_core.rollout.rollout import load_simulator, Simulator
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
-from rigid_gns_core.tracking.tracked_motion import estimate_noise, tracked_starts
+from rigid_gns_core.tracking.pose_noise import estimate_noise, tracked_starts
 import yaml
 
 GRAVITY = 9.81
@@ -224,7 +225,7 @@ def test_the_command_writes_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
     printed = capsys.readouterr().out
     assert 'restitution of two spheres 0.64, of a sphere and a surface 0.64' in printed
     assert numbers.is_file()
-    assert load_scene(out)[0].restitution == pytest.approx(0.8, abs=3e-3)
+    assert load_scene(out).restitution == pytest.approx(0.8, abs=3e-3)
     assert set(yaml.safe_load(out.read_text())) == {'scene'}
     assert main(words) == 2
     assert 'exists' in capsys.readouterr().err

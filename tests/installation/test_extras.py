@@ -30,8 +30,6 @@ from rigid_gns_core.installation import extras, versions
         ('torch.nn', 'torch'),
         ('matplotlib.figure', 'plot'),
         ('mujoco', 'bench'),
-        ('PIL.Image', 'render'),
-        ('imageio_ffmpeg', 'render'),
         ('rerun', 'viz'),
         ('distributed', 'cluster'),
         ('rclpy', 'ros'),

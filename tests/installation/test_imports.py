@@ -114,7 +114,7 @@ except ModuleNotFoundError as error:
 def test_bags_are_read_without_ros() -> None:
     run(
         'import rigid_gns_core.messages.poses, rigid_gns_core.bags.writer\n'
-        'import rigid_gns_core.commands.evaluate_bag',
+        'import rigid_gns_core.recordings.scoring.evaluate',
         ABSENT,
     )
 

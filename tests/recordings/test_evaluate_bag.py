@@ -23,9 +23,11 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.commands.evaluate_bag import evaluate_bag, format_report, main
+from rigid_gns_core.commands.cli import evaluate
+from rigid_gns_core.commands.evaluate import format_report
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
+from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
 
@@ -183,7 +185,7 @@ def test_tracked_frames_that_the_node_refuses_are_left_out(tmp_path):
     report = evaluate_bag(write_bag(tmp_path / 'bag', every_period(1, 18), tracked, poses=poses))
     assert report['frames']['tracked_refused'] == 4
     assert any(
-        '1 for their not finite, 1 for their quaternion, 2 for their stamp' in note
+        '1 for their not finite, 1 for their quaternion, 2 for their duplicate' in note
         for note in report['notes']
     )
 
@@ -236,14 +238,14 @@ def test_a_bag_of_another_recorder_needs_only_topics_and_a_scene(tmp_path):
 
 def test_command_line_prints_and_writes_beside_the_bag(tmp_path, capsys):
     bag = write_bag(tmp_path / 'bag', every_period(1, 10), every_period(0, 20))
-    assert main([str(bag), '--no-figure']) == 0
+    assert evaluate([str(bag), '--no-figure']) == 0
     printed = capsys.readouterr().out
     report = read_json(tmp_path / 'bag_evaluation.json')
     assert format_report(report) in printed
     assert 'Lateness p50' in printed
     assert f'numbers: {tmp_path / "bag_evaluation.json"}' in printed
     assert sorted(file.name for file in bag.iterdir()) == ['bag_0.mcap', 'metadata.yaml']
-    assert main([str(tmp_path / 'nowhere')]) == 2
+    assert evaluate([str(tmp_path / 'nowhere')]) == 2
     assert 'no such bag' in capsys.readouterr().err
 
 
@@ -251,7 +253,7 @@ def test_figure_is_drawn(tmp_path):
     pytest.importorskip('matplotlib', reason='matplotlib is not installed')
     bag = write_bag(tmp_path / 'bag', every_period(1, 6), every_period(0, 10))
     numbers, figure = tmp_path / 'a.json', tmp_path / 'a.png'
-    assert main([str(bag), '--json', str(numbers), '--figure', str(figure)]) == 0
+    assert evaluate([str(bag), '--json', str(numbers), '--figure', str(figure)]) == 0
     assert numbers.is_file()
     assert figure.read_bytes().startswith(b'\x89PNG')
 
@@ -262,8 +264,8 @@ def test_evaluation_needs_no_ros(tmp_path):
         'import sys\n'
         'for name in ("rclpy", "geometry_msgs", "std_msgs", "torch", "pybullet", "matplotlib"):\n'
         '    sys.modules[name] = None\n'
-        'from rigid_gns_core.commands.evaluate_bag import main\n'
-        f'sys.exit(main([{str(bag)!r}]))\n'
+        'from rigid_gns_core.commands.cli import evaluate\n'
+        f'sys.exit(evaluate([{str(bag)!r}]))\n'
     )
     done = subprocess.run(
         [sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True, check=False

@@ -25,10 +25,12 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.commands.evaluate_bag import evaluate_bag, format_report, main
+from rigid_gns_core.commands.cli import evaluate
+from rigid_gns_core.commands.evaluate import format_report
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
 
@@ -184,10 +186,10 @@ def test_poses_in_any_order_and_missing_ones_are_matched(tmp_path, truth, scene)
 
 
 def test_the_module_is_a_program() -> None:
-    command = [sys.executable, '-m', 'rigid_gns_core.commands.evaluate_bag', '/nonesuch']
+    command = [sys.executable, '-m', 'rigid_gns_core.commands.cli', 'evaluate', '/nonesuch']
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, '')
-    assert done.stderr == 'evaluate: error: /nonesuch: no such bag\n'
+    assert done.stderr == 'rigid-gns evaluate: error: /nonesuch: no such bag\n'
 
 
 def test_what_is_missing_is_named(tmp_path, truth, scene):
@@ -210,7 +212,7 @@ def test_the_command_rolls_out_and_draws(tmp_path, truth, scene, capsys):
     bag = write_tracks(tmp_path / 'bag', truth)
     figure = tmp_path / 'bag.png'
     options = ['--topic', '/vicon/balls', '--scene', str(scene), '--model', 'contact']
-    assert main([str(bag), *options, '--starts', '3', '--figure', str(figure)]) == 0
+    assert evaluate([str(bag), *options, '--starts', '3', '--figure', str(figure)]) == 0
     assert 'Position error since a start' in capsys.readouterr().out
     assert figure.read_bytes().startswith(b'\x89PNG')
     assert read_json(tmp_path / 'bag_evaluation.json')['horizon_errors']['1']['starts'] >= 2

@@ -24,11 +24,12 @@ import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands.cli import main
+from rigid_gns_core.commands.import_bags import format_report
 from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
-from rigid_gns_core.recordings.importing.import_bags import format_report, import_bags
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.recordings.importing.import_bags import import_bags
 from rigid_gns_core.recordings.importing.tracks import ImportOptions
-from rigid_gns_core.rollout.rollout import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotation_between, Trajectory
 

@@ -24,13 +24,13 @@ import pytest
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.commands.evaluate_bag import main
+from rigid_gns_core.commands.cli import evaluate
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.window_setup import window_of
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
-from rigid_gns_core.recordings.recorded_model import tracking_window
 from rigid_gns_core.recordings.scoring.reproduce import reproduce, Reproduction
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene_file import load_scene
 
 START = 1_700_000_000_123_456_789
 PERIOD = 100_000_000  # [ns], the shipped model's at radius 1 m
@@ -50,7 +50,7 @@ def tracked(number: int) -> np.ndarray:
 
 @pytest.fixture(scope='module')
 def model() -> Forecaster:
-    return Forecaster('', 'box_154')
+    return Forecaster('', load_scene('box_154'))
 
 
 def write_bag(
@@ -68,7 +68,7 @@ def write_bag(
     parameters |= {'frame_id': 'world', 'max_spheres': 1000, 'model': '', 'scene': 'box_154'}
     scene = {**model.description, 'parameters': parameters}
     scene |= {'model_card': card or model.simulator.card}
-    codec, window = PoseArrayCodec('world', COUNT), tracking_window(model, parameters)
+    codec, window = PoseArrayCodec('world', COUNT), window_of(model, parameters)
     forecast, published = None, 0
     with BagWriter(folder) as bag:
         for name in ('/tracked_poses', '/predicted_poses'):
@@ -179,10 +179,10 @@ def test_a_bag_of_somebody_else_cannot_be_reproduced(tmp_path):
 def test_the_command_tells_by_its_exit_code(tmp_path, model, capsys):
     numbers = tmp_path / 'again.json'
     folder = str(write_bag(tmp_path / 'same', model))
-    assert main([folder, '--reproduce', '--json', str(numbers)]) == 0
+    assert evaluate([folder, '--reproduce', '--json', str(numbers)]) == 0
     assert '18 of 18 predictions are the same bytes' in capsys.readouterr().out
     assert read_json(numbers)['same'] == 18
     other = write_bag(tmp_path / 'other', model, change=lambda _, poses: poses + 1e-9)
-    assert main([str(other), '--reproduce']) == 1
+    assert evaluate([str(other), '--reproduce']) == 1
     assert '0 of 18' in capsys.readouterr().out
-    assert load_scene('box_154')[0].to_mapping() == model.scene.to_mapping()
+    assert load_scene('box_154').to_mapping() == model.scene.to_mapping()

@@ -28,20 +28,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorded_bags import falling
 from rigid_gns_core.messages.poses import decode_pose_array, PoseArrayCodec, PoseArrayFrame
 
 PATIENCE = 120.0  # [s], for a machine that is busy with other things; nothing waits that long
 ROOT = Path(__file__).resolve().parents[2]
-GRAVITY = np.array([0.0, 0.0, -9.81])
-
-
-def falling(time_s: float, count: int = 3, velocity: float = 1.0) -> np.ndarray:
-    """Poses of spheres in free flight far from all surfaces and each other, shape (count, 7)."""
-    poses = np.zeros((count, 7))
-    poses[:, 0] = 5.0 * np.arange(count) - 2.5 * count + velocity * time_s
-    poses[:, 2] = 100.0 + 0.5 * GRAVITY[2] * time_s**2
-    poses[:, 6] = 1.0
-    return poses
 
 
 class Bench:
@@ -194,12 +185,6 @@ class Clock:
         self.publisher.publish(message)
         clock = self.node.get_clock()
         self.bench.until(lambda: clock.now().nanoseconds == time_ns, 'the simulated time')
-
-
-@pytest.fixture(name='falling')
-def falling_fixture() -> Callable[..., np.ndarray]:
-    """`falling(time_s, count, velocity)`: poses of spheres in free flight."""
-    return falling
 
 
 @pytest.fixture

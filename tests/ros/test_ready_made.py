@@ -27,7 +27,8 @@ import numpy as np
 import pytest
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.parameters import SIMULATOR
-from rigid_gns_core.scenes.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import sample_start
+from rigid_gns_core.scenes.scene_file import load_scene, load_start
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,8 +66,8 @@ def test_parameter_files_hold_values_that_are_allowed(file: Path) -> None:
     [('table_tennis', 0.02, 70.71), ('billiards', 0.028575, 59.16), ('box_154', 1.0, 10.0)],
 )
 def test_scenes_can_be_predicted(name: str, radius: float, hertz: float) -> None:
-    scene, recipe = load_scene(name)
-    model = Forecaster('', name)
+    scene, recipe = load_start(name)
+    model = Forecaster('', scene)
     assert scene.radius == radius and scene.gravity == (0.0, 0.0, -9.81)
     assert 1 / model.native_dt == pytest.approx(hertz, abs=0.005)
     state = sample_start(scene, recipe)
@@ -77,8 +78,8 @@ def test_scenes_can_be_predicted(name: str, radius: float, hertz: float) -> None
 
 
 def test_a_ball_rises_as_the_laws_of_table_tennis_say() -> None:
-    scene, _ = load_scene('table_tennis')
-    from rigid_gns_core.rollout.rollout import load_simulator
+    scene = load_scene('table_tennis')
+    from rigid_gns_core.prediction.load import load_simulator
 
     steps = 60
     heights = (
@@ -90,8 +91,8 @@ def test_a_ball_rises_as_the_laws_of_table_tennis_say() -> None:
 
 
 def test_a_billiard_ball_slows_down_as_its_rolling_resistance_says() -> None:
-    scene, _ = load_scene('billiards')
-    from rigid_gns_core.rollout.rollout import load_simulator
+    scene = load_scene('billiards')
+    from rigid_gns_core.prediction.load import load_simulator
 
     speed, radius = 0.5, 0.028575
     trajectory = load_simulator().rollout(

@@ -24,8 +24,9 @@ import pytest
 from rigid_gns_core.files.config import config_folder, ConfigError
 from rigid_gns_core.scenes.placement import SamplingError
 from rigid_gns_core.scenes.plane import closest_points
-from rigid_gns_core.scenes.sampling import load_scene, sample_start
+from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.scene_file import load_scene, load_start
 from rigid_gns_core.scenes.start import Block, StartRecipe
 
 from .apart import assert_apart, gaps
@@ -33,12 +34,12 @@ from .apart import assert_apart, gaps
 
 @pytest.mark.parametrize('path', sorted((config_folder() / 'scenes').glob('*.yaml')), ids=str)
 def test_shipped_scenes_can_start(path: Path) -> None:
-    scene, start = load_scene(path)
+    scene, start = load_start(path)
     assert_apart(scene, sample_start(scene, start), 0.0 if start.blocks else start.gap)
 
 
 def test_the_demonstration_scene_is_that_of_the_thesis() -> None:
-    scene, start = load_scene('box_154')
+    scene, start = load_start('box_154')
     assert start.spheres == 154
     assert scene.surfaces == Plane.box(60.0, 60.0)
     # every pair, walls included, has restitution 0.6
@@ -86,7 +87,7 @@ def test_given_places_are_kept() -> None:
 
 def test_the_scenes_of_figure_14_are_what_they_say() -> None:
     def load(name: str) -> tuple[Scene, np.ndarray, np.ndarray]:
-        scene, start = load_scene(name)
+        scene, start = load_start(name)
         state = sample_start(scene, start)
         return scene, state.positions, gaps(scene, state)[0]
 

@@ -126,7 +126,7 @@ def test_command_on_data(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     pytest.importorskip('torch', reason='the model needs torch')
     pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
     out, png = tmp_path / 'report.json', tmp_path / 'report.png'
-    command = ['evaluate', '--data', str(data), '--steps', '6', '--json', str(out)]
+    command = ['evaluate', str(data), '--steps', '6', '--json', str(out)]
     assert main([*command, '--figure', str(png)]) == 0
     printed = capsys.readouterr().out
     assert 'model contact on' in printed and 'MSE [m²]' in printed
@@ -144,7 +144,12 @@ def test_command_on_data(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         (['--data', '{data}', '--model', 'nosuch'], "no model 'nosuch'"),
         (['--data', '{data}', '--tracked', '/a'], '--tracked goes with --bag'),
         (['--bag', 'nosuch', '--steps', '5'], '--steps goes with --data'),
+        (['--bag', 'nosuch', '--velocities', 'poses'], '--velocities goes with --data'),
+        (['{data}', '--starts', '5'], '--starts goes with --bag'),
+        (['{data}', '--match'], '--match goes with --bag'),
+        (['--data', '{data}', '--reproduce'], '--reproduce goes with --bag'),
         (['--bag', 'nosuch'], 'nosuch'),
+        (['nosuch'], 'nosuch: no such bag'),
     ],
 )
 def test_bad_input_is_one_line(
@@ -155,29 +160,3 @@ def test_bad_input_is_one_line(
     assert main(['evaluate', *(word.format(data=data) for word in arguments)]) == 2
     error = capsys.readouterr().err
     assert message in error and 'Traceback' not in error
-
-
-@pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (0.0, -5.0, -5.0)])
-def test_figure_is_drawn_for_any_scene(tmp_path: Path, gravity: tuple[float, float, float]):
-    pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
-    from rigid_gns_core.scoring.figure import write_figure
-
-    ramp = Plane((0, 0, 5), (1, 0, 2), None, 8.0, 4.0)
-    scene = Scene(surfaces=(Plane(), ramp), gravity=gravity)
-    path = write_figure(tmp_path / 'new' / 'figure.png', falling(offset=0.2), falling(), scene)
-    # width and height [pixels] in the header: a picture, not an empty canvas of one size
-    width, height = (int.from_bytes(path.read_bytes()[i : i + 4]) for i in (16, 20))
-    assert width == 1430 and height > 800
-
-
-def test_figure_stops_where_the_prediction_diverges(tmp_path: Path):
-    pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
-    from rigid_gns_core.scoring.figure import write_figure
-
-    positions = falling().positions.copy()
-    positions[5:] = np.nan
-    diverged = replace(falling(), positions=positions)
-    assert write_figure(tmp_path / 'a.png', diverged, falling(), SCENE).stat().st_size > 10_000
-    positions[:] = np.nan
-    with pytest.raises(ValueError, match='diverges at its start'):
-        write_figure(tmp_path / 'b.png', replace(falling(), positions=positions), falling(), SCENE)

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import html
 from importlib import resources
@@ -23,6 +24,7 @@ import json
 from pathlib import Path
 import re
 from typing import Any
+import zlib
 
 import numpy as np
 import pytest
@@ -33,7 +35,7 @@ from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between, Tr
 from rigid_gns_core.scoring.evaluate import evaluate
 from rigid_gns_core.show import Comparison, write_report
 from rigid_gns_core.show.comparison import cut
-from rigid_gns_core.show.report.packing import pack_positions, pack_quaternions, unpack
+from rigid_gns_core.show.report.packing import pack_positions, pack_quaternions
 from rigid_gns_core.show.report.tables import leaves, tables
 from rigid_gns_core.show.series import charts, penetration_depths
 from rigid_gns_core.show.surfaces import focus, visible_quads
@@ -65,6 +67,14 @@ def record(path: Path, speed: float = 1.0, count: int = 3, **teacher: Any) -> Pa
 
 def payload_of(page: str) -> dict[str, Any]:
     return json.loads(re.search(r'id="payload">(.*?)</script>', page, re.S)[1])
+
+
+def unpack(text: str, dtype: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Integers as the page reads them, shape (frames, n, components)."""
+    flat = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=f'<{dtype}')
+    differences = flat.reshape(shape[1], shape[2], shape[0])
+    levels = np.cumsum(differences, axis=2, dtype=dtype)
+    return np.moveaxis(levels, 2, 0).astype(np.float64)
 
 
 def test_positions_come_back_to_half_a_step() -> None:

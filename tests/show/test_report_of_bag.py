@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`rigid-gns report`, `render` and `view` of a bag: the same numbers as `evaluate`, its times."""
+"""`rigid-gns report` of a bag: the same numbers as `evaluate`, its times."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ import numpy as np
 import pytest
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands import cli
-from rigid_gns_core.commands.evaluate_bag import evaluate_bag
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
+from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.show.bag_comparison import read_bag_comparison
 

@@ -21,7 +21,7 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State

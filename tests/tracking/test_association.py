@@ -14,12 +14,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from rigid_gns_core.tracking.admission import first_seen, triples
 from rigid_gns_core.tracking.association import gates, match
 from rigid_gns_core.tracking.coasting import coast
-from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.environment import Environment
+from rigid_gns_core.tracking.initiation import initiate_tracks, triples
 from scipy.optimize import linear_sum_assignment
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -88,12 +90,12 @@ def test_gates_grow_with_noise_and_with_what_can_strike() -> None:
 
 
 def test_spheres_that_collide_meanwhile_are_not_sought_through_each_other() -> None:
-    around = Surroundings.unknown(np.zeros(3), 1.0)
-    around = Surroundings(**{**vars(around), 'known': True})
+    environment = Environment.unknown(np.zeros(3), 1.0)
+    environment = replace(environment, surfaces=environment.surfaces._replace(known=True))
     places = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
     speeds = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0]])
     falls, radii = np.ones(2, dtype=bool), np.ones(2)
-    later, _ = coast(around, places, speeds, falls, radii, np.full(2, 0.15))
+    later, _ = coast(environment, places, speeds, falls, radii, np.full(2, 0.15))
     # they touch after 0.05 s, half a metre on, and part again
     np.testing.assert_allclose(later[:, 0], [-0.5, 3.5], atol=1e-12)
 
@@ -133,13 +135,13 @@ def test_a_row_at_rest_is_not_taken_for_spheres_on_the_move() -> None:
 def test_false_poses_are_no_sphere() -> None:
     rng = np.random.default_rng(1)
     frames = [rng.uniform(0.0, 60.0, (5, 3)) for _ in range(3)]
-    found = first_seen(
+    found = initiate_tracks(
         frames,
         np.array([0.0, 0.1, 0.2]),
         gravity=GRAVITY,
         radius=1.0,
         noise=1e-3,
         max_speed=100.0,
-        anybody=True,
+        any_track=True,
     )
     assert not len(found)

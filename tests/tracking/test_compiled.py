@@ -25,12 +25,12 @@ from rigid_gns_core.kernels import neighbours
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.tracking import association, coasting, fit, frames
-from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking import association, coasting, observations, window_fit
+from rigid_gns_core.tracking.environment import Environment
 from rigid_gns_core.tracking.velocity import estimate_motion
 from rigid_gns_core.tracking.window import TrackingWindow
 
-MODULES = association, coasting, fit, frames, neighbours
+MODULES = association, coasting, observations, window_fit, neighbours
 
 
 def compiled_versions(modules: tuple[ModuleType, ...] = MODULES) -> dict[str, int]:
@@ -104,7 +104,7 @@ def test_every_layout_of_the_input_is_the_same(layout: str) -> None:
             np.arange(5),
             one,
             np.tile([0.0, 0.0, 0.0, 1.0], (5, 7, 1)),
-            around=Surroundings.of(Scene(surfaces=(Plane(),))),
+            environment=Environment.of(Scene(surfaces=(Plane(),))),
             radii=np.ones(7),
             noise=0.1,
         )

@@ -24,8 +24,9 @@ import pytest
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.tracking.tracked_set import TrackedSet
-from rigid_gns_core.tracking.window import RejectedFrame, RESTART_FRAMES, TrackingWindow
+from rigid_gns_core.tracking.tracks import Tracks
+from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES
+from rigid_gns_core.tracking.window import TrackingWindow
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)
@@ -314,7 +315,7 @@ def test_a_frame_that_cannot_be_taken_changes_nothing(monkeypatch: pytest.Monkey
     def fail(*_: Any) -> None:
         raise ValueError('not thought of')
 
-    monkeypatch.setattr(TrackedSet, 'after', fail)
+    monkeypatch.setattr(Tracks, 'after', fail)
     with pytest.raises(ValueError, match='not thought of'):
         feed(target, [frame(5)])
     assert (target.window_ns, target.lead_ns) == before[:2]

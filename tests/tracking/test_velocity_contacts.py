@@ -21,8 +21,8 @@ import pytest
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
-from rigid_gns_core.tracking.motions import CARRIED, FLIGHT, Motion
-from rigid_gns_core.tracking.surroundings import Surroundings
+from rigid_gns_core.tracking.environment import Environment
+from rigid_gns_core.tracking.motion_models import FLIGHT, Motion, ROLLING
 from rigid_gns_core.tracking.velocity import estimate_motion
 
 DT, RADIUS = 0.1, 1.0
@@ -62,7 +62,7 @@ def estimate(times: np.ndarray, places: np.ndarray, scene: Scene, noise: float) 
         times,
         places,
         np.tile([0.0, 0.0, 0.0, 1.0], (len(times), count, 1)),
-        around=Surroundings.of(scene),
+        environment=Environment.of(scene),
         radii=np.full(count, RADIUS),
         noise=noise,
     )
@@ -146,7 +146,7 @@ def test_what_rolls_does_not_fall(up: tuple[float, float, float]) -> None:
     rng = np.random.default_rng(0)
     noisy = places[:, None] + rng.normal(0.0, 1e-3, (6, 1, 3))
     motion = estimate(times, noisy, scene, noise=1e-3)
-    assert motion.kinds[0] == CARRIED and motion.frames[0] == 6
+    assert motion.kinds[0] == ROLLING and motion.frames[0] == 6
     expected = 2.0 * np.array(plane.direction)
     np.testing.assert_allclose(motion.velocities[0], expected, atol=5 * motion.errors[0])
     assert abs(motion.velocities[0] @ np.array(plane.normal)) < 1e-12
@@ -160,7 +160,7 @@ def test_what_rolls_down_a_slope() -> None:
     pull = 5.0 / 7.0 * 9.81 * np.sin(0.3)
     places = np.array(normal) + (0.5 * pull * times**2)[:, None] * down
     motion = estimate(times, places[:, None], scene, noise=1e-4)
-    assert motion.kinds[0] == CARRIED
+    assert motion.kinds[0] == ROLLING
     np.testing.assert_allclose(motion.velocities[0], pull * times[-1] * down, atol=1e-9)
 
 
@@ -180,7 +180,7 @@ def test_spin_since_a_bounce_is_not_mixed_with_that_before() -> None:
         times,
         places,
         np.array(turns)[:, None],
-        around=Surroundings.of(scene),
+        environment=Environment.of(scene),
         radii=np.ones(1),
         noise=1e-4,
     )
@@ -196,7 +196,7 @@ def test_a_sphere_not_seen_lately_is_coasted_through_a_bounce() -> None:
         times,
         np.where(seen[..., None], places, 0.0),
         np.tile([0.0, 0.0, 0.0, 1.0], (6, 1, 1)),
-        around=Surroundings.of(scene),
+        environment=Environment.of(scene),
         radii=np.ones(1),
         noise=1e-4,
         seen=seen,
@@ -214,6 +214,6 @@ def test_shapes_that_disagree_are_refused(name: str) -> None:
         'seen': np.ones((3, 2), dtype=bool),
     }
     given[name] = given[name][..., :1]
-    around = Surroundings.of(level_scene(UP['z']))
+    environment = Environment.of(level_scene(UP['z']))
     with pytest.raises(ValueError, match=f'{name} have shape'):
-        estimate_motion(np.arange(3.0), **given, around=around, noise=0.1)
+        estimate_motion(np.arange(3.0), **given, environment=environment, noise=0.1)

@@ -29,7 +29,7 @@ from rigid_gns_core.data.recipe import DataRecipe, recipe_hash  # noqa: E402
 from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record  # noqa: E402
 from rigid_gns_core.files.checkpoint import CheckpointError  # noqa: E402
 from rigid_gns_core.files.config import ConfigError, from_mapping  # noqa: E402
-from rigid_gns_core.rollout.rollout import load_simulator  # noqa: E402
+from rigid_gns_core.prediction.load import load_simulator  # noqa: E402
 from rigid_gns_core.scenes.scene import Scene  # noqa: E402
 from rigid_gns_core.scenes.state import Trajectory  # noqa: E402
 from rigid_gns_core.training.fine_tune import StartingPoint  # noqa: E402

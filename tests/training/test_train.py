@@ -25,7 +25,7 @@ from rigid_gns_core.data.common_scene import common_scene
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.files.config import ConfigError, from_mapping, to_mapping
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.similarity import ModelUnits
 from rigid_gns_core.scenes.state import Trajectory

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from ..tracked_segments import Segment
+from ..tracked_frames import Segment
 from ...scenes.state import Array
 
 # a step goes on from the one before up to so many radii; two that touch are two apart

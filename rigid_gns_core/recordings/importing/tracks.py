@@ -24,25 +24,22 @@ from typing import Any
 import numpy as np
 
 from .kept_places import places_kept, PlacesKept
-from ..alignment import decode_topic, Decoded
 from ..recorded_scenes import SaidScenes
 from ..resample import resample
-from ..tracked_segments import Cut, cut, find_tracked, MATCH_REMEDY, Segment
+from ..tracked_frames import Cut, cut, decode_topic, Decoded, MATCH_REMEDY, Segment
 from ...bags.reader import read_bag
+from ...bags.topics import find_poses
 from ...data.records import Record
 from ...forecasts.forecaster import Forecaster, scene_of
-from ...rollout.rollout import load_simulator
-from ...scenes.sampling import load_scene
+from ...prediction.load import load_simulator
 from ...scenes.scene import Scene
+from ...scenes.scene_file import load_scene
 from ...scenes.state import Trajectory
-from ...tracking.refusal import seconds
-from ...tracking.tracked_motion import PoseNoise
+from ...tracking.pose_noise import PoseNoise
+from ...tracking.usable_frames import GAP, seconds
 
 # frames of the tracker further apart than this many time steps of the data are too few
 _SLOWEST = 2.0
-# a gap is longer than this many time steps, or intervals of a tracker that is slower: at most one
-# step is missing
-_GAP = 2.5
 # a centre so many radii behind a surface is no measurement of a sphere in this scene
 _BEHIND = 0.2
 
@@ -61,8 +58,8 @@ class ImportOptions:
         radius: Radius of all spheres instead of the scene's [m].
         model: Model whose time step the data get, for the scene's radius and gravity.
         dt: Time step instead of that [s].
-        max_gap: Frames further apart are not joined [s]; None: 2.5 time steps, or 2.5 intervals of
-            the tracker where these are longer.
+        max_gap: Frames further apart are not joined [s]; None: where more than two time steps, or
+            frames of a tracker that is slower, are missing.
         min_steps: Shorter stretches are left out.
         match: Whether poses are matched to spheres, which come in any order or are missing; also
             where the simulator that recorded them did.
@@ -109,24 +106,18 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     """
     bag = read_bag(path)
     said = SaidScenes.of(bag)
-    topic = find_tracked(bag, options.topic, said.tracked)
-    scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)[0]
+    topic = find_poses(bag, 'tracked_poses', '--topic', options.topic, said.tracked)
+    scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or _native_dt(scene, options.model)
     decoded = decode_topic(topic)
-    stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
-    rising = np.diff(stamps)[np.diff(stamps) > 0] * 1e-9
-    if not len(rising):
-        raise ImportBagError(
-            f'{path}: {topic.name} holds {len(stamps)} frames, no two of which follow each other'
-        )
-    interval = float(np.median(rising))
+    interval = decoded.interval(f'{path}: {topic.name}')
     if interval > _SLOWEST * dt:
         raise ImportBagError(
             f'{path}: frames of {topic.name} are {interval:.3g} s apart, expected at most '
             f'{_SLOWEST:g} time steps of {dt:.3g} s; track faster, or give a longer --dt'
         )
-    gap = options.max_gap or _GAP * max(dt, interval)
+    gap = options.max_gap or GAP * max(dt, interval)
     parts, matched = _cut(decoded, scene, options, said, topic.name, gap)
     noise = parts.noise()
     usable = [part for part in parts.segments if part.times[-1] >= (options.min_steps - 1e-6) * dt]
@@ -186,16 +177,17 @@ def _cut(
     gap: float,
 ) -> tuple[Cut, str]:
     """Cut frames into segments, and say who asked for matching; empty: nobody."""
-    parameters = said.matching(topic)
+    parameters = said.parameters(topic)
+    matched = parameters.get('match_spheres', False)
     why = 'as --match asks' if options.match else ''
-    why = why if parameters is None else 'as by the simulator that recorded the bag'
+    why = 'as by the simulator that recorded the bag' if matched else why
     if not why:
-        return cut(decoded.frames, gap * 1e9), why
+        return cut(decoded, float(np.max(scene.radius)), gap * 1e9), why
     # late: the model need not run otherwise
-    from ..matched_tracks import cut_matched
+    from ..matched_frames import cut_matched
 
     model = Forecaster(options.model, scene)
-    return cut_matched(decoded, model, parameters or {}, gap * 1e9), why
+    return cut_matched(decoded, model, parameters if matched else {}, gap * 1e9), why
 
 
 def _check_places(parts: list[Segment], scene: Scene, where: str) -> list[str]:

@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import Any
 
 from .predictions import score_predictions
-from ..tracked_segments import find_tracked
-from ...bags.reader import Bag, BagError, read_bag
-from ...bags.topics import find_topics, holds_predictions, listing, recorded_scenes, said_names
+from .scored import Scored
+from ..recorded_scenes import SaidScenes
+from ...bags.reader import Bag, read_bag
+from ...bags.topics import find_poses, find_topics, holds_predictions
 from ...forecasts.parameters import SIMULATOR
-from ...scenes.sampling import load_scene
-from ...scenes.scene import Scene
+from ...scenes.scene_file import load_scene
 
 
-def evaluate_bag(
-    folder: str | Path,
+def score_bag(
+    bag: Bag,
     *,
     scene: str | Path | None = None,
     tracked: str | None = None,
@@ -37,12 +37,11 @@ def evaluate_bag(
     model: str | None = None,
     starts: int = 20,
     match: bool = False,
-    figure: str | Path | None = None,
-) -> dict[str, Any]:
+) -> Scored:
     """Score a bag: the predictions in it, or rollouts of a model from its tracked poses.
 
     Args:
-        folder: Bag folder, or an .mcap file.
+        bag: The bag.
         scene: Shipped name or YAML file of the scene. None: the one that the simulator recorded.
         tracked: Topic of the tracked poses. None: that of the simulator, see `find_topics`.
         predicted: Topic of the predicted poses. None: the same.
@@ -51,51 +50,43 @@ def evaluate_bag(
         starts: Number of these rollouts, evenly over the recording.
         match: Whether these match poses to spheres, which come in any order or are missing; also
             where the simulator that recorded them did.
-        figure: PNG to draw. None: none.
 
-    Returns:
-        What `scoring.evaluate.evaluate` returns, and `recording` (what was compared),
-        `frames` (counts), `horizon_errors` and `future_errors` (by time since a start, of
-        predictions and of whole futures, see `HorizonErrors.report`),
-        `timing` (of messages and of model steps) and `notes` (sentences that a reader of the
-        numbers needs).
+    Raises:
+        ValueError: The bag lacks a topic or a scene, or nothing overlaps.
+    """
+    said = SaidScenes.of(bag)
+    given = None if scene is None else load_scene(scene)
+    if model is None and (predicted is not None or _predicts(bag, tracked, scene)):
+        topics = find_topics(bag, tracked, predicted)
+        return score_predictions(bag, topics, given or said.scene_by(topics))
+    # late: a model need not be there to score predictions
+    from .rollouts import RolloutOptions, score_rollouts
+
+    topic = find_poses(bag, 'tracked_poses', '--topic', tracked, said.tracked)
+    parameters = said.parameters(topic.name)
+    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
+    options = RolloutOptions(
+        model or '',
+        starts,
+        int(parameters.get('velocity_window', default)),
+        match or bool(parameters.get('match_spheres', False)),
+    )
+    return score_rollouts(bag, topic, given or said.scene(topic.name), options)
+
+
+def evaluate_bag(folder: str | Path, **options: Any) -> dict[str, Any]:
+    """Return the report of a bag, see `Scored`.
+
+    Args:
+        folder: Bag folder, or an .mcap file.
+        options: As of `score_bag`.
 
     Raises:
         ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
-    bag = read_bag(folder)
-    if model is None and (predicted is not None or _predicts(bag, tracked, scene)):
-        topics = find_topics(bag, tracked, predicted)
-        return score_predictions(bag, topics, _scene(bag, topics.recorded, scene), figure)
-    # late: a model need not be there to score predictions
-    from .rollouts import RolloutOptions, score_rollouts
-
-    scenes = [one for one in recorded_scenes(bag).values() if 'scene' in one]
-    topic = find_tracked(bag, tracked, [said_names(one).get('tracked', '') for one in scenes])
-    own = [one for one in scenes if said_names(one).get('tracked') == topic.name] or scenes
-    recorded = own[0] if own else {}
-    match = match or bool(recorded.get('parameters', {}).get('match_spheres', False))
-    options = RolloutOptions(model or '', starts, _window(recorded), match)
-    return score_rollouts(bag, topic, _scene(bag, recorded, scene), options, figure)
+    return score_bag(read_bag(folder), **options).report
 
 
 def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:
     """Whether predictions are to be scored; also where only they are missing from our own bag."""
     return holds_predictions(bag) or (tracked is None and scene is None)
-
-
-def _window(recorded: dict[str, Any]) -> int:
-    """Tracked frames of a start, as the simulator had it, or has it by default."""
-    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
-    return int(recorded.get('parameters', {}).get('velocity_window', default))
-
-
-def _scene(bag: Bag, recorded: dict[str, Any], scene: str | Path | None) -> Scene:
-    if scene is not None:
-        return load_scene(scene)[0]
-    if 'scene' not in recorded:
-        raise BagError(
-            f'{bag.path}: no .../scene topic says what the scene is; name it with --scene. '
-            f'The bag holds {listing(bag)}'
-        )
-    return Scene.from_mapping(recorded['scene'], 'scene of the bag')

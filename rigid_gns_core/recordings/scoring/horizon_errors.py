@@ -17,16 +17,16 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
-from ..alignment import covered
-from ..forecast_starts import Forecasted
+from ..recorded_forecasts import Forecasted
+from ...files.tables import format_rows, number
 from ...forecasts.interpolation import interpolate
 from ...messages.poses import PoseArrayFrame
 from ...scenes.state import Array
+from ...tracking.usable_frames import covered
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
 """Times after a start at which errors are reported [s]."""
@@ -100,21 +100,14 @@ def format_horizons(report: Mapping[str, Mapping[str, float]], title: str) -> st
     """Return a table of `HorizonErrors.report`; empty where there is nothing."""
     if not report:
         return ''
-    lines = [f'{title:<34}{"starts":>8}' + _row(_HEADS)]
+    rows = []
     for horizon, values in report.items():
-        cells: list[Any] = [f'{values[key]:.3g}' for key in ('mean_m', 'median_m', 'p90_m')]
         name = f'after {horizon} s'
         if abs(values['time_s'] / float(horizon) - 1) > 1e-3:
-            name += f' (at {values["time_s"]:.3g} s)'
-        lines.append(f'{name:<34}{values["starts"]:>8}' + _row(cells))
-    return '\n'.join(lines) + '\n'
-
-
-_HEADS = ('mean', 'median', '90 %')
-
-
-def _row(cells: Sequence[str]) -> str:
-    return ''.join(f'{cell:>12}' for cell in cells)
+            name += f' (at {number(values["time_s"])} s)'
+        errors = (number(values[key]) for key in ('mean_m', 'median_m', 'p90_m'))
+        rows.append([name, str(values['starts']), *errors])
+    return format_rows([title, 'starts', 'mean', 'median', '90 %'], rows) + '\n'
 
 
 def _stamp(frame: PoseArrayFrame) -> int:

@@ -17,49 +17,42 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from .horizon_errors import add_forecast, HorizonErrors
+from .scored import Scored
 from .timing import lateness, quantiles
-from ..alignment import (
-    align,
-    AlignmentError,
-    decode_topic,
-    Decoded,
-    Passes,
-    usable_frames,
-    usable_passes,
+from ..alignment import align
+from ..prediction_runs import AlignmentError, longest_run
+from ..recorded_forecasts import (
+    Forecasted,
+    forecasts,
+    recorded_futures,
+    recorded_starts,
+    starts_of,
 )
-from ..forecast_starts import Forecasted, forecasts, recorded_starts, Start, starts_of
-from ..prediction_runs import longest_run
-from ..recorded_futures import recorded_futures
+from ..tracked_frames import decode_topic, Decoded, Passes
 from ...bags.reader import Bag
 from ...bags.topics import Topics
-from ...forecasts.interpolation import Stamps
+from ...forecasts.starts import Start
 from ...messages.poses import decode_float64
 from ...scenes.scene import Scene
 from ...scoring.evaluate import evaluate
+from ...tracking.usable_frames import Stamps
 
 if TYPE_CHECKING:
-    from ..identified import IdentifiedFrames
+    from ..matched_frames import IdentifiedFrames
 
 
-def score_predictions(
-    bag: Bag, topics: Topics, scene: Scene, figure: str | Path | None
-) -> dict[str, Any]:
+def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> Scored:
     """Score the longest run of predictions, and all of them by the time since their start.
 
     Args:
         bag: The bag.
         topics: Its topics.
         scene: Surfaces and spheres.
-        figure: PNG to draw. None: none.
-
-    Returns:
-        See `rigid_gns_core.commands.evaluate_bag.evaluate_bag`.
 
     Raises:
         AlignmentError: Nothing overlaps.
@@ -77,7 +70,8 @@ def score_predictions(
     reference_frames = theirs_all
     if identified and chosen is not None and chosen[run.part.start] >= 0:
         reference_frames = identified.of(starts[chosen[run.part.start]])
-    usable, dropped = usable_frames(reference_frames, run.frame_id, count, places)
+    radius = float(np.max(scene.radius))
+    usable, dropped = Passes.of(reference_frames, run.frame_id, count, radius).beside(places)
     if theirs_all.damaged:
         dropped['damaged'] = theirs_all.damaged
     if not usable:
@@ -110,21 +104,15 @@ def score_predictions(
     }
     if starts:
         report['frames']['starts'] = len(starts)
-    stamps = np.array([frame.stamp_ns for frame in theirs_all.frames], dtype=np.int64)
-    predicted = forecasts(starts, ours_all.frames, ours_all.places, stamps, every=every)
+    predicted = forecasts(starts, ours_all.frames, ours_all.places, theirs_all.stamps, every=every)
     futures = recorded_futures(topics.trajectory, starts)
-    report['horizon_errors'] = _horizon_errors(predicted, theirs_all, starts, identified)
-    report['future_errors'] = _horizon_errors(futures, theirs_all, starts, identified)
+    for name, found in (('horizon_errors', predicted), ('future_errors', futures)):
+        report[name] = _horizon_errors(found, theirs_all, starts, identified, radius)
     report['timing'] = (
         _timing(ours_all) | _step_times(topics) | lateness('tracked_lateness', theirs_all)
     )
     report['notes'] = _notes(bag, report, dropped, every)
-    if figure is not None:
-        from ...scoring.figure import write_figure
-
-        title = f'{bag.path.name}: {count} spheres, model {report["recording"]["model"]}'
-        write_figure(figure, ours, reference, scene, title=title, names=('predicted', 'tracked'))
-    return report
+    return Scored(report, scene, ours, reference)
 
 
 def _sets(starts: list[Start]) -> Stamps:
@@ -141,12 +129,13 @@ def _identified(
     if not parameters.get('match_spheres') or not starts:
         return None
     # late: the model, which gives the length of its steps, need not be there otherwise
-    from ..identified import IdentifiedFrames
-    from ..recorded_model import find_recorded_model, tracking_window
+    from ..matched_frames import IdentifiedFrames
+    from ..recorded_scenes import find_recorded_model
     from ...forecasts.forecaster import Forecaster
+    from ...forecasts.window_setup import window_of
 
     model = Forecaster(find_recorded_model(recorded, None, 'the bag'), scene)
-    return IdentifiedFrames(tracked, starts, tracking_window(model, parameters), model)
+    return IdentifiedFrames(tracked, starts, window_of(model, parameters), model)
 
 
 def _horizon_errors(
@@ -154,6 +143,7 @@ def _horizon_errors(
     theirs: Decoded,
     starts: list[Start],
     identified: IdentifiedFrames | None,
+    radius: float,
 ) -> dict[str, dict[str, float]]:
     """Errors by time since the start, of forecasts in all passes and of all sets of spheres."""
     errors = HorizonErrors()
@@ -164,7 +154,7 @@ def _horizon_errors(
         known = theirs if identified is None else identified.of(starts[one.start])
         key = id(known), one.frames[0].frame_id, len(one.frames[0].poses)
         if key not in passes:
-            passes[key] = usable_passes(known, *key[1:])
+            passes[key] = Passes.of(known, *key[1:], radius)
         tracked, _ = passes[key].beside(one.places)
         if tracked:
             add_forecast(errors, one, tracked)
@@ -226,7 +216,7 @@ def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: boo
     if frames['untracked']:
         notes.append(
             f'{frames["untracked"]} predictions are left out, as tracked frames are missing there '
-            'for more than three of their median intervals; the longest part without is compared.'
+            'for more than two frames; the longest part without is compared.'
         )
     if dropped:
         notes.append(f'Tracked frames refused: {_reasons(dropped)}.')

@@ -25,17 +25,19 @@ from typing import Any
 
 import numpy as np
 
-from ..alignment import decode_topic, Decoded
-from ..forecast_starts import recorded_starts, Start, starts_of
 from ..prediction_runs import from_one_start
-from ..recorded_model import find_recorded_model, tracking_window
+from ..recorded_forecasts import recorded_starts, starts_of
+from ..recorded_scenes import find_recorded_model
 from ..replay import replayed
+from ..tracked_frames import decode_topic, Decoded
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
 from ...forecasts.forecaster import Forecast, Forecaster
+from ...forecasts.starts import Start
+from ...forecasts.window_setup import window_of
 from ...messages.poses import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
 from ...scenes.scene import Scene
-from ...tracking.window import RejectedFrame, seconds
+from ...tracking.usable_frames import RejectedFrame, seconds
 
 
 @dataclass
@@ -111,7 +113,7 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
     else:
         starts, chosen = _first_start(maker, ours, theirs, parameters, result)
     messages = _whole_messages(topics.predicted)
-    window = tracking_window(maker, parameters)
+    window = window_of(maker, parameters)
     for index, (start, error) in enumerate(replayed(window, theirs, starts)):
         own = np.flatnonzero(chosen == index)
         if not len(own):
@@ -156,7 +158,7 @@ def _first_start(
             'the bag holds no ~/start, and its predictions do not all start from the first frames'
         )
         return [], chosen
-    window = tracking_window(maker, parameters)
+    window = window_of(maker, parameters)
     taken: list[int] = []
     for newest in np.argsort(theirs.places, kind='stable'):
         frame = theirs.frames[newest]
@@ -181,7 +183,8 @@ def _first_start(
         'the bag holds no ~/start: all is computed from the first tracked frames, up to the first '
         'stamp that tells of a restart; one that no stamp tells of shows as a difference'
     )
-    return [Start(taken[-1], tuple(taken), 'first', int(theirs.places[newest]) + 1)], chosen
+    place = int(theirs.places[newest]) + 1
+    return [Start(taken[-1], tuple(taken), 'first', place=place)], chosen
 
 
 def _compare(

@@ -19,27 +19,26 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
+from .scored import Scored
 from .timing import lateness
-from ..alignment import AlignmentError, decode_topic
-from ..matched_tracks import cut_matched
-from ..recorded_model import tracking_window
+from ..matched_frames import cut_matched
+from ..prediction_runs import AlignmentError
 from ..resample import resample
-from ..tracked_segments import cut, MATCH_REMEDY, Segment
+from ..tracked_frames import cut, decode_topic, MATCH_REMEDY, Segment
 from ...bags.reader import Bag, Topic
 from ...forecasts.forecaster import Forecast, Forecaster
+from ...forecasts.window_setup import window_of
 from ...messages.poses import PoseArrayFrame
 from ...scenes.scene import Scene
 from ...scenes.state import Array, Trajectory
 from ...scoring.evaluate import evaluate
+from ...tracking.usable_frames import GAP
 
-# frames further apart than so many of the tracker's intervals are not joined
-GAP = 3.0
 # the longest rollout of which laws and errors are told [s]
 LONGEST = 30.0
 
@@ -85,13 +84,11 @@ class _Reference:
         return found.positions, found.quaternions
 
 
-def score_rollouts(
-    bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions, figure: str | Path | None
-) -> dict[str, Any]:
+def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions) -> Scored:
     """Roll a model out from tracked frames at several times, and score it against what followed.
 
     Frames are cut where the number of spheres changes (their set, where poses are matched), where
-    frames are missing for more than three intervals, and where the tracker began anew. Laws and
+    more than two frames in a row are missing, and where the tracker began anew. Laws and
     errors are those of the longest segment, from its start; `horizon_errors` are of all starts.
 
     Args:
@@ -99,29 +96,19 @@ def score_rollouts(
         topic: Its tracked poses.
         scene: Surfaces and spheres.
         options: Model and starts.
-        figure: PNG to draw. None: none.
-
-    Returns:
-        See `rigid_gns_core.commands.evaluate_bag.evaluate_bag`.
 
     Raises:
         AlignmentError: No segment is long enough.
         ValueError: The model cannot be had, or cannot serve the scene.
     """
     decoded = decode_topic(topic)
-    stamps = np.array([frame.stamp_ns for frame in decoded.frames], dtype=np.int64)
-    rising = np.diff(stamps)[np.diff(stamps) > 0]
-    if not len(rising):
-        raise AlignmentError(
-            f'{bag.path}: {topic.name} holds {len(stamps)} frames, no two of which follow each '
-            'other; record for longer'
-        )
+    interval = decoded.interval(f'{bag.path}: {topic.name}')
     model = Forecaster(options.model, scene)
-    gap = GAP * float(np.median(rising))
+    gap = GAP * interval * 1e9
     parts = (
         cut_matched(decoded, model, {'velocity_window': options.window}, gap)
         if options.matched
-        else cut(decoded.frames, gap)
+        else cut(decoded, model.radius, gap)
     )
     noise = parts.noise().position
     refused, notes = Counter(parts.refused), []
@@ -169,18 +156,13 @@ def score_rollouts(
         'starts_failed': wanted - begun,
         'compared': len(drawn[0]),
         'compared_s': drawn[0].steps * drawn[0].dt,
-        'tracked_interval_s': float(np.median(rising)) * 1e-9,
+        'tracked_interval_s': interval,
         'tracked_noise_m': noise,
     }
     report['horizon_errors'] = errors.report()
     report['timing'] = lateness('tracked_lateness', decoded)
     report['notes'] = _notes(parts.cuts, refused, sorted(set(notes)), options) + list(bag.warnings)
-    if figure is not None:
-        from ...scoring.figure import write_figure
-
-        title = f'{bag.path.name}: {drawn[0].count} spheres, model {model.simulator.name}'
-        write_figure(figure, *drawn, scene, title=title, names=('predicted', 'tracked'))
-    return report
+    return Scored(report, scene, *drawn)
 
 
 def _starts(
@@ -209,9 +191,7 @@ def _forecasts(
 
     Frames that give no start are left out.
     """
-    window = tracking_window(
-        model, {'frame_id': '', 'velocity_window': length, 'max_spheres': 100_000}
-    )
+    window = window_of(model, {'frame_id': '', 'velocity_window': length, 'max_spheres': 100_000})
     for index, stamp in enumerate(segment.stamps.tolist()):
         try:
             window.add(PoseArrayFrame(stamp, '', segment.poses[index]), stamp)

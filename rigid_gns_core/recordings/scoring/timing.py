@@ -19,13 +19,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..alignment import Decoded
+from ..tracked_frames import Decoded
 
 
 def lateness(name: str, frames: Decoded) -> dict[str, float]:
     """Quantiles of log time minus stamp."""
-    stamps = np.array([frame.stamp_ns for frame in frames.frames], dtype=np.int64)
-    return quantiles(name, (frames.times - stamps) * 1e-6) if len(stamps) else {}
+    return quantiles(name, (frames.times - frames.stamps) * 1e-6) if frames.frames else {}
 
 
 def quantiles(name: str, milliseconds: NDArray[np.floating]) -> dict[str, float]:

@@ -50,15 +50,6 @@ def pack_quaternions(quaternions: Array) -> dict[str, Any]:
     return {'data': _pack(np.rint(quaternions * QUATERNION_LEVEL), 'i1')}
 
 
-def unpack(text: str, dtype: str, shape: tuple[int, ...]) -> Array:
-    """Return the integers of `_pack`, as the page reads them, shape (frames, n, components)."""
-    flat = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=f'<{dtype}')
-    differences = flat.reshape(shape[1], shape[2], shape[0])
-    with np.errstate(over='ignore'):
-        levels = np.cumsum(differences, axis=2, dtype=dtype)
-    return np.moveaxis(levels, 2, 0).astype(np.float64)
-
-
 def _pack(levels: Array, dtype: str) -> str:
     """Differences in time wrap around, as the sums of the reader do; each sphere's in a row."""
     rows = np.moveaxis(levels.astype(f'<{dtype}'), 0, 2)

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 import html
 from typing import Any
 
-from ...scoring.table import ERRORS, LAWS, UNITS
+from ...scoring.table import ERRORS, LAWS, words
 
 SECTIONS = {
     'laws': 'Laws of physics',
@@ -188,13 +188,11 @@ def _text(value: Any) -> str:
 
 
 def _label(key: str) -> tuple[str, str]:
-    """Name and unit of a key, as in `metrics.table`, or by its ending."""
+    """Name and unit of a key, as in `scoring.table`, or by its ending."""
     for known in (LAWS, ERRORS, SINGLE):
         if key in known:
             return known[key]
-    ending = next((ending for ending in UNITS if key.endswith(ending)), '')
-    text = key.removesuffix(ending).replace('_', ' ')
-    return text[:1].upper() + text[1:], UNITS.get(ending, '')
+    return words(key)
 
 
 def _labelled(key: str) -> str:

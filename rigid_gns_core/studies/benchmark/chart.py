@@ -23,7 +23,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from .scenes import FRAME
-from ...scoring.figure import clean_axes, GRID, INK
+from ..axes import clean_axes, GRID, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -78,7 +78,7 @@ def _ask(what: str, spheres: int) -> dict[str, Any]:
 
 def _predict(spheres: int, steps: int) -> None:
     from .scaling import bouncing_box
-    from ...rollout.rollout import load_simulator
+    from ...prediction.load import load_simulator
 
     scene, start = bouncing_box(spheres)
     load_simulator().rollout(scene, start.positions, steps=steps)

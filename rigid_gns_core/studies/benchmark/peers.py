@@ -28,7 +28,8 @@ from .bullet_engine import BulletSpheres
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
 from .scenes import FRAME
 from ...files.checkpoint import LAWS
-from ...rollout.rollout import load_simulator, Simulator
+from ...prediction.load import load_simulator
+from ...rollout.simulator import Simulator
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 from ...teacher.bullet import load_pybullet

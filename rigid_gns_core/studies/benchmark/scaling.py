@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from .scenes import lattice
-from ...rollout.rollout import Simulator
+from ...rollout.simulator import Simulator
 from ...scenes.plane import Plane
 from ...scenes.scene import Scene
 from ...scenes.state import State

@@ -24,8 +24,9 @@ import numpy as np
 from ..chaos_floor import References
 from ...data.recipe import load_recipe
 from ...scenes.plane import Plane
-from ...scenes.sampling import load_scene, sample_start
+from ...scenes.sampling import sample_start
 from ...scenes.scene import Scene
+from ...scenes.scene_file import load_start
 from ...scenes.state import Array, State, Trajectory
 
 FRAME = 0.1
@@ -105,7 +106,7 @@ def lattice(
 
 
 def _box(quick: bool) -> BenchScene:
-    scene, recipe = load_scene('box_154')
+    scene, recipe = load_start('box_154')
     if quick:
         recipe = replace(recipe, spheres=8, height=(0.0, 12.0))
     return _named('box', scene, sample_start(scene, recipe))

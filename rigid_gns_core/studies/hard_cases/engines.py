@@ -33,7 +33,7 @@ from ...teacher.bullet import simulate as bullet
 from ...teacher.settings import TeacherSettings
 
 if TYPE_CHECKING:
-    from ...rollout.rollout import Simulator
+    from ...rollout.simulator import Simulator
 
 TEACHER = 'teacher'
 """Name by which `--model` takes the teacher itself."""
@@ -87,7 +87,7 @@ def load_engine(name: str, velocities: Velocities | None, settings: TeacherSetti
     """Return a model by name or path, or the teacher; `velocities` None: as it says itself."""
     if name == TEACHER:
         return teacher_engine(settings)
-    from ...rollout.rollout import load_simulator
+    from ...prediction.load import load_simulator
 
     return simulator_engine(load_simulator(name), name, velocities)
 

@@ -33,7 +33,7 @@ from ...data.recipe import load_recipe, recipe_hash
 from ...files.config import ConfigError, to_mapping
 from ...files.strict_json import read_json, write_compact_json
 from ...installation.versions import PACKAGE, versions_of
-from ...scenes.sampling import load_scene
+from ...scenes.scene_file import load_start
 
 VERSION = 1
 """Raised where the same configuration gives other numbers than before, so that cells run again."""
@@ -251,6 +251,6 @@ def _set_hash(name: str) -> str:
 
 @cache
 def _scene_hash(name: str) -> str:
-    scene, start = load_scene(name)
+    scene, start = load_start(name)
     text = json.dumps([scene.to_mapping(), asdict(start)], sort_keys=True, default=list)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

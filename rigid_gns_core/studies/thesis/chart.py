@@ -24,7 +24,7 @@ import numpy as np
 
 from .points import Panel, panels_of, Point, printed_numbers
 from .text import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
-from ...scoring.figure import clean_axes, GRID, INK
+from ..axes import clean_axes, GRID, INK
 from ...scoring.table import LAWS
 
 if TYPE_CHECKING:

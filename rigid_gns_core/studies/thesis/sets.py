@@ -27,8 +27,9 @@ from ...data.generate import generate, generate_scene
 from ...data.recipe import DataRecipe, load_recipe
 from ...data.records import Dataset, DatasetError, read_record, Record
 from ...running.workers import Workers
-from ...scenes.sampling import load_scene, sample_start
+from ...scenes.sampling import sample_start
 from ...scenes.scene import Scene
+from ...scenes.scene_file import load_start
 from ...scenes.similarity import ModelUnits, Similarity
 from ...scenes.state import State
 
@@ -88,7 +89,7 @@ def _first(folder: Path, count: int) -> list[Record]:
 
 
 def _make_scene(name: str, folder: Path, data: Data) -> None:
-    scene, recipe = load_scene(name)
+    scene, recipe = load_start(name)
     start = sample_start(scene, recipe)
     dt = _native_dt(scene, load_recipe(data.train))
     for ending, share in SUBSTEPS.items():

@@ -198,7 +198,7 @@ def _on_gpu(budget: Budget) -> bool:
 
 def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     """Train, then roll out on the test set and on the scenes unlike the training set."""
-    from ...rollout.rollout import load_simulator
+    from ...prediction.load import load_simulator
     from ...training.distributed import find_device
     from ...training.train import Trainer
 

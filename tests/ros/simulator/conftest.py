@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigid_gns_core.rollout.rollout import load_simulator
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.scenes.scene_file import load_scene
 
 T0 = 1_000_123_456_789  # [ns]; digits that a float32 or a rounded float64 would lose
 DT = 100_000_000  # [ns], the shipped model's step at radius 1 m
@@ -99,6 +99,6 @@ def expected_fixture() -> Callable[..., np.ndarray]:
 def expected(poses: np.ndarray, steps: int, velocities: np.ndarray | None = None) -> np.ndarray:
     """Poses of the model's own rollout, shape (steps + 1, n, 7)."""
     trajectory = load_simulator().rollout(
-        load_scene('box_154')[0], poses[:, :3], velocities, steps=steps, quaternions=poses[:, 3:]
+        load_scene('box_154'), poses[:, :3], velocities, steps=steps, quaternions=poses[:, 3:]
     )
     return np.concatenate([trajectory.positions, trajectory.quaternions], axis=2)

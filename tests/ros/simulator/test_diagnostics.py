@@ -26,7 +26,8 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rigid_gns_core.bags.reader import read_bag
-from rigid_gns_core.messages.diagnostics import decode_diagnostics, ERROR, OK, Recent, Status, WARN
+from rigid_gns_core.messages.diagnostics import decode_diagnostics, ERROR, OK, Status, WARN
+from rigid_gns_ros.node.recent import Recent
 from std_srvs.srv import SetBool
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py

@@ -29,14 +29,14 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
+from rigid_gns_core.forecasts import horizon
 from rigid_gns_core.forecasts.forecaster import Forecaster
+from rigid_gns_core.forecasts.horizon import compute, Future, Horizon, Job, steps_of
 from rigid_gns_core.messages.trajectories import decode_trajectory, FutureFrame
-from rigid_gns_core.rollout.rollout import load_simulator
+from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.rollout.stepper import Stepper
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.state import State
-from rigid_gns_ros.node import horizon
-from rigid_gns_ros.node.horizon import compute, Future, Horizon, Job, steps_of
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
@@ -80,7 +80,7 @@ def test_every_tracked_frame_gives_its_whole_future_at_once(
         assert found.times_ns == tuple(k * DT for k in range(22))  # 2.05 s is reached by 21 steps
         start = found.twists[0]
         expected = load_simulator().rollout(
-            load_scene('box_154')[0],
+            load_scene('box_154'),
             found.poses[0, :, :3],
             start[:, :3],
             start[:, 3:],
@@ -237,7 +237,7 @@ def test_predictions_go_on_while_a_future_is_computed(
 
 @pytest.fixture(scope='module')
 def model() -> Forecaster:
-    return Forecaster('', 'box_154')
+    return Forecaster('', load_scene('box_154'))
 
 
 def job(model: Forecaster, poses: np.ndarray, stamp_ns: int, steps: int) -> Job:

@@ -30,8 +30,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of, turned_gravity
 from rigid_gns_core.forecasts.parameters import SIMULATOR
-from rigid_gns_core.scenes.sampling import load_scene
 from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.similarity import _upright
 from rigid_gns_core.scenes.state import quaternion_multiply, State
 from rigid_gns_ros.node.simulator import SimulatorNode
@@ -183,11 +183,10 @@ def test_gravity_of_any_direction_turns_the_prediction(
     floor = seen(np.array([0.0, 0.0, 1.0])).tolist()
     scene = tmp_path / 'floor.yaml'
     scene.write_text(f'scene: {{surfaces: [{{point: [0.0, 0.0, 0.0], normal: {floor}}}]}}\n')
-    model = Forecaster('', str(scene), gravity_direction=direction)
+    model = Forecaster('', turned_gravity(load_scene(scene), direction))
     np.testing.assert_allclose(model.scene.gravity, 9.81 * unit, atol=1e-12)
     assert model.level
-    (tmp_path / 'level.yaml').write_text('scene: {}\n')
-    upright = Forecaster('', str(tmp_path / 'level.yaml'))
+    upright = Forecaster('', Scene())
     positions = np.array([[0.0, 0.0, 1.2], [0.3, 0.4, 3.4]])
     turned = model.forecast(State(positions=seen(positions)), 0)
     straight = upright.forecast(State(positions=positions), 0)
@@ -208,10 +207,8 @@ def test_the_scene_that_is_told_has_the_turned_gravity(
     setup = simulated(gravity_direction=[0.0, 2.0, 0.0])
     model = setup.node.simulation._model
     assert model.description['scene']['gravity'] == [0.0, 9.81, 0.0]
-    assert (
-        model.description['scene']['surfaces'] == load_scene('box_154')[0].to_mapping()['surfaces']
-    )
-    assert setup.node.simulation.window.following.around.gravity.tolist() == [0.0, 9.81, 0.0]
+    assert model.description['scene']['surfaces'] == load_scene('box_154').to_mapping()['surfaces']
+    assert setup.node.simulation.window.settings.environment.gravity.tolist() == [0.0, 9.81, 0.0]
     # walls of the box carry spheres now
     assert 'no surface is level' not in log()
 

@@ -31,7 +31,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.messages.poses import decode_pose_array
-from rigid_gns_core.scenes.sampling import load_scene
+from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_ros.node.simulator import SimulatorNode
 from std_msgs.msg import String
 
@@ -46,7 +46,7 @@ def test_the_scene_is_latched(simulated: Simulated) -> None:
     setup.bench.tester.create_subscription(String, '/simulator/scene', heard.append, latched)
     setup.bench.until(lambda: heard, 'the scene')
     content = json.loads(heard[0].data)
-    assert content['scene'] == load_scene('box_154')[0].to_mapping()
+    assert content['scene'] == load_scene('box_154').to_mapping()
     assert content['model'] == 'contact' and content['dt'] == content['period'] == 0.1
     assert content['model_card']['format_version'] == 1
     assert content['parameters']['velocity_window'] == 1

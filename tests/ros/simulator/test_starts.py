@@ -30,6 +30,7 @@ from rigid_gns_core.bags.reader import Bag, read_bag
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.window_setup import window_of
 from rigid_gns_core.messages.poses import decode_pose_array, decode_string, PoseArrayCodec
+from rigid_gns_core.scenes.scene_file import load_scene
 from std_srvs.srv import SetBool, Trigger
 
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
@@ -204,7 +205,7 @@ def test_recorded_frames_and_starts_give_the_predictions_bit_by_bit(
         frame.stamp_ns: frame
         for frame in map(decode_pose_array, bag.topics['/tracked_poses'].messages)
     }
-    model = Forecaster('', 'box_154', rate=12.0)
+    model = Forecaster('', load_scene('box_154'), rate=12.0)
     parameters = json.loads(decode_string(bag.topics['/simulator/scene'].messages[0]))[
         'parameters'
     ]

@@ -1,0 +1,268 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`rigid-gns evaluate`: score predictions, of a model on data or those in a recorded bag.
+
+`ros2 run rigid_gns_ros evaluate` is the same command. No ROS needed.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import textwrap
+from typing import Any
+
+from .arguments import completes, configs, shipped_models
+from ..files.strict_json import write_json
+from ..scoring.evaluate import evaluate, format_table, summarise
+
+_BY_HORIZON = {
+    'horizon_errors': 'Position error since a start [m]',
+    'future_errors': 'Position error of futures [m]',
+}
+# options of one kind of source, each None or False where it was not given
+_OF_DATA = ('steps', 'velocities')
+_OF_BAG = ('scene', 'tracked', 'predicted', 'starts', 'match', 'reproduce')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `rigid-gns evaluate`."""
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument('source', type=Path, nargs='?', metavar='SOURCE', help='data, or a bag')
+    source.add_argument(
+        '--data',
+        type=Path,
+        metavar='PATH',
+        help='HDF5 file, or folder of them: roll a model out from the start of each trajectory',
+    )
+    source.add_argument(
+        '--bag',
+        type=Path,
+        help='bag folder or .mcap file, whole or torn: score its predicted against its tracked '
+        'poses',
+    )
+    model = parser.add_argument(
+        '--model',
+        metavar='NAME|FILE',
+        help='model to roll out (default: the shipped one; of a bag: the predictions in it, '
+        'where it holds any)',
+    )
+    parser.add_argument(
+        '--json',
+        type=Path,
+        metavar='FILE',
+        help='write all numbers to this file (default: of a bag, BAG_evaluation.json beside it)',
+    )
+    parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='PNG',
+        help='draw positions, energy and error of the first trajectory (default: of a bag, '
+        'BAG_evaluation.png)',
+    )
+    parser.add_argument('--no-figure', action='store_true', help='do not draw')
+    data = parser.add_argument_group('options for data')
+    data.add_argument('--steps', type=int, help='steps to roll out (default: as long as the data)')
+    data.add_argument(
+        '--velocities',
+        choices=('given', 'poses'),
+        help='velocities of both by differences of poses, or as given (default: poses, unless '
+        'those of the model are of the instant)',
+    )
+    bag = parser.add_argument_group('options for a bag')
+    scene = bag.add_argument(
+        '--scene', metavar='NAME|FILE', help='scene, where the bag holds none or a wrong one'
+    )
+    bag.add_argument(
+        '--tracked', '--topic', metavar='TOPIC', dest='tracked', help='topic of the tracked poses'
+    )
+    bag.add_argument('--predicted', metavar='TOPIC', help='topic of the predicted poses')
+    bag.add_argument(
+        '--starts', type=int, help='number of rollouts from tracked poses (default 20)'
+    )
+    bag.add_argument(
+        '--match',
+        action='store_true',
+        help='match poses to spheres for these rollouts: they come in any order, or are missing',
+    )
+    bag.add_argument(
+        '--reproduce',
+        action='store_true',
+        help='compute every prediction again instead, and compare bytes '
+        '(exit code 1: some differ)',
+    )
+    completes(model, shipped_models)
+    completes(scene, configs('scenes'))
+    parser.epilog = (
+        'examples:\n'
+        '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
+        '  rigid-gns evaluate bags/first --figure first.png\n'
+        '  rigid-gns evaluate bags/first --reproduce\n'
+        '  rigid-gns evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model contact\n'
+        '\nWhat each number means: docs/metrics.md.'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the table and the paths of what was written; returns the exit code."""
+    source = arguments.data or arguments.bag or arguments.source
+    data = arguments.bag is None and (arguments.data is not None or _is_data(source))
+    for name in _OF_BAG if data else _OF_DATA:
+        if getattr(arguments, name) not in (None, False):
+            raise ValueError(
+                f'--{name} goes with --bag: data say it themselves'
+                if data
+                else f'--{name} goes with --data: all of a bag is scored'
+            )
+    if data:
+        return _run_data(source, arguments)
+    return _reproduce(source, arguments) if arguments.reproduce else _run_bag(source, arguments)
+
+
+def _is_data(source: Path) -> bool:
+    return source.suffix == '.h5' or any(source.glob('*.h5'))
+
+
+def _run_data(data: Path, arguments: argparse.Namespace) -> int:
+    if arguments.steps is not None and arguments.steps < 1:
+        raise ValueError(f'--steps is {arguments.steps}, expected at least 1')
+    from ..data.records import read_records
+    from ..prediction.load import load_simulator
+    from ..running.progress import Progress
+
+    simulator = load_simulator(arguments.model)
+    records = read_records(data)
+    reports: dict[str, dict[str, Any]] = {}
+    draws = arguments.figure is not None and not arguments.no_figure
+    with Progress(len(records), 'evaluate', unit='trajectory') as progress:
+        for number, record in enumerate(records):
+            start = record.trajectory[0]
+            steps = record.trajectory.steps
+            steps = steps if arguments.steps is None else min(arguments.steps, steps)
+            predicted = simulator.rollout(
+                record.scene,
+                start.positions,
+                start.velocities,
+                start.angular_velocities,
+                steps=steps,
+                quaternions=start.quaternions,
+            )
+            name = record.name if record.name not in reports else ''
+            name = name or f'{number:04d}'
+            reports[name] = evaluate(
+                predicted,
+                record.trajectory,
+                record.scene,
+                velocities=arguments.velocities or simulator.velocities,
+            )
+            if draws and number == 0:
+                from ..show.figure import write_figure
+
+                write_figure(
+                    arguments.figure,
+                    predicted,
+                    record.trajectory,
+                    record.scene,
+                    title=f'{simulator.name} on {name}: {reports[name]["spheres"]} spheres',
+                )
+            progress.update(mse=reports[name]['errors']['mse'])
+    print(f'model {simulator.name} on {data}: {len(reports)} trajectories\n')
+    one = next(iter(reports.values()))
+    summary = summarise(list(reports.values()))
+    print(format_table(one if len(reports) == 1 else summary), end='')
+    report = {'model': simulator.name, 'data': str(data), 'summary': summary, 'records': reports}
+    _write_numbers(arguments.json, report)
+    if arguments.figure is not None:
+        print(f'figure:  {arguments.figure}')
+    return 0
+
+
+def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
+    from ..bags.reader import read_bag
+    from ..recordings.scoring.evaluate import score_bag
+
+    figure, missing = None, ''
+    if not arguments.no_figure:
+        try:
+            import matplotlib  # noqa: F401 - only to see whether it is there
+
+            figure = arguments.figure or _beside(bag, '.png')
+        except ModuleNotFoundError:
+            missing = 'not drawn, as matplotlib is not installed'
+    scored = score_bag(
+        read_bag(bag),
+        scene=arguments.scene,
+        tracked=arguments.tracked,
+        predicted=arguments.predicted,
+        model=arguments.model,
+        starts=20 if arguments.starts is None else arguments.starts,
+        match=arguments.match,
+    )
+    if figure is not None:
+        from ..show.figure import write_figure
+
+        write_figure(
+            figure,
+            scored.predicted,
+            scored.tracked,
+            scored.scene,
+            title=scored.title,
+            names=('predicted', 'tracked'),
+        )
+    print(f'{format_report(scored.report)}\nbag:     {bag}')
+    _write_numbers(arguments.json or _beside(bag, '.json'), scored.report)
+    if figure or missing:
+        print(f'figure:  {figure or missing}')
+    return 0
+
+
+def format_report(report: dict[str, Any]) -> str:
+    """Return the tables of the report of a bag with its notes."""
+    from ..recordings.scoring.horizon_errors import format_horizons
+
+    shown = {key: value for key, value in report.items() if key not in _BY_HORIZON}
+    notes = [
+        textwrap.fill(
+            note, 100, initial_indent='- ', subsequent_indent='  ', break_long_words=False
+        )
+        for note in report['notes']
+    ]
+    tables = [format_horizons(report.get(key, {}), name) for key, name in _BY_HORIZON.items()]
+    return '\n'.join([format_table(shown), *filter(None, tables), *notes, ''])
+
+
+def _reproduce(bag: Path, arguments: argparse.Namespace) -> int:
+    from ..bags.reader import read_bag
+    from ..bags.topics import find_topics
+    from ..recordings.scoring.reproduce import reproduce
+
+    recorded = read_bag(bag)
+    topics = find_topics(recorded, arguments.tracked, arguments.predicted)
+    result = reproduce(recorded, topics, arguments.model)
+    print('\n'.join([str(result), *recorded.warnings]))
+    _write_numbers(arguments.json, vars(result))
+    return 1 if result.different else 0
+
+
+def _beside(bag: Path, suffix: str) -> Path:
+    """Path beside a bag, so that no foreign file gets into its folder."""
+    path = bag.resolve()
+    return path.with_name(f'{path.stem if path.is_file() else path.name}_evaluation{suffix}')
+
+
+def _write_numbers(path: Path | None, report: dict[str, Any]) -> None:
+    if path is not None:
+        write_json(path, report)
+        print(f'numbers: {path}')

@@ -1,0 +1,164 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The whole future from a frame, computed in a thread; only the newest frame counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future as Result
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..messages.trajectories import encode_trajectory
+from ..rollout.outcome import Recording
+from ..scenes.state import Array
+
+if TYPE_CHECKING:
+    from ..rollout.rollout import Rollout
+
+
+# steps are taken together for about so long, after which a job that was cancelled ends [s]
+BLOCK = 10e-3
+
+
+@dataclass(frozen=True)
+class Job:
+    """A future to compute.
+
+    Args:
+        rollout: The model's rollout, at its start; used by nobody else.
+        stamp_ns: Stamp of the start frame [ns].
+        steps: Steps of the model.
+        frame_id: Coordinate frame.
+        ids: Id of each sphere.
+    """
+
+    rollout: Rollout
+    stamp_ns: int
+    steps: int
+    frame_id: str
+    ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Future:
+    """What a job gave.
+
+    Args:
+        job: The job.
+        cdr: trajectory_msgs/MultiDOFJointTrajectory; its first point is the start.
+        positions: Centres [m] of start and steps, shape (points, n, 3).
+        took: Time spent on it [s].
+        error: Why it ends before its time, or ''.
+    """
+
+    job: Job
+    cdr: bytes
+    positions: Array
+    took: float
+    error: str
+
+
+def steps_of(horizon: float, dt: float) -> int:
+    """Return the least number of model steps of `dt` [s] that reach `horizon` [s]."""
+    return int(np.ceil(horizon / dt - 1e-9))
+
+
+class Horizon:
+    """Computes one future at a time in its own thread, and then the newest that was asked for.
+
+    The engine holds no lock of Python meanwhile. All methods are called from one thread.
+
+    Args:
+        done: Called in the other thread when there may be something to `take`.
+    """
+
+    def __init__(self, done: Callable[[], object]) -> None:
+        self._done = done
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix='future')
+        self._waiting: Callable[[], Job | None] | None = None
+        self._running: Result[Future | None] | None = None
+        self._cancelled = threading.Event()
+
+    @property
+    def busy(self) -> bool:
+        """Whether there is something to compute."""
+        return self._running is not None or self._waiting is not None
+
+    def request(self, make: Callable[[], Job | None]) -> bool:
+        """Ask for a future. False where an older one that waited is dropped for it.
+
+        Args:
+            make: Makes the job when its turn comes, as to begin takes time that would be lost for
+                one that is dropped; None: there is no future.
+        """
+        superseded, self._waiting = self._waiting is not None, make
+        self._begin()
+        return not superseded
+
+    def take(self) -> Future | None:
+        """Return the future, where it is ready; the one that waits is begun then.
+
+        Raises:
+            Exception: What came up while it was computed, but for a rollout that diverged.
+        """
+        running = self._running
+        if running is None or not running.done():
+            return None
+        self._running = None
+        self._begin()
+        return running.result()
+
+    def cancel(self) -> None:
+        """Drop what waits and what is computed."""
+        self._cancelled.set()
+        self._waiting = self._running = None
+        self._cancelled = threading.Event()  # of what comes next
+
+    def close(self) -> None:
+        """Compute nothing any more."""
+        self.cancel()
+        self._pool.shutdown()
+
+    def _begin(self) -> None:
+        while self._running is None and self._waiting is not None:
+            make, self._waiting = self._waiting, None
+            job = make()
+            if job is not None:
+                self._running = self._pool.submit(compute, job, self._cancelled.is_set)
+                self._running.add_done_callback(lambda _: self._done())
+
+
+def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
+    """Return the future of a job; None where it was cancelled meanwhile."""
+    begun = time.perf_counter()
+    rollout = job.rollout
+    recording = Recording(rollout.state, rollout.dt, job.steps)
+    for states, error in rollout.blocks(job.steps, BLOCK):
+        if cancelled():
+            return None
+        recording.add(states, error)
+    future = recording.outcome.trajectory.window(0, recording.done + 1)
+    poses = np.concatenate([future.positions, future.quaternions], axis=2)
+    twists = np.concatenate([future.velocities, future.angular_velocities], axis=2)
+    times = [round(step * rollout.dt * 1e9) for step in range(len(poses))]
+    names = [f'sphere_{sphere}' for sphere in job.ids]
+    cdr = encode_trajectory(job.stamp_ns, job.frame_id, names, times, poses, twists)
+    return Future(job, cdr, future.positions, time.perf_counter() - begun, recording.error)

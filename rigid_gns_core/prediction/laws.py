@@ -1,0 +1,63 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The kinds of models: what each can serve, and how it is rolled out."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from ..engine.options import LawsOptions
+from ..files.checkpoint import LAWS
+from ..files.config import from_mapping
+from ..installation.versions import PACKAGE, version_of
+from ..rollout.simulator import Simulator
+from ..rollout.stepper import Stepper
+from ..scenes.scene import Scene
+from ..scenes.similarity import ModelUnits
+from ..scenes.state import State
+
+
+class LawsSimulator(Simulator):
+    """The laws of rigid contact: any radii, masses and materials.
+
+    Args:
+        options: See `LawsOptions`.
+
+    Raises:
+        ValueError: There is no such option, or its value is out of range.
+    """
+
+    kind = 'laws'
+    velocities = 'given'
+
+    def __init__(self, **options: Any) -> None:
+        self.options = from_mapping(LawsOptions, options, 'options of the laws')
+        card = {
+            'kind': self.kind,
+            'options': asdict(self.options),
+            'version': version_of(PACKAGE) or 'unknown',  # a source tree that is not installed
+        }
+        # a frame of 0.1 s for spheres of 1 m, as the thesis has
+        super().__init__(card, LAWS, ModelUnits(radius=1.0, gravity=9.81, dt=0.1))
+
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
+        """Nothing: the laws hold for all scenes."""
+
+    def stepper(self, scene: Scene, state: State) -> Stepper:
+        """Return a rollout in the model's units."""
+        from ..engine.stepper import EngineStepper
+
+        return EngineStepper(scene, state, self.units.dt, **asdict(self.options))

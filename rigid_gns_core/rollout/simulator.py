@@ -1,0 +1,204 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What all kinds of models are: rolled out from a start, at any radius and gravity."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, ClassVar, Literal
+import warnings
+
+from numpy.typing import ArrayLike, NDArray
+
+from .outcome import Outcome
+from .rollout import Rollout
+from .stepper import Stepper
+from ..running.threads import in_threads, usable_cores
+from ..scenes.scene import Scene
+from ..scenes.similarity import in_units, ModelUnits
+from ..scenes.state import State, Trajectory
+
+
+class Simulator(ABC):
+    """A model, ready to predict.
+
+    `velocities` says what the velocities of its states are: 'given', those of the instant, or
+    'poses', means over the step before (backward differences, thesis section 3.3).
+
+    Args:
+        card: What is known of the model, as JSON takes it.
+        name: Name for messages and reports.
+        units: Size and time step that it is made for.
+    """
+
+    velocities: ClassVar[Literal['given', 'poses']]
+    kind: ClassVar[str]
+
+    def __init__(self, card: dict[str, Any], name: str, units: ModelUnits) -> None:
+        self.card, self.name, self.units = card, name, units
+
+    def native_dt(self, scene: Scene) -> float:
+        """Return the model's time step for radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
+        return self.units.dt * in_units(scene, self.units)[0].time
+
+    @abstractmethod
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
+        """Refuse a scene that the model cannot serve; warn where it was not trained for it.
+
+        Raises:
+            ValueError: The model cannot serve it.
+        """
+
+    @abstractmethod
+    def stepper(self, scene: Scene, state: State) -> Stepper:
+        """Return a rollout in the model's units."""
+
+    def start(
+        self,
+        scene: Scene,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        *,
+        quaternions: ArrayLike | None = None,
+    ) -> Rollout:
+        """Begin a simulation that is advanced step by step.
+
+        Args:
+            scene: Surfaces, radius, materials and gravity.
+            positions: Centres [m], world frame, shape (n, 3).
+            velocities: Velocities of the instant, whatever `Simulator.velocities` says of those
+                that come out [m/s], shape (n, 3). None: at rest.
+            angular_velocities: [rad/s], world frame, shape (n, 3). None: no spin.
+            quaternions: Rotations (x, y, z, w), shape (n, 4). None: identity.
+
+        Raises:
+            ValueError: Shapes are wrong, values not finite, or the model cannot serve the scene.
+        """
+        return self._begin(scene, positions, velocities, angular_velocities, quaternions)
+
+    def rollout(
+        self,
+        scene: Scene,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        steps: int = 300,
+        *,
+        quaternions: ArrayLike | None = None,
+    ) -> Trajectory:
+        """Predict `steps` steps of `native_dt(scene)` from a start; arguments as in `start`.
+
+        A rollout that diverges is filled with NaN from there on and a warning says when;
+        `Trajectory.diverged_at` tells it too.
+        """
+        rollout = self._begin(scene, positions, velocities, angular_velocities, quaternions)
+        (outcome,) = self._run([rollout], _checked(steps), 1)
+        if outcome.error:
+            warnings.warn(outcome.error, stacklevel=2)
+        return outcome.trajectory
+
+    def rollout_batch(
+        self,
+        scenes: Scene | Sequence[Scene],
+        starts: Sequence[State | ArrayLike] | NDArray[Any],
+        steps: int = 300,
+        *,
+        workers: int | None = None,
+        done: Callable[[int], object] | None = None,
+    ) -> list[Trajectory]:
+        """Predict many starts, what-ifs of one scene or scenes of their own, on several cores.
+
+        Each trajectory is bit for bit that of `rollout`, whatever the number of workers, and one
+        that diverges leaves the others alone; warnings and errors name the index of its start.
+        Workers are threads, since compiled code, as that of torch, runs beside other threads.
+
+        Args:
+            scenes: One for all starts, or one per start.
+            starts: States, or centres [m] of spheres at rest: shape (b, n, 3), or b arrays of
+                shape (n, 3), where n may differ.
+            steps: Steps of `native_dt` of each scene.
+            workers: Threads; None: one per usable core.
+            done: Called with each number of steps that a start has taken, in its thread.
+
+        Raises:
+            ValueError: A start is wrong, or the model cannot serve its scene; before any runs.
+        """
+        if workers is not None and workers < 1:
+            raise ValueError(f'workers is {workers}, expected at least 1')
+        steps, rollouts = _checked(steps), []
+        for index, (scene, start) in enumerate(_paired(scenes, starts)):
+            given = vars(start) if isinstance(start, State) else {'positions': start}
+            try:
+                rollouts.append(self._begin(scene, **given))
+            except ValueError as error:
+                raise ValueError(f'start {index}: {error}') from error
+            rollouts[-1].done = done
+        outcomes = self._run(rollouts, steps, workers or usable_cores())
+        for index, outcome in enumerate(outcomes):
+            if outcome.error:
+                warnings.warn(f'start {index}: {outcome.error}', stacklevel=2)
+        return [outcome.trajectory for outcome in outcomes]
+
+    def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
+        """Outcomes of rollouts that have just begun."""
+        return in_threads(lambda rollout: rollout.run(steps), rollouts, workers)
+
+    def _begin(
+        self,
+        scene: Scene,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        quaternions: ArrayLike | None = None,
+    ) -> Rollout:
+        given: dict[str, Any] = {
+            'positions': positions,
+            'quaternions': quaternions,
+            'velocities': velocities,
+            'angular_velocities': angular_velocities,
+        }
+        state = State(**given)
+        self.check(scene, len(state), stacklevel=4)  # warnings point at who asked for it
+        similarity, similar = in_units(scene, self.units)
+        stepper = self.stepper(similar, similarity.to_model(state))
+        return Rollout(stepper, similarity, state, self.native_dt(scene))
+
+
+def _checked(steps: int) -> int:
+    if steps != int(steps) or steps < 0:
+        raise ValueError(f'steps is {steps}, expected a whole number, 0 or more')
+    return int(steps)
+
+
+def _paired(
+    scenes: Scene | Sequence[Scene], starts: Sequence[State | ArrayLike] | NDArray[Any]
+) -> Iterator[tuple[Scene, State | ArrayLike]]:
+    """Each start with its scene; one scene serves all.
+
+    Raises:
+        ValueError: There are not as many scenes as starts.
+    """
+    if isinstance(starts, State):
+        raise ValueError('starts is one State, expected several; for one there is rollout')
+    if isinstance(scenes, Scene):
+        scenes = [scenes] * len(starts)
+    if len(scenes) != len(starts):
+        raise ValueError(
+            f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '
+            'one per start'
+        )
+    return zip(scenes, starts, strict=True)

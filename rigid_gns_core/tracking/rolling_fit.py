@@ -1,0 +1,87 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Spheres that roll on a surface, at the height of the radius."""
+
+from __future__ import annotations
+
+from .impacts import Surfaces
+from .jit import in_place
+from .line_fit import accumulate, fit_line
+from .motion_models import Hypotheses, ROLLING, try_tail
+from .observations import Observations
+from ..kernels.vector import across, dot, length, minus, put, row, times, Vector
+from ..scenes.state import Array
+
+# what a surface that carries may do to the height of a sphere [radii]
+_HEIGHT = 5e-3
+
+
+@in_place
+def try_rolling(
+    best: Hypotheses,
+    i: int,
+    window: Observations,
+    surfaces: Surfaces,
+    index: int,
+    sums: Array,
+    level: Array,
+) -> None:
+    """Try rolling on a surface.
+
+    Args:
+        best: Takes it where it costs least.
+        i: Of the sphere.
+        window: Its frames.
+        surfaces: And gravity.
+        index: Of the surface.
+        sums: Overwritten, shape (frames + 1, COLUMNS).
+        level: Overwritten, shape (frames + 1, 4).
+    """
+    stamps, seen, offsets = window.stamps, window.seen[i], window.offsets[i]
+    radius, sigma = window.radii[i], window.sigma[i]
+    normal = row(surfaces.axes[index], 2)
+    height = dot(minus(row(window.origin, i), row(surfaces.points, index)), normal) - radius
+    # a solid sphere that rolls; its line tells the direction in which rolling friction acts
+    rolling = times(5.0 / 7.0, across(surfaces.gravity, normal))
+    _roll_back(level, stamps, offsets, normal, rolling)
+    accumulate(sums, stamps, level, seen, 0)
+    slope = fit_line(sums, 0, len(stamps)).slope
+    speed = length(slope)
+    brake = surfaces.rolling_friction / 1.4 * abs(dot(surfaces.gravity, normal))
+    # slower than this it may stop within the window
+    if speed > brake * -stamps[0]:
+        rolling = minus(rolling, times(brake / speed, slope))
+        _roll_back(level, stamps, offsets, normal, rolling)
+        accumulate(sums, stamps, level, seen, 0)
+    spread = sigma**2 + (_HEIGHT * radius) ** 2
+    # from the measured centre to the height of the radius
+    back = times(-height, normal)
+    # how far it is from the height of its radius, from each frame on
+    level[-1, 3] = 0.0
+    for frame in range(len(stamps) - 1, -1, -1):
+        above = dot(row(offsets, frame), normal) + height if seen[frame] else 0.0
+        level[frame, 3] = level[frame + 1, 3] + above**2 / spread
+    for begin in range(len(stamps) - 1):
+        try_tail(best, i, sums, begin, sigma, ROLLING, level[begin, 3], back)
+
+
+@in_place
+def _roll_back(
+    level: Array, stamps: Array, offsets: Array, normal: Vector, rolling: Vector
+) -> None:
+    """Overwrite `level` with offsets along a surface, less what rolling did to them."""
+    for frame in range(len(stamps)):
+        along = across(row(offsets, frame), normal)
+        put(level, frame, minus(along, times(0.5 * stamps[frame] ** 2, rolling)))

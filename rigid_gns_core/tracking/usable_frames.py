@@ -1,0 +1,276 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which tracked frames are usable, in what order, and where a tracker paused or began anew.
+
+The one rule of node, import and evaluation: a recording is decided frame by frame as the node
+decides on arrival.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import Counter, deque
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..messages.poses import PoseArrayFrame
+from ..scenes.state import Array
+
+# so many frames in a row that are refused for their stamps, which rise, are a tracker begun anew
+RESTART_FRAMES = 5
+# a stamp may be ahead of those before, by the time of arrival, by so much [ns]
+MAX_AHEAD_NS = 1_000_000_000
+# a position further out than so many radii is not in metres
+MAX_DISTANCE = 1e6
+# so many frames in a row may be missing: longer, in intervals, is a gap
+MISSING = 2
+GAP = MISSING + 1.5
+# frames so far apart, as those of a tracker of 1 Hz, are fitted together [s]
+WINDOW_GAP = 1.25
+# a late frame of a recording has a place among so many, as with the node's default window
+MEMORY = 6
+
+Stamps = NDArray[np.int64]
+
+
+class RejectedFrame(ValueError):
+    """A tracked frame cannot be used. `kind` names the check that failed."""
+
+    def __init__(self, kind: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+class FrameOrder:
+    """Checks frames on arrival: what they hold, and whether they have a place after those before.
+
+    Args:
+        frame_id: Coordinate frame that they must be in.
+        radius: Of the largest sphere [m].
+    """
+
+    def __init__(self, frame_id: str, radius: float) -> None:
+        self.frame_id, self._far = frame_id, MAX_DISTANCE * radius
+        self._waiting: list[PoseArrayFrame] = []  # refused for their stamps, which rise
+        self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
+
+    @property
+    def lead_ns(self) -> int:
+        """Stamp minus arrival of the frame that was fastest, of the newest 20 [ns]."""
+        return max(self._leads, default=0)
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self._waiting.clear()
+        self._leads.clear()
+
+    def check(self, frame: PoseArrayFrame) -> None:
+        """Refuse a frame for what it holds.
+
+        Raises:
+            RejectedFrame: Says why.
+        """
+        if frame.frame_id != self.frame_id:
+            raise RejectedFrame(
+                'frame',
+                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} '
+                '(parameter frame_id)',
+            )
+        _check_poses(frame.poses, self._far)
+
+    def admit(
+        self, frame: PoseArrayFrame, now_ns: int, known: Sequence[int], *, full: bool
+    ) -> list[PoseArrayFrame]:
+        """Find the place of a frame that arrived at `now_ns`.
+
+        Args:
+            frame: One that `check` has passed.
+            now_ns: Time of arrival [ns].
+            known: Stamps of the frames in memory, rising [ns].
+            full: Whether there are enough to tell a stamp that is ahead of its time.
+
+        Returns:
+            The frame; or several, in the order of their stamps, where the tracker has begun anew:
+            then `known` is to be forgotten.
+
+        Raises:
+            RejectedFrame: It has no place.
+        """
+        try:
+            self._check_stamp(frame.stamp_ns, now_ns, known, full=full)
+        except RejectedFrame:
+            if self._waiting and frame.stamp_ns <= self._waiting[-1].stamp_ns:
+                self._waiting.clear()
+            self._waiting.append(frame)
+            if len(self._waiting) < RESTART_FRAMES:
+                raise
+            return self._waiting.copy()
+        return [frame]
+
+    def taken(self, stamp_ns: int, now_ns: int, *, late: bool) -> None:
+        """Note a frame that was taken; `late` ones tell nothing of the tracker's clock."""
+        self._waiting.clear()
+        if not late:
+            self._leads.append(stamp_ns - now_ns)
+
+    def _check_stamp(self, stamp: int, now: int, known: Sequence[int], *, full: bool) -> None:
+        if known and stamp <= known[-1]:
+            there = stamp in known
+            if not there and stamp > known[0]:
+                return  # it is late, but has a place
+            why = 'and is that of a frame taken' if there else 'nor into the window'
+            raise RejectedFrame(
+                'duplicate' if there else 'late',
+                f'its stamp {seconds(stamp)} s does not come after {seconds(known[-1])} s of the '
+                f'frame before, {why}; expected increasing stamps, or a call of ~/reset when the '
+                f'tracker was started again ({RESTART_FRAMES} such frames with rising stamps do '
+                'the same)',
+            )
+        if full and stamp - now > self.lead_ns + MAX_AHEAD_NS:
+            ahead = (stamp - now - self.lead_ns) * 1e-9
+            raise RejectedFrame(
+                'ahead',
+                f'its stamp {seconds(stamp)} s is {ahead:.3f} s ahead of its time by the frames '
+                f'before, expected at most {MAX_AHEAD_NS * 1e-9:g} s',
+            )
+
+
+def usable_passes(
+    frames: Sequence[PoseArrayFrame],
+    times: Stamps,
+    *,
+    frame_id: str,
+    radius: float,
+    count: int | None = None,
+) -> tuple[list[list[int]], Counter[str]]:
+    """Sort the frames of a recording as a node takes them.
+
+    Args:
+        frames: In the order of recording.
+        times: Of their arrival [ns], shape (frames,).
+        frame_id: Coordinate frame that they must be in.
+        radius: Of the largest sphere [m].
+        count: Of spheres in each; None: any but none.
+
+    Returns:
+        Indices of usable frames in the order of their stamps, by pass: each begins where the
+        tracker began anew. And the number of other frames, by reason.
+    """
+    order = FrameOrder(frame_id, radius)
+    index = {id(frame): k for k, frame in enumerate(frames)}
+    refused: dict[int, str] = {}
+    passes: list[list[int]] = []
+    known: list[int] = []
+    for k, (frame, time) in enumerate(zip(frames, times.tolist(), strict=True)):
+        try:
+            order.check(frame)
+            if len(frame.poses) != (count or len(frame.poses)) or not len(frame.poses):
+                raise RejectedFrame('count' if count else 'empty', 'another number of spheres')
+            admitted = order.admit(frame, time, known, full=len(known) == MEMORY)
+        except RejectedFrame as error:
+            refused[k] = error.kind
+            continue
+        if len(admitted) > 1 or not passes:
+            order.clear()
+            known = []
+            passes.append([])
+        for one in admitted:
+            late = bool(known) and one.stamp_ns < known[-1]
+            if known and one.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
+                known = []
+            insort(known, one.stamp_ns)
+            known = known[-MEMORY:]
+            insort(passes[-1], index[id(one)], key=lambda other: frames[other].stamp_ns)
+            refused.pop(index[id(one)], None)
+            order.taken(one.stamp_ns, time, late=late)
+    return passes, Counter(refused.values())
+
+
+def median_interval(stamps: Stamps) -> float:
+    """Median of the steps forward of stamps [ns]; 0 where there is none."""
+    steps = np.diff(stamps)
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+
+def covered(wanted: Stamps, stamps: Stamps) -> NDArray[np.bool_]:
+    """Which times lie on or between frames without a gap, shape (m,).
+
+    Args:
+        wanted: Times [ns], shape (m,).
+        stamps: Times of the frames [ns], rising, shape (k,).
+    """
+    inside = (wanted >= stamps[0]) & (wanted <= stamps[-1])
+    after = np.minimum(np.searchsorted(stamps, wanted, side='left'), len(stamps) - 1)
+    exact = stamps[after] == wanted
+    span = stamps[after] - stamps[np.maximum(after - 1, 0)]
+    found: NDArray[np.bool_] = exact | inside & (span <= GAP * median_interval(stamps))
+    return found
+
+
+def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Frames in which a sphere was not seen, but in those before and after without a gap.
+
+    Args:
+        stamps: Times of the frames [ns], rising, shape (k,).
+        seen: Whether it was seen in each, shape (k,).
+    """
+    longest = GAP * median_interval(stamps)
+    gaps = [
+        np.arange(before + 1, after)
+        for before, after in pairwise(np.flatnonzero(seen))
+        if after - before > 1 and stamps[after] - stamps[before] <= longest
+    ]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *gaps])
+
+
+def _check_poses(poses: Array, far: float) -> None:
+    """Refuse poses that are no measurement, such as positions beyond `far` [m].
+
+    Raises:
+        RejectedFrame: Says which pose, and why.
+    """
+    finite = np.isfinite(poses).all(axis=1)
+    if not finite.all():
+        sphere = int(np.argmin(finite))
+        values = ', '.join(f'{value:g}' for value in poses[sphere])
+        raise RejectedFrame(
+            'not finite', f'the pose of sphere {sphere} is ({values}), expected finite numbers'
+        )
+    out = np.abs(poses[:, :3]).max(axis=1, initial=0.0)
+    if (out > far).any():
+        raise RejectedFrame(
+            'far',
+            f'sphere {int(np.argmax(out))} is {out.max():.3g} m out, expected at most '
+            f'{far:.3g} m (a million radii); are positions in metres?',
+        )
+    norms = np.hypot.reduce(poses[:, 3:], axis=1)  # squares could overflow
+    off = (norms < 1e-6) | (norms > 1e6)
+    if off.any():
+        sphere = int(np.argmax(off))
+        raise RejectedFrame(
+            'quaternion',
+            f'the quaternion of sphere {sphere} has norm {norms[sphere]:.2g}, expected 1; send '
+            '(0, 0, 0, 1) where a rotation is unknown',
+        )
+
+
+def seconds(stamp_ns: int) -> str:
+    """Return a stamp in seconds with all its digits, which a float would not keep."""
+    sign = '-' if stamp_ns < 0 else ''
+    whole, rest = divmod(abs(stamp_ns), 10**9)
+    return f'{sign}{whole}.{rest:09d}'

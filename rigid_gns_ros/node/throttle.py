@@ -1,0 +1,45 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Log lines that could repeat, held back."""
+
+from __future__ import annotations
+
+import math
+
+
+class Throttle:
+    """Admits one message of a kind per period, and counts those held back.
+
+    Args:
+        period: Least time between two messages of one kind [s].
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self._next: dict[str, float] = {}
+        self._held: dict[str, int] = {}
+
+    def admit(self, kind: str, now: float) -> int | None:
+        """Return how many of that kind were held back since the last one; None: hold back this.
+
+        Args:
+            kind: What is counted.
+            now: Time of any steady clock [s].
+        """
+        if now < self._next.get(kind, -math.inf):
+            self._held[kind] = self._held.get(kind, 0) + 1
+            return None
+        self._next[kind] = now + self.period
+        return self._held.pop(kind, 0)

@@ -1,0 +1,64 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The picture of `rigid-gns evaluate`: any scene, and what a divergence leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.show.figure import write_figure
+
+pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
+
+SCENE = Scene(surfaces=Plane.box(20.0, 20.0))
+
+
+def falling(steps=12, offset=0.0):
+    time = (np.arange(steps + 1) * 0.1)[:, None, None]
+    start = np.array([[-4.0, 0, 20], [0, 3, 25], [5, -5, 30]]) + offset
+    gravity = np.array([0, 0, -9.81])
+    positions = start + gravity * time**2 / 2
+    return Trajectory(
+        positions=positions,
+        quaternions=np.broadcast_to([0.0, 0, 0, 1], (steps + 1, 3, 4)),
+        velocities=np.broadcast_to(gravity * time, positions.shape),
+        angular_velocities=np.zeros_like(positions),
+        dt=0.1,
+    )
+
+
+@pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (0.0, -5.0, -5.0)])
+def test_figure_is_drawn_for_any_scene(tmp_path: Path, gravity: tuple[float, float, float]):
+    ramp = Plane((0, 0, 5), (1, 0, 2), None, 8.0, 4.0)
+    scene = Scene(surfaces=(Plane(), ramp), gravity=gravity)
+    path = write_figure(tmp_path / 'new' / 'figure.png', falling(offset=0.2), falling(), scene)
+    # width and height [pixels] in the header: a picture, not an empty canvas of one size
+    width, height = (int.from_bytes(path.read_bytes()[i : i + 4]) for i in (16, 20))
+    assert width == 1430 and height > 800
+
+
+def test_figure_stops_where_the_prediction_diverges(tmp_path: Path):
+    positions = falling().positions.copy()
+    positions[5:] = np.nan
+    diverged = replace(falling(), positions=positions)
+    assert write_figure(tmp_path / 'a.png', diverged, falling(), SCENE).stat().st_size > 10_000
+    positions[:] = np.nan
+    with pytest.raises(ValueError, match='diverges at its start'):
+        write_figure(tmp_path / 'b.png', replace(falling(), positions=positions), falling(), SCENE)

@@ -1,0 +1,133 @@
+# Copyright 2026 rigid_gns maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One rule for usable frames: a recording is decided as a node decides on arrival."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from rigid_gns_core.messages.poses import PoseArrayFrame
+from rigid_gns_core.tracking.usable_frames import (
+    covered,
+    MEMORY,
+    RejectedFrame,
+    RESTART_FRAMES,
+    short_gaps,
+    usable_passes,
+    WINDOW_GAP,
+)
+from rigid_gns_core.tracking.window import TrackingWindow
+
+DT = 100_000_000  # [ns]
+STAMP_KINDS = ('duplicate', 'late', 'ahead')
+
+
+def frame(stamp: int, *, frame_id: str = 'world', count: int = 2) -> PoseArrayFrame:
+    poses = np.zeros((count, 7))
+    poses[:, 0], poses[:, 6] = 3.0 * np.arange(count), 1.0
+    return PoseArrayFrame(stamp, frame_id, poses)
+
+
+def recorded(rng: np.random.Generator) -> tuple[list[PoseArrayFrame], np.ndarray]:
+    """Frames of a tracker with all kinds of trouble, and the times of their arrival."""
+    frames, times, stamp, now = [], [], 100 * DT, 0
+    for _ in range(300):
+        stamp, now, sent = stamp + DT, now + DT, stamp
+        trouble = rng.random()
+        if trouble < 0.05:
+            sent = stamp - int(rng.integers(0, 9)) * DT - int(rng.integers(2)) * DT // 2
+        elif trouble < 0.07:
+            sent = stamp + 50 * DT
+        elif trouble < 0.09:
+            stamp = sent = int(rng.integers(2)) * DT + stamp // 2  # begun anew
+        elif trouble < 0.11:
+            stamp, now = stamp + 20 * DT, now + 20 * DT  # a pause
+        one = frame(sent, frame_id='other' if trouble > 0.98 else 'world')
+        if 0.96 < trouble <= 0.98:
+            one.poses[0, 0] = [np.nan, 1e9][int(rng.integers(2))]
+        frames.append(one)
+        times.append(now)
+    return frames, np.array(times)
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_a_recording_is_decided_as_on_arrival(seed: int) -> None:
+    frames, times = recorded(np.random.default_rng(seed))
+    window = TrackingWindow(
+        frame_id='world',
+        length=MEMORY,
+        max_spheres=10,
+        gravity=(0.0, 0.0, -9.81),
+        max_gap=WINDOW_GAP,
+        radius=1.0,
+        check=lambda _: None,
+        on_gap=lambda _: None,
+    )
+    taken: list[list[int]] = [[]]
+    waiting: list[tuple[int, str]] = []
+    refused: Counter[str] = Counter()
+    for k, (one, time) in enumerate(zip(frames, times.tolist(), strict=True)):
+        try:
+            restarted = window.add(one, time)
+        except RejectedFrame as error:
+            refused[error.kind] += 1
+            if error.kind in STAMP_KINDS:
+                waiting.append((k, error.kind))
+            continue
+        if restarted:
+            before = waiting[-(RESTART_FRAMES - 1) :]
+            refused.subtract(kind for _, kind in before)
+            taken.append([index for index, _ in before])
+        taken[-1].append(k)
+        waiting.clear()
+    passes, found = usable_passes(frames, times, frame_id='world', radius=1.0)
+    assert [sorted(one) for one in passes] == taken
+    assert found == +refused
+    for one in passes:
+        assert (np.diff([frames[k].stamp_ns for k in one]) > 0).all()
+
+
+def test_trouble_is_there_to_be_decided() -> None:
+    kinds: Counter[str] = Counter()
+    passes = 0
+    for seed in range(20):
+        frames, times = recorded(np.random.default_rng(seed))
+        found, refused = usable_passes(frames, times, frame_id='world', radius=1.0)
+        kinds += refused
+        passes += len(found)
+    assert {'duplicate', 'late', 'ahead', 'frame', 'not finite', 'far'} <= set(kinds)
+    assert passes > 40
+
+
+@pytest.mark.parametrize(('count', 'kind'), [(None, 'empty'), (2, 'count')])
+def test_the_number_of_spheres(count: int | None, kind: str) -> None:
+    frames = [frame(k * DT, count=[2, 0, 2][k % 3]) for k in range(9)]
+    passes, refused = usable_passes(
+        frames, DT * np.arange(9), frame_id='world', radius=1.0, count=count
+    )
+    assert (len(passes[0]), dict(refused)) == (6, {kind: 3})
+
+
+def test_two_frames_may_be_missing() -> None:
+    stamps = np.delete(DT * np.arange(20), [4, 5, 10, 11, 12])
+    wanted = np.array([DT * 9 // 2, 11 * DT, 9 * DT, -DT])
+    assert covered(wanted, stamps).tolist() == [True, False, True, False]
+    seen = np.ones(20, dtype=bool)
+    seen[[0, 4, 5, 10, 11, 12]] = False
+    assert short_gaps(DT * np.arange(20), seen).tolist() == [4, 5]
+    jitter = np.random.default_rng(0).integers(-DT // 8, DT // 8, 20)
+    assert short_gaps(DT * np.arange(20) + jitter, seen).tolist() == [4, 5]
