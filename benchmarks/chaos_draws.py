@@ -14,7 +14,7 @@
 
 """Whether a model's errors in a chaotic scene are drawn from the same urn as Bullet's own.
 
-    python benchmarks/chaos_draws.py --model contact runs/contact_1/best \
+    python benchmarks/chaos_draws.py --model laws \
         --reference data/ood/ood_a.h5 data/ood/ood_b.h5 --json docs/model/chaos_draws.json
 
 One trajectory is one draw: spheres that differ by 1 mm are elsewhere after some bounces. So each
@@ -104,7 +104,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument('--model', nargs='+', default=['contact'], help='shipped names or paths')
+    parser.add_argument('--model', nargs='+', default=['laws'], help='shipped names or paths')
     parser.add_argument('--reference', nargs='+', required=True, type=Path, metavar='FILE')
     parser.add_argument(
         '--draws', type=int, default=DRAWS, help=f'of moved starts (default {DRAWS})'

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-import signal
 import sys
 
 from .arguments import add_worker_arguments, chosen_workers, completes, configs
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
+from ..running.interrupt import end_on_sigterm
 from ..studies.thesis.budget import Budget, load_budget
 from ..studies.thesis.cell import Cell, cells_of, DIGITS, Store
 from ..studies.thesis.chart import write_chart
@@ -134,9 +134,9 @@ def _run_cells(
     arguments: argparse.Namespace,
 ) -> list[str]:
     """Lines on what failed."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
     try:
-        return run_cells(cells, budget, folders, store, chosen_workers(arguments))
+        with end_on_sigterm():
+            return run_cells(cells, budget, folders, store, chosen_workers(arguments))
     except KeyboardInterrupt:
         done = sum(store.find(cell) is not None for cell in cells)
         print(
@@ -145,8 +145,6 @@ def _run_cells(
             file=sys.stderr,
         )
         raise
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _chosen(names: list[str]) -> list[Experiment]:

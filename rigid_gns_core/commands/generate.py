@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-import signal
 import sys
 import time
 
@@ -27,6 +26,7 @@ from .arguments import add_worker_arguments, chosen_workers, completes, configs
 from ..data.generate import generate, generate_scene
 from ..data.recipe import load_recipe
 from ..data.records import Contents, present_records
+from ..running.interrupt import end_on_sigterm
 from ..running.progress import Progress
 
 EXAMPLE = """examples:
@@ -103,10 +103,10 @@ def run(arguments: argparse.Namespace) -> int:
     changes = {name: getattr(arguments, name) for name in ('trajectories', 'steps')}
     changes = {name: value for name, value in changes.items() if value is not None}
     recipe = replace(load_recipe(arguments.config), **changes)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C
     begin = time.monotonic()
     try:
-        paths = generate(recipe, arguments.out, workers=chosen_workers(arguments))
+        with end_on_sigterm():
+            paths = generate(recipe, arguments.out, workers=chosen_workers(arguments))
     except KeyboardInterrupt:
         whole = len(present_records(arguments.out))
         print(
@@ -115,8 +115,6 @@ def run(arguments: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         raise
-    finally:
-        signal.signal(signal.SIGTERM, before)
     size = sum(path.stat().st_size for path in paths)
     seconds = time.monotonic() - begin
     print(
