@@ -129,7 +129,7 @@ def test_command_on_data(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     command = ['evaluate', str(data), '--steps', '6', '--json', str(out)]
     assert main([*command, '--figure', str(png)]) == 0
     printed = capsys.readouterr().out
-    assert 'model contact on' in printed and 'MSE [m²]' in printed
+    assert 'model laws on' in printed and 'MSE [m²]' in printed
     (report,) = read_json(out)['records'].values()
     assert report['steps'] == 6
     assert set(report['laws']['reference']) == set(report['laws']['predicted'])

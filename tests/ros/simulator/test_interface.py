@@ -187,7 +187,8 @@ def test_gravity_of_any_direction_turns_the_prediction(
     np.testing.assert_allclose(model.scene.gravity, 9.81 * unit, atol=1e-12)
     assert model.level
     upright = Forecaster('', Scene())
-    positions = np.array([[0.0, 0.0, 1.2], [0.3, 0.4, 3.4]])
+    # not where rounding decides whether a sphere that leaves the floor still touches it
+    positions = np.array([[0.0, 0.0, 1.3], [0.6, 0.8, 3.4]])
     turned = model.forecast(State(positions=seen(positions)), 0)
     straight = upright.forecast(State(positions=positions), 0)
     for index in range(1, 11):
@@ -255,7 +256,7 @@ def test_the_engine_has_no_parallel_loops() -> None:
     """So that Numba starts no threads of its own."""
     folder = ROOT / 'rigid_gns_core' / 'engine'
     texts = ''.join(path.read_text(encoding='utf-8') for path in folder.glob('*.py'))
-    assert 'prange' not in texts and 'parallel' not in re.sub('in parallel', '', texts)
+    assert not re.search(r'\bprange\b|\bparallel *=', texts)
 
 
 def test_parameters_are_checked_before_any_is_applied(simulated: Simulated) -> None:
