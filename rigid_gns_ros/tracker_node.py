@@ -19,7 +19,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from .process import run_node
+from .node.process import run_node
 
 if TYPE_CHECKING:
     from .node.tracker import TrackerNode

@@ -31,9 +31,9 @@ from rigid_gns_core.tracking.usable_frames import seconds
 from .alarm import Alarm
 from .channels import overridable, sensor_data
 from .closing_node import ClosingNode, log_end
+from .process import Finished
 from .set_clock import on_jump
 from ..parameters import declare
-from ..process import Finished
 
 WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]
 LIVE_SUBSTEPS = 48  # of the teacher per frame: what a slow core does in real time

@@ -30,8 +30,8 @@ from rigid_gns_core.data.records import demo_record, Record, write_record
 from rigid_gns_core.messages.poses import decode_pose_array, PoseArrayFrame
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_ros.node.process import Finished
 from rigid_gns_ros.node.tracker import TrackerNode
-from rigid_gns_ros.process import Finished
 
 COUNT, FRAMES, DT = 50, 6, 0.02
 

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from .node.closing_node import ClosingNode
+    from .closing_node import ClosingNode
 
 
 OF_RCLPY = ('use_sim_time', 'start_type_description_service')
