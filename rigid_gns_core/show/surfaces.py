@@ -36,12 +36,10 @@ class Quad:
 
     Args:
         corners: Counter-clockwise seen from its front [m], shape (4, 3).
-        normal: Unit vector to the front, shape (3,).
         endless: Whether the surface goes on beyond it.
     """
 
     corners: Array
-    normal: Array
     endless: bool
 
 
@@ -113,7 +111,7 @@ def _quad(plane: Plane, box: Array, margin: float, up: Array, top: float) -> Qua
             low[axis], high[axis] = (low[axis], end) if rise > 0 else (end, high[axis])
     rows = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     places = [np.asarray(plane.point) + np.array(row) @ plane.axes[:2] for row in rows]
-    return Quad(np.array(places), np.asarray(plane.normal), bool(endless.any()))
+    return Quad(np.array(places), bool(endless.any()))
 
 
 def _lengths(plane: Plane) -> Array:
