@@ -22,7 +22,8 @@ from typing import Any
 
 from ..bags.reader import Bag, BagError
 from ..bags.topics import listing, recorded_scenes, said_names, scene_topics, Topics
-from ..files.checkpoint import CheckpointError, find_model, load_card
+from ..files.checkpoint import CheckpointError
+from ..prediction.load import load_simulator
 from ..scenes.scene import Scene
 
 
@@ -98,7 +99,7 @@ class SaidScenes:
 
 
 def find_recorded_model(recorded: dict[str, Any], given: str | None, where: str) -> str:
-    """Name or path of the model that a bag was recorded with, told by the hash of its weights.
+    """Name or path of the model that a bag was recorded with, told by its card.
 
     Args:
         recorded: What the simulator said on ~/scene.
@@ -110,19 +111,30 @@ def find_recorded_model(recorded: dict[str, Any], given: str | None, where: str)
     """
     parameters = recorded.get('parameters', {})
     names = [given] if given is not None else [parameters.get('model', ''), recorded.get('model')]
-    expected = recorded.get('model_card', {}).get('weights_sha256')
+    expected = _mark(recorded.get('model_card', {}))
     seen = []
     for name in [str(name) for name in names if name is not None]:
         try:
-            path = find_model(name)
+            simulator = load_simulator(name)
         except CheckpointError:
             continue
-        found = load_card(path)['weights_sha256']
-        if expected in (None, found):
+        found = _mark(simulator.card)
+        if expected in ('', found):
             return name
-        seen.append(f'{path.stem} with {found[:12]}...')
-    wanted = f'weights {expected[:12]}...' if expected else str(recorded.get('model'))
+        seen.append(f'{simulator.name} with {found}')
+    wanted = expected or 'an empty card'
     raise CheckpointError(
         f'{where}: was recorded with model {recorded.get("model", "unknown")}, {wanted}; '
         f'here: {", ".join(seen) or "no such model"}; name its file with --model'
     )
+
+
+def _mark(card: Mapping[str, Any]) -> str:
+    """Return what tells a model from others: weights, or options of the laws; '' if unknown."""
+    if 'weights_sha256' in card:
+        return f'weights {card["weights_sha256"][:12]}...'
+    if 'options' in card:
+        return 'options ' + ', '.join(
+            f'{name} {card["options"][name]}' for name in sorted(card['options'])
+        )
+    return ''

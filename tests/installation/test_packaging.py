@@ -128,7 +128,7 @@ def test_wheel_holds_the_machine_code(wheel: zipfile.ZipFile) -> None:
     record = wheel_metadata(wheel, 'RECORD')
     for folder in (
         'rigid_gns_core/engine/__pycache__/engine',
-        'rigid_gns_ros/tracking/__pycache__/tracking',
+        'rigid_gns_core/tracking/__pycache__/tracking',
     ):
         held = [name for name in wheel.namelist() if name.startswith(f'{folder}-')]
         assert all(name in record for name in held)

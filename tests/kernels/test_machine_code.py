@@ -23,12 +23,12 @@ import subprocess
 import sys
 
 import pytest
-from rigid_gns_core import machine_code
+from rigid_gns_core.kernels import machine_code
 
 ROOT = Path(__file__).resolve().parents[2]
 JIT = """
 from pathlib import Path
-from rigid_gns_core.machine_code import MachineCode
+from rigid_gns_core.kernels.machine_code import MachineCode
 
 CODE = MachineCode('tiny', Path(__file__).parent)
 """
