@@ -36,10 +36,11 @@ engine: $(READY)  ## compile the engine once (a minute), so that nothing waits f
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.engine
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.tracking
 
-lint: $(COMPLETE)  ## run what pre-commit runs: ruff, mypy, well-formed files, licence headers
+lint: $(COMPLETE)  ## run what pre-commit runs: ruff, mypy, import contract, well-formed files
 	@$(CLEAN) $(BIN)/ruff check .
 	@$(CLEAN) $(BIN)/ruff format --check .
 	@$(CLEAN) $(BIN)/mypy
+	@$(CLEAN) $(BIN)/lint-imports --no-cache --no-logo
 	@$(CLEAN) $(BIN)/python .ci/check_files.py
 
 format: $(COMPLETE)  ## let ruff format the code and repair what it can

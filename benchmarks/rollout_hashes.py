@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Hashes of rollouts by the laws: to see that a change of code changes no prediction, to the bit.
 
     python benchmarks/rollout_hashes.py --out before.json      # on one commit

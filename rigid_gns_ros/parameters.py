@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Declare the parameters of a node as `rigid_gns_core.forecasts.parameters` has them."""
 
@@ -18,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.parameters import ParameterSpec, Value
 
 if TYPE_CHECKING:
@@ -29,7 +19,7 @@ def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     """Declare all parameters of a table and return their values.
 
     Raises:
-        ValueError: A value given at start has the wrong type, is out of range or is not allowed.
+        UserError: A value given at start has the wrong type, is out of range or is not allowed.
     """
     from rcl_interfaces.msg import SetParametersResult
     from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -39,18 +29,18 @@ def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
         try:
             node.declare_parameter(spec.name, spec.default, _descriptor(spec))
         except InvalidParameterTypeException as error:
-            raise ValueError(
+            raise UserError(
                 f'parameter {spec.name} has the wrong type: {error}; give {_wanted(spec.default)}'
             ) from error
         except InvalidParameterValueException as error:
-            raise ValueError(
+            raise UserError(
                 f'parameter {spec.name}: {error}; '
                 f'allowed: {spec.low:g} to {spec.high:g} {spec.unit}'.rstrip()
             ) from error
         value = node.get_parameter(spec.name).value
         values[spec.name] = list(value) if isinstance(spec.default, list) else value
         if problem := spec.problem(values[spec.name]):
-            raise ValueError(f'parameter {problem}')
+            raise UserError(f'parameter {problem}')
     specs = {spec.name: spec for spec in table}
 
     def check(parameters: list[Parameter]) -> SetParametersResult:

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What rosbag2 of ROS 2 Jazzy says about a bag: metadata.yaml, version 9."""
 
@@ -22,6 +11,7 @@ from typing import Any, Literal
 
 import yaml
 
+from ..errors import UserError
 from ..messages.definitions import type_hash
 
 Qos = Literal['reliable', 'sensor_data', 'latched']
@@ -73,7 +63,7 @@ class RecordedFile:
 def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
     """Return the `offered_qos_profiles` of one publisher."""
     if qos not in _QOS:
-        raise ValueError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
+        raise UserError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
     depth, reliability, durability = _QOS[qos]
     return [
         {

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Read bags: finished folders, single MCAP files, and what a killed recorder has left.
 
@@ -141,7 +130,7 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
         information = yaml.safe_load(metadata.read_text('utf-8'))['rosbag2_bagfile_information']
         names = [str(name) for name in information['relative_file_paths']]
         storage = information['storage_identifier']
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
         raise BagError(f'{metadata}: not the metadata of a bag: {error!r}') from error
     if storage != 'mcap':
         raise BagError(

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Record messages into a rosbag2 folder (MCAP and metadata.yaml) without ROS.
 
@@ -31,6 +20,7 @@ import time
 
 from .metadata import Qos, qos_profiles, RecordedTopic
 from .splits import SplitBag
+from ..errors import UserError
 from ..messages.definitions import type_hash
 
 FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
@@ -55,7 +45,7 @@ class BagWriter:
     Raises:
         FileExistsError: The folder exists already.
         OSError: The folder cannot be made.
-        ValueError: A limit is negative or not finite.
+        UserError: A limit is negative or not finite.
     """
 
     def __init__(
@@ -69,7 +59,7 @@ class BagWriter:
     ) -> None:
         for name, limit in (('max_size', max_size), ('max_duration', max_duration)):
             if not (math.isfinite(limit) and limit >= 0):
-                raise ValueError(f'{name} is {limit}, expected 0 (no limit) or more')
+                raise UserError(f'{name} is {limit}, expected 0 (no limit) or more')
         self.folder = Path(folder)
         try:
             self.folder.mkdir(parents=True)
@@ -119,16 +109,16 @@ class BagWriter:
                 depth 5) or `latched` (transient local, depth 1).
 
         Raises:
-            ValueError: An unknown type or profile, a name without its leading slash, or a topic
+            UserError: An unknown type or profile, a name without its leading slash, or a topic
                 that was added with another type.
         """
         qos_profiles(qos)  # raises where it is unknown, as does the next
         type_hash(type_name)
         if not name.startswith('/'):
-            raise ValueError(f'topic {name!r} does not start with a slash; give its resolved name')
+            raise UserError(f'topic {name!r} does not start with a slash; give its resolved name')
         known = self._topics.get(name)
         if known and (known.type_name, known.qos) != (type_name, qos):
-            raise ValueError(f'topic {name} was added before, with {known.type_name}, {known.qos}')
+            raise UserError(f'topic {name} was added before, with {known.type_name}, {known.qos}')
         if not known:
             self._topics[name] = topic = RecordedTopic(name, type_name, qos)
             self._queue.put(topic)
@@ -140,11 +130,11 @@ class BagWriter:
         message is counted in `lost`.
 
         Raises:
-            ValueError: The topic was not added, a mistake in the program.
+            UserError: The topic was not added, a mistake in the program.
         """
         entry = self._topics.get(topic)
         if entry is None:
-            raise ValueError(f'topic {topic} was not added; added: {", ".join(self._topics)}')
+            raise UserError(f'topic {topic} was not added; added: {", ".join(self._topics)}')
         with self._lock:
             if (
                 self._closed

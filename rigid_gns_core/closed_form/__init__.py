@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Checks of an engine against closed forms, each with its error and its bound.
 
@@ -26,6 +15,7 @@ from .bounces import Simulate
 from .check import Check
 from .many_spheres import collision_checks, pile_checks
 from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
+from ..errors import UserError
 
 __all__ = ['GROUPS', 'Check', 'run_checks']
 
@@ -50,8 +40,8 @@ def run_checks(
         groups: Names in `GROUPS`.
 
     Raises:
-        ValueError: A group is unknown.
+        UserError: A group is unknown.
     """
     if unknown := sorted(set(groups) - set(GROUPS)):
-        raise ValueError(f'unknown group of checks {unknown[0]!r}, allowed: {", ".join(GROUPS)}')
+        raise UserError(f'unknown group of checks {unknown[0]!r}, allowed: {", ".join(GROUPS)}')
     return [check for name in groups for check in GROUPS[name](simulate, quick)]

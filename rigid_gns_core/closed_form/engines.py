@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Engines as the checks call them: a simulator, and any engine with spheres of another size."""
 
@@ -21,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from .bounces import Simulate
+from ..errors import UserError
 from ..rollout.simulator import Simulator
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
@@ -33,7 +23,7 @@ def simulator_engine(simulator: Simulator) -> Simulate:
     def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         native = simulator.native_dt(scene)
         if abs(native - dt) > 1e-9 * dt:
-            raise ValueError(f'a check asks for steps of {dt:g} s, the model makes {native:g} s')
+            raise UserError(f'a check asks for steps of {dt:g} s, the model makes {native:g} s')
         return simulator.rollout(scene, steps=steps, **vars(start))
 
     return simulate

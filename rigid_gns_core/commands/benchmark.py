@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns benchmark`: speed against error of all peers, side by side in one run."""
 
@@ -22,6 +11,7 @@ import sys
 from typing import Any
 
 from .arguments import completes
+from ..errors import UserError
 from ..files.strict_json import write_json
 from ..prediction.load import load_simulator
 from ..running.machine import describe_machine, load_average
@@ -99,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     quick = arguments.quick
     repeats = (2 if quick else 5) if arguments.repeats is None else arguments.repeats
     if repeats < 1:
-        raise ValueError(f'--repeats is {repeats}, expected at least 1')
+        raise UserError(f'--repeats is {repeats}, expected at least 1')
     scenes = bench_scenes(arguments.scenes, quick=quick)
     with threadpool_limits(limits=1):
         field = all_peers(
@@ -161,7 +151,7 @@ def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> Refere
     if substeps is None:
         substeps = QUICK_REFERENCE_SUBSTEPS if arguments.quick else REFERENCE_SUBSTEPS
     if substeps < 2 or substeps % 2:
-        raise ValueError(f'--reference-substeps is {substeps}, expected an even number')
+        raise UserError(f'--reference-substeps is {substeps}, expected an even number')
     try:
         load_pybullet()
     except ModuleNotFoundError:

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 # PYTHON_ARGCOMPLETE_OK
 """`rigid-gns`: one command per stage, whose module owns its options and is imported on demand."""
@@ -24,6 +13,8 @@ import os
 import select
 import sys
 from typing import Any
+
+from ..errors import UserError
 
 # name: (module with add_arguments(parser) and run(arguments) -> int, one-line help); what a
 # newcomer wants first
@@ -168,7 +159,7 @@ def _run(argv: list[str]) -> int:
     except ModuleNotFoundError as error:
         print(f'{name}: error: {_with_remedy(error)}', file=sys.stderr)
         return BAD_INPUT
-    except (ValueError, OSError, FloatingPointError) as error:
+    except (UserError, OSError, FloatingPointError) as error:
         if isinstance(error, BrokenPipeError) and _reader_left():
             raise
         print(f'{name}: error: {error}', file=sys.stderr)

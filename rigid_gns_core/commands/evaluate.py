@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns evaluate`: score predictions, of a model on data or those in a recorded bag.
 
@@ -25,6 +14,7 @@ import textwrap
 from typing import Any
 
 from .arguments import completes, configs, shipped_models
+from ..errors import UserError
 from ..files.strict_json import write_json
 from ..scoring.evaluate import evaluate, format_table, summarise
 
@@ -121,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     data = arguments.bag is None and (arguments.data is not None or _is_data(source))
     for name in _OF_BAG if data else _OF_DATA:
         if getattr(arguments, name) not in (None, False):
-            raise ValueError(
+            raise UserError(
                 f'--{name} goes with --bag: data say it themselves'
                 if data
                 else f'--{name} goes with --data: all of a bag is scored'
@@ -137,7 +127,7 @@ def _is_data(source: Path) -> bool:
 
 def _run_data(data: Path, arguments: argparse.Namespace) -> int:
     if arguments.steps is not None and arguments.steps < 1:
-        raise ValueError(f'--steps is {arguments.steps}, expected at least 1')
+        raise UserError(f'--steps is {arguments.steps}, expected at least 1')
     from ..data.records import read_records
     from ..prediction.load import load_simulator
     from ..running.progress import Progress

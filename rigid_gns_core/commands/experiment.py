@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns experiment`: run an experiment of the thesis, write its table and figure."""
 
@@ -21,6 +10,7 @@ from pathlib import Path
 import sys
 
 from .arguments import add_worker_arguments, chosen_workers, completes, configs
+from ..errors import UserError
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
 from ..running.interrupt import end_on_sigterm
@@ -99,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     experiments = _chosen(arguments.names)
     seeds = tuple(dict.fromkeys(arguments.seeds or budget.seeds))
     if min(seeds) < 0:
-        raise ValueError(f'--seeds is {min(seeds)}, expected at least 0')
+        raise UserError(f'--seeds is {min(seeds)}, expected at least 0')
     chosen = {e.name: e.only(arguments.only) for e in experiments}
     cells = {
         cell.key: cell for e in experiments for cell in cells_of(e, budget, chosen[e.name], seeds)
@@ -150,7 +140,7 @@ def _run_cells(
 def _chosen(names: list[str]) -> list[Experiment]:
     if not names:
         known = ', '.join(shipped_experiments())
-        raise ValueError(f'name an experiment, or all; allowed: {known}')
+        raise UserError(f'name an experiment, or all; allowed: {known}')
     if names == ['all']:
         return list(shipped_experiments().values())
     experiments = [load_experiment(name) for name in dict.fromkeys(names)]

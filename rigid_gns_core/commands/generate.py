@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns generate`: Bullet trajectories of a data recipe, or of one scene, into HDF5 files."""
 
@@ -26,6 +15,7 @@ from .arguments import add_worker_arguments, chosen_workers, completes, configs
 from ..data.generate import generate, generate_scene
 from ..data.recipe import load_recipe
 from ..data.records import Contents, present_records
+from ..errors import UserError
 from ..running.interrupt import end_on_sigterm
 from ..running.progress import Progress
 
@@ -97,9 +87,9 @@ def run(arguments: argparse.Namespace) -> int:
         print(f'{path}: {path.stat().st_size / 1e6:.2f} MB')
         return 0
     if arguments.substeps is not None:
-        raise ValueError('--substeps goes with --scene: a recipe has its own under teacher')
+        raise UserError('--substeps goes with --scene: a recipe has its own under teacher')
     if arguments.poses_only:
-        raise ValueError('--poses-only goes with --scene: training needs all of a trajectory')
+        raise UserError('--poses-only goes with --scene: training needs all of a trajectory')
     changes = {name: getattr(arguments, name) for name in ('trajectories', 'steps')}
     changes = {name: value for name, value in changes.items() if value is not None}
     recipe = replace(load_recipe(arguments.config), **changes)

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns report`: one HTML file of a rollout or a bag, to look at offline."""
 
@@ -20,6 +9,7 @@ import argparse
 from pathlib import Path
 
 from .source import add_source, read_comparison
+from ..errors import UserError
 from ..show.report.page import MAX_FRAMES, write_report
 
 
@@ -61,9 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the report; prints where it is and returns 0."""
     out: Path = arguments.out
     if out.suffix.lower() not in ('.html', '.htm'):
-        raise ValueError(f'--out is {out}, expected a name that ends with .html')
+        raise UserError(f'--out is {out}, expected a name that ends with .html')
     if arguments.max_frames < 2:
-        raise ValueError(f'--max-frames is {arguments.max_frames}, expected at least 2')
+        raise UserError(f'--max-frames is {arguments.max_frames}, expected at least 2')
     comparison = read_comparison(
         arguments, floors=arguments.floor, velocities=arguments.velocities
     )

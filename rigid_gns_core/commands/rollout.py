@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns rollout`: predict a trajectory from a scene file's start and write it as a record.
 
@@ -31,6 +20,7 @@ import numpy as np
 
 from .arguments import completes, configs, positive, shipped_models
 from ..data.records import Record, write_record
+from ..errors import UserError
 from ..files.tables import format_rows, number
 from ..prediction.load import load_simulator
 from ..running.progress import Progress
@@ -80,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise FileExistsError(f'{out} exists; remove it or give another --out')
     if not (np.isfinite(arguments.spread) and arguments.spread >= 0):
-        raise ValueError(f'--spread is {arguments.spread:g} m, expected a number, at least 0')
+        raise UserError(f'--spread is {arguments.spread:g} m, expected a number, at least 0')
     # threads go to starts where there are several
     simulator = load_simulator(arguments.model, threads=1 if samples > 1 else arguments.threads)
     scene, recipe = load_start(arguments.scene)

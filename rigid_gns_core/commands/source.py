@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A rollout or a bag as `report` takes it: its options, and the comparison that they name."""
 
@@ -24,6 +13,7 @@ from typing import Any
 
 from .arguments import completes, configs
 from ..data.records import read_record, Record
+from ..errors import UserError
 from ..scoring import divergence, law_metrics
 from ..scoring.error import check_comparable
 from ..scoring.evaluate import evaluate, Velocities
@@ -70,7 +60,7 @@ def read_comparison(
         velocities: Of records: as given, or 'poses': by backward differences, as for a bag.
 
     Raises:
-        ValueError: A file cannot be read, or two do not fit together.
+        UserError: A file cannot be read, or two do not fit together.
     """
     source: Path = arguments.source
     if not source.exists():
@@ -78,18 +68,18 @@ def read_comparison(
     if source.is_file() and source.suffix != '.mcap':
         for name in ('scene', 'tracked', 'predicted'):
             if getattr(arguments, name) is not None:
-                raise ValueError(f'--{name} goes with a bag: the record {source} says it itself')
+                raise UserError(f'--{name} goes with a bag: the record {source} says it itself')
         comparison = _read_records(source, arguments.reference, scored, velocities)
     else:
         if arguments.reference is not None:
-            raise ValueError(
+            raise UserError(
                 f'--reference goes with a record: the bag {source} holds tracked poses'
             )
         comparison = read_bag_comparison(
             source, scene=arguments.scene, tracked=arguments.tracked, predicted=arguments.predicted
         )
     if floors and comparison.reference is None:
-        raise ValueError('--floor needs a reference to measure from; give --reference too')
+        raise UserError('--floor needs a reference to measure from; give --reference too')
     added = {_floor_name(path): read_record(path).trajectory for path in floors}
     title = arguments.title or comparison.title
     return cut(replace(comparison, title=title, floors=added))
@@ -114,8 +104,8 @@ def _read_records(
     truth = other.trajectory.window(0, frames)
     try:
         check_comparable(predicted, truth)
-    except ValueError as error:
-        raise ValueError(f'{source} and {reference} do not compare: {error}') from error
+    except UserError as error:
+        raise UserError(f'{source} and {reference} do not compare: {error}') from error
     names = engine_name(record), engine_name(other)
     if names[0] == names[1]:
         names = f'{names[0]} ({source.stem})', f'{names[1]} ({reference.stem})'

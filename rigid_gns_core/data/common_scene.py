@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What the trajectories of a training set have in common, and which set it is."""
 
@@ -23,6 +12,7 @@ import json
 import numpy as np
 
 from .records import Record
+from ..errors import UserError
 from ..scenes.similarity import ModelUnits
 
 MATERIALS = ('restitution', 'friction', 'rolling_friction')
@@ -34,13 +24,13 @@ def common_scene(records: Sequence[Record]) -> tuple[ModelUnits, dict[str, float
     The thesis' network knows one radius, one mass and one material, and gravity along -z.
 
     Raises:
-        ValueError: There are no records, or they do not share these.
+        UserError: There are no records, or they do not share these.
     """
     if not records:
-        raise ValueError('there are no training trajectories; run `rigid-gns generate` first')
+        raise UserError('there are no training trajectories; run `rigid-gns generate` first')
     found = {_properties(record) for record in records}
     if len(found) > 1:
-        raise ValueError(
+        raise UserError(
             'the training trajectories differ in (dt, gravity, radius, mass, restitution, '
             f'friction, rolling_friction): {sorted(found)[:3]}; train on data of one kind'
         )
@@ -55,7 +45,7 @@ def _properties(record: Record) -> tuple[float, ...]:
     scene = record.scene
     gravity = np.asarray(scene.gravity)
     if not (gravity[2] < 0 and (gravity[:2] == 0).all()):
-        raise ValueError(
+        raise UserError(
             f'record {record.name!r} has gravity {scene.gravity}, expected along -z; '
             'turn the scene before it is simulated'
         )
@@ -65,7 +55,7 @@ def _properties(record: Record) -> tuple[float, ...]:
         if name in ('restitution', 'friction'):
             own = np.concatenate([own, scene.surface_values(name)])
         if np.ptp(own) > 0:
-            raise ValueError(
+            raise UserError(
                 f'record {record.name!r} has {name} from {own.min():g} to {own.max():g}, but the '
                 'GNS knows one of each; generate data with one radius, mass and material'
             )

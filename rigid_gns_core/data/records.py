@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Trajectories in HDF5: one file each, with scene, seed and teacher; see docs/data_format.md."""
 
@@ -31,6 +20,7 @@ import numpy as np
 import yaml
 
 from .recipe import DataRecipe, recipe_hash
+from ..errors import UserError
 from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, from_mapping, load_yaml
 from ..scenes.scene import Scene
@@ -57,7 +47,7 @@ _ARRAYS: dict[str, tuple[int, str, str]] = {
 _POSES = ('positions', 'quaternions')
 
 
-class DatasetError(ValueError):
+class DatasetError(UserError):
     """A file of trajectories is damaged, incomplete, of another kind, or absent."""
 
 

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Frozen dataclasses from YAML, with errors that name the key and list the allowed ones."""
 
@@ -25,10 +14,12 @@ from typing import Any, TypeVar
 
 import yaml
 
+from ..errors import UserError
+
 T = TypeVar('T')
 
 
-class ConfigError(ValueError):
+class ConfigError(UserError):
     """A configuration holds something that cannot be used."""
 
 
@@ -60,7 +51,7 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T
         return cls(**values)
     except ConfigError:
         raise
-    except ValueError as error:
+    except UserError as error:
         raise ConfigError(f'{where}: {error}') from error
 
 
@@ -79,7 +70,7 @@ def load_yaml(path: str | Path) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise ConfigError(f'{path}: no such file') from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f'{path}: not valid YAML: {error}') from error
     if not isinstance(content, dict):
         raise ConfigError(f'{path}: holds {type(content).__name__}, expected a mapping')
@@ -121,19 +112,19 @@ def find_config(kind: str, name: str | Path) -> Path:
 
 
 def check_least(config: object, least: float, *names: str) -> None:
-    """Raise ValueError where a field of a configuration is below `least`, or NaN."""
+    """Raise UserError where a field of a configuration is below `least`, or NaN."""
     for name in names:
         value = getattr(config, name)
         if not value >= least:
-            raise ValueError(f'{name} is {value}, expected at least {least}')
+            raise UserError(f'{name} is {value}, expected at least {least}')
 
 
 def check_positive(config: object, *names: str) -> None:
-    """Raise ValueError where a field of a configuration is not above 0."""
+    """Raise UserError where a field of a configuration is not above 0."""
     for name in names:
         value = getattr(config, name)
         if not value > 0:
-            raise ValueError(f'{name} is {value}, expected more than 0')
+            raise UserError(f'{name} is {value}, expected more than 0')
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Reports as strict JSON: infinities, which JSON lacks, are the strings "inf" and "-inf"."""
 
@@ -25,19 +14,20 @@ from typing import Any
 import numpy as np
 
 from .atomic_file import whole_file
+from ..errors import UserError
 
 
 def write_json(path: str | Path, report: Mapping[str, Any]) -> None:
     """Write a report, each number on a line of its own.
 
     Raises:
-        ValueError: A value is NaN, or of a type that JSON does not know.
+        UserError: A value is NaN, or of a type that JSON does not know.
     """
     path = Path(path)
     try:
         text = json.dumps(encode(report), indent=2, allow_nan=False, ensure_ascii=False)
     except TypeError as error:
-        raise ValueError(f'{path}: the report cannot be written as JSON: {error}') from error
+        raise UserError(f'{path}: the report cannot be written as JSON: {error}') from error
     with whole_file(path) as partial:
         partial.write_text(text + '\n', encoding='utf-8')
 
@@ -51,7 +41,7 @@ def write_compact_json(path: Path, report: Mapping[str, Any], digits: int) -> No
         digits: Significant digits that are kept.
 
     Raises:
-        ValueError: A value is NaN.
+        UserError: A value is NaN.
     """
     text = _laid_out(encode(report, digits), '')
     with whole_file(path) as partial:

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Predicted poses at any time after a start frame, sampled from the model's own steps."""
 
@@ -26,6 +15,7 @@ import warnings
 import numpy as np
 
 from .interpolation import between
+from ..errors import UserError
 from ..scenes.plane import RANGES
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
@@ -73,7 +63,7 @@ class Forecast:
             stamp_ns: Time to predict for [ns], after the start frame and all earlier predictions.
 
         Raises:
-            ValueError: The rollout diverged: a value is not finite.
+            UserError: The rollout diverged: a value is not finite.
             FloatingPointError: The same, seen by the rollout.
         """
         place = self._place(stamp_ns)
@@ -89,7 +79,7 @@ class Forecast:
             poses = between(_poses(self._before), poses, weight)
         if not np.isfinite(poses).all():
             sphere = int(np.argmin(np.isfinite(poses).all(axis=1)))
-            raise ValueError(f'the predicted pose of sphere {sphere} is not finite')
+            raise UserError(f'the predicted pose of sphere {sphere} is not finite')
         return Prediction(stamp_ns, poses, tuple(step_times))
 
     def recall(self, stamp_ns: int) -> Array | None:
@@ -126,7 +116,7 @@ class Forecaster:
         threads: CPU threads of the model.
 
     Raises:
-        ValueError: There is no such model, or it cannot serve the scene.
+        UserError: There is no such model, or it cannot serve the scene.
     """
 
     def __init__(
@@ -184,10 +174,10 @@ class Forecaster:
         """Warnings about predicting `count` spheres.
 
         Raises:
-            ValueError: The model cannot serve that many in this scene.
+            UserError: The model cannot serve that many in this scene.
         """
         if self.scene.sphere_count not in (None, count):
-            raise ValueError(
+            raise UserError(
                 f'scene {self.scene_name} gives properties of {self.scene.sphere_count} spheres, '
                 f'but there are {count}'
             )
@@ -222,13 +212,13 @@ def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
     """Return the scene of spheres with these ids, where it gives properties per sphere.
 
     Raises:
-        ValueError: It does not give those of all of them.
+        UserError: It does not give those of all of them.
     """
     known = scene.sphere_count
     if known is None or tuple(ids) == tuple(range(known)):
         return scene
     if missing := [sphere for sphere in ids if sphere >= known]:
-        raise ValueError(
+        raise UserError(
             f'sphere {missing[0]} has no properties: the scene gives those of {known} spheres; '
             'give one number for all, where spheres appear and vanish'
         )
@@ -250,7 +240,7 @@ def turned_gravity(scene: Scene, direction: Sequence[float]) -> Scene:
     points up in it.
 
     Raises:
-        ValueError: The scene has no gravity to be turned.
+        UserError: The scene has no gravity to be turned.
     """
     towards = np.asarray(direction, dtype=np.float64)
     length = float(np.linalg.norm(towards))
@@ -258,7 +248,7 @@ def turned_gravity(scene: Scene, direction: Sequence[float]) -> Scene:
         return scene
     size = float(np.linalg.norm(scene.gravity))
     if not size:
-        raise ValueError(
+        raise UserError(
             f'gravity_direction is {towards.tolist()}, but the scene has no gravity; '
             'give the scene a gravity, or leave gravity_direction at [0.0, 0.0, 0.0]'
         )

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Which prediction is next, from which frame it starts, and when it is due. No ROS in here."""
 
@@ -24,6 +13,7 @@ import numpy as np
 from .forecaster import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
 from .starts import Reason, Start
+from ..errors import UserError
 from ..tracking.usable_frames import seconds
 from ..tracking.window import TrackingWindow
 
@@ -31,7 +21,7 @@ from ..tracking.window import TrackingWindow
 CLOCK_TOLERANCE_NS = 1_000_000_000
 
 
-class PredictionError(ValueError):
+class PredictionError(UserError):
     """There is no start or no next prediction. `kind` tells which."""
 
     def __init__(self, kind: str, message: str) -> None:
@@ -224,7 +214,7 @@ class Predictor:
         assert self.forecast is not None
         try:
             return self.forecast.advance_to(self._grid.stamp_ns)
-        except (ValueError, FloatingPointError) as error:
+        except (UserError, FloatingPointError) as error:
             raise PredictionError(
                 'diverged',
                 f'prediction for {seconds(self._grid.stamp_ns)} s failed: {error}; starting again',
@@ -309,7 +299,7 @@ class Predictor:
         try:
             stamp, state = window.start()
             forecast = self._model.forecast(state, stamp, window.ids)
-        except ValueError as error:
+        except UserError as error:
             raise PredictionError(
                 'start', f'no start from these tracked frames: {error}'
             ) from error

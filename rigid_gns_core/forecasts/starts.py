@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """From which tracked frames a forecast started, and why: what ~/start says.
 
@@ -25,6 +14,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 import json
 from typing import Literal
+
+from ..errors import UserError
 
 Reason = Literal['first', 'every', 'diverged', 'reset', 'restart', 'spheres']
 
@@ -64,7 +55,7 @@ class Start:
         """Read what ~/start has published.
 
         Raises:
-            ValueError: It is something else.
+            UserError: It is something else.
         """
         try:
             content = json.loads(text)
@@ -77,6 +68,6 @@ class Start:
                 place,
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise ValueError(
+            raise UserError(
                 f'{error!r}; expected JSON with stamp_ns, window_ns and reason'
             ) from error

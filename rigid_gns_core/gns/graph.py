@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Which spheres and surfaces are connected in a step (thesis section 3.2.1).
 
@@ -28,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ..errors import UserError
 from ..scenes.plane import closest_points, Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -58,10 +48,10 @@ class Reach:
     def __post_init__(self) -> None:
         if self.connectivity not in get_args(Connectivity):
             allowed = ', '.join(get_args(Connectivity))
-            raise ValueError(f'connectivity is {self.connectivity!r}, allowed: {allowed}')
+            raise UserError(f'connectivity is {self.connectivity!r}, allowed: {allowed}')
         for name in ('epsilon', 'margin'):
             if not getattr(self, name) >= 0:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected 0 or more')
+                raise UserError(f'{name} is {getattr(self, name)}, expected 0 or more')
 
 
 @dataclass(frozen=True)

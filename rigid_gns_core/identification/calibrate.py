@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Materials under which short rollouts meet tracked poses best.
 
@@ -30,6 +19,7 @@ import numpy as np
 from .fit import MaterialFit, MATERIALS, most_evaluations
 from .windows import deviations, noise_of, Window, windows_of
 from ..data.records import Record
+from ..errors import UserError
 from ..rollout.simulator import Simulator
 from ..running.progress import Progress
 from ..scenes.scene import Scene
@@ -101,7 +91,7 @@ def calibrate(
         seed: Of that draw.
 
     Raises:
-        ValueError: The model has no materials, a name is unknown, or the records do not serve.
+        UserError: The model has no materials, a name is unknown, or the records do not serve.
     """
     _check(simulator, records, names, steps)
     windows = windows_of(records, steps)
@@ -150,21 +140,21 @@ def _check(
     simulator: Simulator, records: Sequence[Record], names: Sequence[str], steps: int
 ) -> None:
     if simulator.kind != 'laws':
-        raise ValueError(
+        raise UserError(
             f'model {simulator.name!r} is a {simulator.kind}, which takes no materials; fit those '
             'of the laws, or fine-tune its weights: rigid-gns train --from'
         )
     if unknown := sorted(set(names) - set(MATERIALS)):
-        raise ValueError(f'unknown material {unknown[0]!r}, allowed: {", ".join(MATERIALS)}')
+        raise UserError(f'unknown material {unknown[0]!r}, allowed: {", ".join(MATERIALS)}')
     if not names or not records or steps < 2:
-        raise ValueError(
+        raise UserError(
             f'{len(names)} materials, {len(records)} records, windows of {steps} steps: expected '
             'at least one material, one record and two steps'
         )
     for record in records:
         native = simulator.native_dt(record.scene)
         if abs(record.trajectory.dt - native) > 1e-3 * native:
-            raise ValueError(
+            raise UserError(
                 f'record {record.name!r} has a time step of {record.trajectory.dt:.4g} s, but the '
                 f'model has {native:.4g} s for its radius and gravity; import it without --dt'
             )

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Short rollouts from tracked poses, and how far they end from what was tracked."""
 
@@ -24,6 +13,7 @@ import warnings
 import numpy as np
 
 from ..data.records import Record
+from ..errors import UserError
 from ..rollout.simulator import Simulator
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotation_between, State
@@ -62,7 +52,7 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
     Left out are those in which no sphere's start can be trusted.
 
     Raises:
-        ValueError: There are none.
+        UserError: There are none.
     """
     noise = noise_of(records)
     found = []
@@ -96,7 +86,7 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
             )
     if not found:
         longest = max((record.trajectory.steps for record in records), default=0)
-        raise ValueError(
+        raise UserError(
             f'no window of {steps} steps can be made: the longest of {len(records)} records has '
             f'{longest} steps, and a window needs {steps + 1} and a start without contact; '
             'record for longer, or take shorter windows'

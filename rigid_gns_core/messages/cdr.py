@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """CDR, the wire format of ROS 2: a writer and a bounds-checked reader of fields. No ROS in here.
 
@@ -27,11 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import UserError
+
 LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 NANOSECONDS = 1_000_000_000
 
 
-class MessageError(ValueError):
+class MessageError(UserError):
     """Bytes are not the message they should be, or values do not fit into a message."""
 
 

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Message definitions of the types that a bag of ours holds.
 
@@ -21,6 +10,8 @@ installed share/<package>/msg/*.msg and *.json.
 """
 
 from __future__ import annotations
+
+from ..errors import UserError
 
 _DEPRECATED = """\
 # This was originally provided as an example message.
@@ -244,6 +235,6 @@ def _known(type_name: str) -> tuple[str, tuple[str, ...]]:
     try:
         return TYPES[type_name]
     except KeyError:
-        raise ValueError(
+        raise UserError(
             f'message type {type_name!r} cannot be recorded; known: {", ".join(TYPES)}'
         ) from None

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The thesis' GNS as a simulator: what it can serve, and where it runs. It needs torch."""
 
@@ -23,6 +12,7 @@ import warnings
 
 import numpy as np
 
+from ..errors import UserError
 from ..files.checkpoint import Tensors
 from ..files.config import from_mapping
 from ..gns.config import GNSConfig
@@ -61,7 +51,7 @@ class GNSSimulator(Simulator):
 
     Raises:
         ModuleNotFoundError: torch is not installed; the message tells how to get it.
-        ValueError: There is no such device.
+        UserError: There is no such device.
     """
 
     kind = 'gns'
@@ -92,11 +82,11 @@ class GNSSimulator(Simulator):
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
         """Refuse unlike spheres and no gravity; warn of other materials."""
         if not any(scene.gravity):
-            raise ValueError('gravity is 0, but the model was trained with gravity; set it')
+            raise UserError('gravity is 0, but the model was trained with gravity; set it')
         for name in ('radius', 'mass'):
             values = scene.per_sphere(name, count)
             if count and np.ptp(values) > 1e-9 * values.max():
-                raise ValueError(
+                raise UserError(
                     f'{name} differs between spheres ({values.min():g} to {values.max():g}), '
                     f'but model {self.name!r} knows spheres of one {name} only'
                 )
@@ -138,20 +128,20 @@ def known_device(name: str) -> torch.device:
     """Return the device of this name.
 
     Raises:
-        ValueError: It is not there, or has no float64.
+        UserError: It is not there, or has no float64.
     """
     import torch
 
     try:
         device = torch.device(name)
     except RuntimeError as error:
-        raise ValueError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...") from error
+        raise UserError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...") from error
     if device.type not in ('cpu', 'cuda'):
         # poses are float64, which mps for instance does not have
-        raise ValueError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...")
+        raise UserError(f"device is {name!r}, allowed: 'cpu', 'cuda', 'cuda:0', ...")
     present = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if device.type == 'cuda' and (device.index or 0) >= present:
-        raise ValueError(
+        raise UserError(
             f'device is {name!r}, but torch {torch.__version__} finds {present} CUDA devices '
             'here; leave device out to run on the CPU'
         )

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Runs of predictions from one start."""
 
@@ -22,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import UserError
 from ..forecasts.interpolation import interpolate
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
@@ -31,7 +21,7 @@ from ..tracking.usable_frames import GAP, median_interval, Stamps
 RESTART_TOLERANCE = 0.01
 
 
-class AlignmentError(ValueError):
+class AlignmentError(UserError):
     """Predicted and tracked poses of a bag cannot be compared."""
 
 

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Forecasts of a recording, and when they began, as the simulator said or as stamps tell."""
 
@@ -23,6 +12,7 @@ import numpy as np
 
 from .prediction_runs import from_one_start, median_period
 from ..bags.reader import BagError, Topic
+from ..errors import UserError
 from ..forecasts.starts import Start
 from ..messages.poses import decode_string, MessageError, PoseArrayFrame
 from ..messages.trajectories import decode_trajectory
@@ -41,7 +31,7 @@ def recorded_starts(topic: Topic | None) -> list[Start]:
     for message, place in zip(topic.messages, topic.places, strict=True):
         try:
             starts.append(Start.from_json(decode_string(message), int(place)))
-        except ValueError as error:
+        except UserError as error:
             raise BagError(
                 f'message {len(starts)} of {topic.name} is no start of a forecast: {error}'
             ) from error

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What all kinds of models are: rolled out from a start, at any radius and gravity."""
 
@@ -26,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from .outcome import Outcome
 from .rollout import Rollout
 from .stepper import Stepper
+from ..errors import UserError
 from ..running.threads import in_threads, usable_cores
 from ..scenes.scene import Scene
 from ..scenes.similarity import in_units, ModelUnits
@@ -59,7 +49,7 @@ class Simulator(ABC):
         """Refuse a scene that the model cannot serve; warn where it was not trained for it.
 
         Raises:
-            ValueError: The model cannot serve it.
+            UserError: The model cannot serve it.
         """
 
     @abstractmethod
@@ -86,7 +76,7 @@ class Simulator(ABC):
             quaternions: Rotations (x, y, z, w), shape (n, 4). None: identity.
 
         Raises:
-            ValueError: Shapes are wrong, values not finite, or the model cannot serve the scene.
+            UserError: Shapes are wrong, values not finite, or the model cannot serve the scene.
         """
         return self._begin(scene, positions, velocities, angular_velocities, quaternions)
 
@@ -135,17 +125,17 @@ class Simulator(ABC):
             done: Called with each number of steps that a start has taken, in its thread.
 
         Raises:
-            ValueError: A start is wrong, or the model cannot serve its scene; before any runs.
+            UserError: A start is wrong, or the model cannot serve its scene; before any runs.
         """
         if workers is not None and workers < 1:
-            raise ValueError(f'workers is {workers}, expected at least 1')
+            raise UserError(f'workers is {workers}, expected at least 1')
         steps, rollouts = _checked(steps), []
         for index, (scene, start) in enumerate(_paired(scenes, starts)):
             given = vars(start) if isinstance(start, State) else {'positions': start}
             try:
                 rollouts.append(self._begin(scene, **given))
-            except ValueError as error:
-                raise ValueError(f'start {index}: {error}') from error
+            except UserError as error:
+                raise UserError(f'start {index}: {error}') from error
             rollouts[-1].done = done
         outcomes = self._run(rollouts, steps, workers or usable_cores())
         for index, outcome in enumerate(outcomes):
@@ -180,7 +170,7 @@ class Simulator(ABC):
 
 def _checked(steps: int) -> int:
     if steps != int(steps) or steps < 0:
-        raise ValueError(f'steps is {steps}, expected a whole number, 0 or more')
+        raise UserError(f'steps is {steps}, expected a whole number, 0 or more')
     return int(steps)
 
 
@@ -190,14 +180,14 @@ def _paired(
     """Each start with its scene; one scene serves all.
 
     Raises:
-        ValueError: There are not as many scenes as starts.
+        UserError: There are not as many scenes as starts.
     """
     if isinstance(starts, State):
-        raise ValueError('starts is one State, expected several; for one there is rollout')
+        raise UserError('starts is one State, expected several; for one there is rollout')
     if isinstance(scenes, Scene):
         scenes = [scenes] * len(starts)
     if len(scenes) != len(starts):
-        raise ValueError(
+        raise UserError(
             f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '
             'one per start'
         )

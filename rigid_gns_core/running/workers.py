@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Many calls of one function on processes of this machine, or on a user's Dask cluster.
 
@@ -30,6 +19,7 @@ from typing import Any, TypeVar
 import warnings
 
 from .threads import usable_cores
+from ..errors import UserError
 
 T = TypeVar('T')
 BACKENDS = ('loky', 'dask')
@@ -56,11 +46,11 @@ class Workers:
 
     def __post_init__(self) -> None:
         if self.count is not None and self.count < 1:
-            raise ValueError(f'workers is {self.count}, expected at least 1')
+            raise UserError(f'workers is {self.count}, expected at least 1')
         if self.backend not in BACKENDS:
-            raise ValueError(f'backend is {self.backend!r}, allowed: {", ".join(BACKENDS)}')
+            raise UserError(f'backend is {self.backend!r}, allowed: {", ".join(BACKENDS)}')
         if self.scheduler is not None and self.backend == 'loky':
-            raise ValueError('a scheduler needs the backend dask; give --backend')
+            raise UserError('a scheduler needs the backend dask; give --backend')
 
     @property
     def here(self) -> bool:

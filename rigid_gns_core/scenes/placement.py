@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Places of the spheres of a start: thrown at random, laid on a floor, in blocks, or as given."""
 
@@ -25,6 +14,7 @@ import numpy as np
 from .plane import closest_points
 from .scene import Scene
 from .state import Array
+from ..errors import UserError
 
 if TYPE_CHECKING:
     from .start import StartRecipe
@@ -37,7 +27,7 @@ _TOLERANCE = 1e-6
 _TOUCHING = 0.3
 
 
-class SamplingError(ValueError):
+class SamplingError(UserError):
     """The spheres asked for do not fit."""
 
 

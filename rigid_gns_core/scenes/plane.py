@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Bounded planes, and the checks of values that planes and scenes share."""
 
@@ -23,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .state import Array
+from ..errors import UserError
 
 PerSphere = float | tuple[float, ...]
 Vector = tuple[float, float, float]
@@ -38,25 +28,25 @@ RANGES = {
 
 
 def checked_property(name: str, value: ArrayLike) -> PerSphere:
-    """Return a property as a number, or a tuple of one per sphere; ValueError: out of range."""
+    """Return a property as a number, or a tuple of one per sphere; UserError: out of range."""
     array = np.asarray(value, dtype=np.float64)
     if array.ndim > 1 or array.size == 0:
-        raise ValueError(f'{name} has shape {array.shape}, expected a number or one per sphere')
+        raise UserError(f'{name} has shape {array.shape}, expected a number or one per sphere')
     low, high, closed = RANGES[name]
     bad = ~((array >= low if closed else array > low) & (array <= high) & np.isfinite(array))
     if bad.any():
         offender = np.atleast_1d(array)[np.atleast_1d(bad)][0]
         bound = f'{"at least" if closed else "greater than"} {low:g}'
         bound += '' if high == np.inf else f' and at most {high:g}'
-        raise ValueError(f'{name} is {offender:g}, expected {bound}')
+        raise UserError(f'{name} is {offender:g}, expected {bound}')
     return float(array) if array.ndim == 0 else tuple(array.tolist())
 
 
 def checked_vector(name: str, value: ArrayLike) -> Vector:
-    """Three finite numbers; ValueError for anything else."""
+    """Three finite numbers; UserError for anything else."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape != (3,) or not np.isfinite(array).all():
-        raise ValueError(f'{name} is {value}, expected three finite numbers')
+        raise UserError(f'{name} is {value}, expected three finite numbers')
     return tuple(array.tolist())
 
 
@@ -64,7 +54,7 @@ def _unit(name: str, value: ArrayLike) -> Vector:
     vector = np.asarray(checked_vector(name, value))
     norm = float(np.linalg.norm(vector))
     if norm < 1e-9:
-        raise ValueError(f'{name} is {value}, expected a vector that is not zero')
+        raise UserError(f'{name} is {value}, expected a vector that is not zero')
     if abs(norm - 1.0) > 1e-15:  # else the same bits again, for a scene that is read back
         vector = vector / norm
     return tuple(vector.tolist())
@@ -85,7 +75,7 @@ class Plane:
         friction: Coulomb friction coefficient of the surface; None: the scene's.
 
     Raises:
-        ValueError: A vector is zero, direction is parallel to normal, or a value is out of range.
+        UserError: A vector is zero, direction is parallel to normal, or a value is out of range.
     """
 
     point: Vector = (0.0, 0.0, 0.0)
@@ -107,14 +97,12 @@ class Plane:
         direction = np.asarray(_unit('direction of a plane', direction))
         direction = direction - normal * (direction @ normal)
         if np.linalg.norm(direction) < 1e-6:
-            raise ValueError(
-                'direction of a plane is parallel to its normal; choose one across it'
-            )
+            raise UserError('direction of a plane is parallel to its normal; choose one across it')
         set_field(self, 'direction', _unit('direction of a plane', direction))
         for name in ('length_x', 'length_y'):
             length = float(getattr(self, name))
             if not length > 0:
-                raise ValueError(f'{name} of a plane is {length:g}, expected more than 0')
+                raise UserError(f'{name} of a plane is {length:g}, expected more than 0')
             set_field(self, name, length)
         for name in ('restitution', 'friction'):
             value = getattr(self, name)
@@ -150,9 +138,7 @@ class Plane:
         """
         for name, value in (('length_x', length_x), ('length_y', length_y), ('height', height)):
             if not value > 0 or (name != 'height' and value == np.inf):
-                raise ValueError(
-                    f'{name} of the box is {value:g}, expected more than 0 and finite'
-                )
+                raise UserError(f'{name} of the box is {value:g}, expected more than 0 and finite')
         x, y = length_x / 2, length_y / 2
         z = height / 2 if np.isfinite(height) else 0.0
         up = (0.0, 0.0, 1.0)

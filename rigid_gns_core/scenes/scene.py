@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What does not move in a scene: planes, sphere properties, materials and gravity."""
 
@@ -25,6 +14,7 @@ import numpy as np
 from .plane import checked_property, checked_vector, PerSphere, RANGES, Vector
 from .plane import Plane as Plane
 from .state import Array
+from ..errors import UserError
 from ..files.config import ConfigError, from_mapping
 
 
@@ -58,7 +48,7 @@ class Scene:
     mean where the scene gives one per sphere).
 
     Raises:
-        ValueError: A value is out of range.
+        UserError: A value is out of range.
     """
 
     surfaces: tuple[Plane, ...] = (Plane(),)
@@ -72,18 +62,18 @@ class Scene:
     def __post_init__(self) -> None:
         given = self.surfaces
         if not isinstance(given, (Plane, list, tuple)):
-            raise ValueError(f'surfaces is {given!r}, expected planes; () for none')
+            raise UserError(f'surfaces is {given!r}, expected planes; () for none')
         surfaces = (given,) if isinstance(given, Plane) else tuple(given)
         for surface in surfaces:
             if not isinstance(surface, Plane):
-                raise ValueError(f'surfaces holds {surface!r}, expected only Plane')
+                raise UserError(f'surfaces holds {surface!r}, expected only Plane')
         object.__setattr__(self, 'surfaces', surfaces)
         for name in RANGES:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
         gravity = self.gravity
         if np.ndim(gravity) == 0:
             if float(np.asarray(gravity)) < 0:
-                raise ValueError(f'gravity is {gravity:g}, expected its size or a vector')
+                raise UserError(f'gravity is {gravity:g}, expected its size or a vector')
             gravity = (0.0, 0.0, -float(np.asarray(gravity)))
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
 
@@ -92,14 +82,14 @@ class Scene:
         """Number of spheres that a per-sphere property implies; None where all are scalars."""
         counts = {len(v) for name in RANGES if isinstance(v := getattr(self, name), tuple)}
         if len(counts) > 1:
-            raise ValueError(f'per-sphere properties differ in length: {sorted(counts)}')
+            raise UserError(f'per-sphere properties differ in length: {sorted(counts)}')
         return counts.pop() if counts else None
 
     def per_sphere(self, name: str, count: int) -> Array:
         """Property `name` of each of `count` spheres, shape (count,)."""
         value = np.asarray(getattr(self, name), dtype=np.float64)
         if value.ndim and len(value) != count:
-            raise ValueError(
+            raise UserError(
                 f'{name} is given for {len(value)} spheres, but there are {count}; '
                 'give one number, or one per sphere'
             )
@@ -160,7 +150,7 @@ class Scene:
         """Read a scene from YAML or JSON; `box: {length_x, length_y, ...}` may stand for surfaces.
 
         Raises:
-            ValueError: An unknown key, with the allowed ones, or a value out of range.
+            UserError: An unknown key, with the allowed ones, or a value out of range.
         """
         if not isinstance(mapping, Mapping):
             raise ConfigError(f'{where} is {mapping!r}, expected a mapping')

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Scene files: a scene, and how its spheres start."""
 
@@ -20,6 +9,7 @@ from pathlib import Path
 
 from .scene import Scene
 from .start import StartRecipe
+from ..errors import UserError
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 
@@ -53,6 +43,6 @@ def load_start(name: str | Path) -> tuple[Scene, StartRecipe]:
     try:
         scene = Scene.from_mapping(mapping['scene'], 'scene')
         start = from_mapping(StartRecipe, mapping.get('start', {}), 'start')
-    except ValueError as error:
+    except UserError as error:
         raise ConfigError(f'{path}: {error}') from error
     return scene, start

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Dynamic similarity: any radius and gravity in the units of a model.
 
@@ -28,6 +17,7 @@ import numpy as np
 
 from .scene import Plane, Scene
 from .state import Array, quaternion_multiply, State
+from ..errors import UserError
 
 
 @dataclass(frozen=True)
@@ -41,7 +31,7 @@ class ModelUnits:
     def __post_init__(self) -> None:
         for name in ('radius', 'gravity', 'dt'):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f'{name} is {getattr(self, name)}, expected a positive number')
+                raise UserError(f'{name} is {getattr(self, name)}, expected a positive number')
 
 
 @dataclass(frozen=True)

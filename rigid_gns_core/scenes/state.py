@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The state of spheres at one time, and a trajectory of states.
 
@@ -27,16 +16,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import UserError
+
 Array = NDArray[np.float64]
 
 
 def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = np.array(value, dtype=np.float64)
     if array.shape != shape:
-        raise ValueError(f'{name} has shape {array.shape}, expected {shape}')
+        raise UserError(f'{name} has shape {array.shape}, expected {shape}')
     if not np.isfinite(array).all():
         sphere = int(np.argwhere(~np.isfinite(array))[0][-2])
-        raise ValueError(f'{name} of sphere {sphere} is not finite; remove or repair that sphere')
+        raise UserError(f'{name} of sphere {sphere} is not finite; remove or repair that sphere')
     return array
 
 
@@ -45,7 +36,7 @@ def _unit_quaternions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
     norm: Array = np.linalg.norm(array, axis=-1, keepdims=True)
     if (norm < 1e-6).any():
         sphere = int(np.argwhere(norm < 1e-6)[0][-2])
-        raise ValueError(
+        raise UserError(
             f'quaternion of sphere {sphere} has norm {norm.min():.2g}, expected 1; '
             'use (0, 0, 0, 1) where a rotation is unknown'
         )
@@ -63,7 +54,7 @@ class State:
         angular_velocities: Angular velocities [rad/s], world frame, shape (n, 3). None: no spin.
 
     Raises:
-        ValueError: A shape is wrong, a value is not finite, or a quaternion is zero.
+        UserError: A shape is wrong, a value is not finite, or a quaternion is zero.
     """
 
     positions: Array
@@ -124,7 +115,7 @@ class Trajectory:
     A rollout that diverged may hold values that are not finite: `diverged_at` tells where.
 
     Raises:
-        ValueError: Shapes disagree, or dt is not a positive number.
+        UserError: Shapes disagree, or dt is not a positive number.
     """
 
     positions: Array
@@ -136,7 +127,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         shape = np.shape(self.positions)
         if len(shape) != 3 or shape[2] != 3 or shape[0] < 1:
-            raise ValueError(f'positions have shape {shape}, expected (steps + 1, n, 3)')
+            raise UserError(f'positions have shape {shape}, expected (steps + 1, n, 3)')
         for name, last in (
             ('positions', 3),
             ('quaternions', 4),
@@ -145,12 +136,12 @@ class Trajectory:
         ):
             array = np.asarray(getattr(self, name), dtype=np.float64)
             if array.shape != (*shape[:2], last):
-                raise ValueError(
+                raise UserError(
                     f'{name} have shape {array.shape}, expected {(*shape[:2], last)} as positions'
                 )
             object.__setattr__(self, name, array)
         if not (np.isfinite(self.dt) and self.dt > 0):
-            raise ValueError(f'dt is {self.dt}, expected a positive number of seconds')
+            raise UserError(f'dt is {self.dt}, expected a positive number of seconds')
         object.__setattr__(self, 'dt', float(self.dt))
 
     @classmethod

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Scores of a trajectory: physical laws, which need no reference, and errors against a reference.
 
@@ -34,6 +23,7 @@ from .motion import (
     vertical_spin_drift,
 )
 from .penetration import passed_through, Penetration, sphere_penetration, surface_penetration
+from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory
 
@@ -97,10 +87,10 @@ def law_metrics(
         scores of the part before would flatter it.
 
     Raises:
-        ValueError: There are no spheres, or a property has another number of spheres.
+        UserError: There are no spheres, or a property has another number of spheres.
     """
     if trajectory.count == 0:
-        raise ValueError('the trajectory has no spheres, so there is nothing to score; give one')
+        raise UserError('the trajectory has no spheres, so there is nothing to score; give one')
     if divergence(trajectory, scene) is not None:
         return dict.fromkeys(LAW_KEYS, float('inf'))
     radius = scene.per_sphere('radius', trajectory.count)

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Errors of a predicted trajectory against a reference."""
 
@@ -22,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .motion import divergence
+from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotation_between, Trajectory
 
@@ -49,7 +39,7 @@ def error_metrics(
         them from their start, the farthest of all frames, mean over those spheres.
 
     Raises:
-        ValueError: The trajectories differ in time step, steps or spheres, or have no spheres.
+        UserError: The trajectories differ in time step, steps or spheres, or have no spheres.
     """
     check_comparable(predicted, reference)
     scene = Scene() if scene is None else scene
@@ -146,16 +136,16 @@ def chamfer(predicted: Array, reference: Array) -> float:
 
 
 def check_comparable(predicted: Trajectory, reference: Trajectory) -> None:
-    """Raise ValueError where two trajectories cannot be compared frame by frame."""
+    """Raise UserError where two trajectories cannot be compared frame by frame."""
     if reference.count == 0:
-        raise ValueError('the trajectories have no spheres, so there is nothing to compare')
+        raise UserError('the trajectories have no spheres, so there is nothing to compare')
     if predicted.positions.shape != reference.positions.shape:
-        raise ValueError(
+        raise UserError(
             f'predicted has {predicted.steps} steps of {predicted.count} spheres, reference '
             f'{reference.steps} of {reference.count}; cut both to the same steps and spheres'
         )
     if abs(predicted.dt - reference.dt) > 1e-6 * reference.dt:
-        raise ValueError(
+        raise UserError(
             f'predicted has dt {predicted.dt:g} s, reference {reference.dt:g} s; '
             'resample one of them to the time step of the other'
         )

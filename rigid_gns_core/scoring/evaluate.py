@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Score predictions against a reference: one report, as a table, JSON and a figure."""
 
@@ -24,6 +13,7 @@ import numpy as np
 from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .error import check_comparable
 from .table import format_table
+from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory
 
@@ -62,10 +52,10 @@ def evaluate(
         or None of each side, and `steps`, `dt` [s], `spheres`, `velocities`, `tolerance`.
 
     Raises:
-        ValueError: The two differ in time step or spheres, or have no spheres.
+        UserError: The two differ in time step or spheres, or have no spheres.
     """
     if velocities not in ('given', 'poses'):
-        raise ValueError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
+        raise UserError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
     frames = min(len(predicted), len(reference))
     predicted, reference = predicted.window(0, frames), reference.window(0, frames)
     check_comparable(predicted, reference)
@@ -97,10 +87,10 @@ def summarise(reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     rest. A number that not all reports have is summarised over those that have it.
 
     Raises:
-        ValueError: There are no reports.
+        UserError: There are no reports.
     """
     if not reports:
-        raise ValueError('there are no reports to summarise; evaluate at least one trajectory')
+        raise UserError('there are no reports to summarise; evaluate at least one trajectory')
     sides = ('predicted', 'reference')
     summary: dict[str, Any] = {
         'reports': len(reports),

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The comparison that a recorded bag holds."""
 
@@ -24,6 +13,7 @@ import numpy as np
 from .comparison import Comparison
 from ..bags.reader import read_bag
 from ..bags.topics import find_topics, holds_predictions, listing
+from ..errors import UserError
 from ..messages.poses import decode_float64
 from ..recordings.scoring.evaluate import score_bag
 from ..recordings.tracked_frames import decode_topic
@@ -42,11 +32,11 @@ def read_bag_comparison(
         predicted: Topic of the predicted poses. None: the same.
 
     Raises:
-        ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
+        UserError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
     bag = read_bag(path)
     if not holds_predictions(bag, predicted):
-        raise ValueError(
+        raise UserError(
             f'{path}: there are no predicted poses in this bag to report on; play it to a '
             'simulator that records (playback_launch.py), or make records of it with `rigid-gns '
             'import`, predict from one (docs/tutorial.md), and report on that with --reference. '

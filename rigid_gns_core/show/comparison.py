@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A prediction beside its reference, of a record or a bag: what a report shows."""
 
@@ -21,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
 from ..scoring import divergence
@@ -78,7 +68,7 @@ def cut(comparison: Comparison) -> Comparison:
     """Only the part that all trajectories have, before any of them diverges.
 
     Raises:
-        ValueError: They differ in time step or spheres, or one diverges at its start.
+        UserError: They differ in time step or spheres, or one diverges at its start.
     """
     everything = {**comparison.sides, **comparison.floors}
     end = min(map(len, everything.values()))
@@ -87,14 +77,14 @@ def cut(comparison: Comparison) -> Comparison:
     for name, trajectory in everything.items():
         try:
             check_comparable(trajectory, comparison.predicted)
-        except ValueError as error:
-            raise ValueError(f'{name}: {error}') from error
+        except UserError as error:
+            raise UserError(f'{name}: {error}') from error
     steps = [divergence(trajectory, comparison.scene) for trajectory in everything.values()]
     lost = min((step for step in steps if step is not None), default=None)
     if lost is None:
         return comparison
     if lost == 0:
-        raise ValueError('a trajectory diverges at its start, so there is nothing to show')
+        raise UserError('a trajectory diverges at its start, so there is nothing to show')
     return replace(comparison.window(0, lost), lost=lost)
 
 

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A picture of a prediction beside its reference: positions, energy and error over time."""
 
@@ -21,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import UserError
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import Array, Trajectory
 from ..scoring import divergence, Energy, energy
@@ -64,7 +54,7 @@ def write_figure(
         names: What to call the two.
 
     Raises:
-        ValueError: The two differ in time step or spheres, or diverge at the start.
+        UserError: The two differ in time step or spheres, or diverge at the start.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -75,7 +65,7 @@ def write_figure(
     lost = [s for t in (predicted, reference) if (s := divergence(t, scene)) is not None]
     if lost:
         if min(lost) == 0:
-            raise ValueError('a trajectory diverges at its start, so there is nothing to draw')
+            raise UserError('a trajectory diverges at its start, so there is nothing to draw')
         predicted, reference = predicted.window(0, min(lost)), reference.window(0, min(lost))
         title = f'{title}  (diverged at step {min(lost)})'.strip()
     # the start, two times between and the end

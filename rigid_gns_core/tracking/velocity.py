@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Position, velocity and spin at the last of a few noisy frames: the motion that explains them.
 
@@ -36,6 +25,7 @@ from .motion_models import FLIGHT, Hypotheses, Motion
 from .observations import fill, Observations
 from .sphere_impact_fit import Encounters
 from .window_fit import finish, fit
+from ..errors import UserError
 from ..scenes.state import Array
 
 # charge for being held by what the scene does not know
@@ -71,7 +61,7 @@ def estimate_motion(
         seen: Whether a sphere was seen in a frame, at least once each, shape (frames, n).
 
     Raises:
-        ValueError: Shapes disagree, or times do not increase.
+        UserError: Shapes disagree, or times do not increase.
     """
     stamps, places, turns = _checked(times, positions, quaternions)
     count, n = places.shape[:2]
@@ -86,7 +76,7 @@ def estimate_motion(
         ('seen', mask.shape, (count, n)),
     ):
         if shape != expected:
-            raise ValueError(f'{name} have shape {shape}, expected {expected}')
+            raise UserError(f'{name} have shape {shape}, expected {expected}')
     sigma = np.maximum(noise, _FLOOR * radii)
     window = Observations.of(stamps, n, radii, sigma)
     surfaces, sums = environment.surfaces, np.empty((count + 1, COLUMNS))
@@ -133,10 +123,10 @@ def _checked(
 ) -> tuple[Array, Array, Array]:
     stamps, places, turns = plain(times), plain(positions), plain(quaternions)
     if len(stamps) == 0 or len(stamps) != len(places) or len(stamps) != len(turns):
-        raise ValueError(
+        raise UserError(
             f'{len(stamps)} times, {len(places)} frames of positions and {len(turns)} of '
             'quaternions; expected one of each per frame, and at least one frame'
         )
     if not (np.diff(stamps) > 0).all():
-        raise ValueError(f'times are {stamps.tolist()} s, expected increasing ones')
+        raise UserError(f'times are {stamps.tolist()} s, expected increasing ones')
     return stamps, places, turns

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Which tracked frames are accepted, and the start state that a window of them gives."""
 
@@ -25,6 +14,7 @@ from .environment import Environment
 from .tracks import TrackerSettings, Tracks
 from .usable_frames import FrameOrder, RejectedFrame
 from .warm import warm_up
+from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import State
@@ -53,7 +43,7 @@ class TrackingWindow:
         max_gap: Longest time between two frames of a window [s]; after a longer one it starts
             anew.
         radius: Of the largest sphere [m]; positions beyond a million radii are refused.
-        check: Called with the number of spheres of a first frame; ValueError where there cannot be
+        check: Called with the number of spheres of a first frame; UserError where there cannot be
             so many.
         on_gap: Called with a time between two frames [s] that is longer than `max_gap`, where the
             window was not yet full, as so slow a tracker never fills it.
@@ -92,7 +82,7 @@ class TrackingWindow:
             ('max_speed', max_speed),
         ):
             if value is not None and not (value >= 0 and np.isfinite(value)):
-                raise ValueError(f'{name} is {value}, expected 0 or more')
+                raise UserError(f'{name} is {value}, expected 0 or more')
         self.length, self.max_spheres = length, max_spheres
         self.max_gap_ns, self._check = round(max_gap * 1e9), check
         self._order, self._on_gap = FrameOrder(frame_id, radius), on_gap
@@ -254,7 +244,7 @@ class TrackingWindow:
         if known is None:
             try:
                 self._check(count)
-            except ValueError as error:
+            except UserError as error:
                 raise RejectedFrame('model', str(error)) from error
         elif count != known and not matched:
             raise RejectedFrame(

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Training by several processes under torchrun: who does what, and what they agree on."""
 
@@ -25,6 +14,8 @@ from typing import NamedTuple, TypeVar
 import torch
 from torch import Tensor
 import torch.distributed as dist
+
+from ..errors import UserError
 
 T = TypeVar('T')
 
@@ -63,10 +54,10 @@ class Processes:
         """Return what this process does of the items; the shares of all are the items.
 
         Raises:
-            ValueError: There are fewer items than processes.
+            UserError: There are fewer items than processes.
         """
         if len(items) < self.size:
-            raise ValueError(
+            raise UserError(
                 f'{self.size} processes cannot share a batch of {len(items)}; start fewer, or '
                 'raise batch in the recipe'
             )
@@ -121,7 +112,7 @@ def find_device(name: str) -> torch.device:
     """Device of this process: `cpu`, `cuda`, or `auto` for CUDA where there is one.
 
     Raises:
-        ValueError: CUDA is asked for and there is none, or not one for each process.
+        UserError: CUDA is asked for and there is none, or not one for each process.
     """
     if name == 'auto':
         name = 'cuda' if torch.cuda.is_available() else 'cpu'
@@ -129,9 +120,9 @@ def find_device(name: str) -> torch.device:
         return torch.device(name)
     local, count = int(os.environ.get('LOCAL_RANK', '0')), torch.cuda.device_count()
     if not torch.cuda.is_available():
-        raise ValueError('device is cuda, but torch finds no CUDA device here; use --device cpu')
+        raise UserError('device is cuda, but torch finds no CUDA device here; use --device cpu')
     if local >= count:
-        raise ValueError(
+        raise UserError(
             f'process {local} of this machine has no CUDA device, there are {count}; start as '
             'many processes as devices, or use --device cpu'
         )

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """`rigid-gns train --from MODEL`: training that starts from the weights of a checkpoint.
 
@@ -28,6 +17,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from ..data.records import Record
+from ..errors import UserError
 from ..files.checkpoint import CheckpointError, find_model, Tensors
 from ..files.config import to_mapping
 from ..prediction.gns import GNSSimulator
@@ -85,7 +75,7 @@ class StartingPoint:
         """Return records in the checkpoint's units; tracked ones from frame 1 on.
 
         Raises:
-            ValueError: A record's time step is not that of the model for its radius and gravity,
+            UserError: A record's time step is not that of the model for its radius and gravity,
                 or it was tracked and has one step.
         """
         return [self._record(record) for record in records]
@@ -118,7 +108,7 @@ class StartingPoint:
         if tracked := record.teacher.get('engine') == 'tracker':
             record = _from_frame_1(record)
         if not np.any(record.scene.gravity):
-            raise ValueError(
+            raise UserError(
                 f'record {record.name!r} has no gravity, but model {self.name} has learned it; '
                 'train one anew, without --from'
             )
@@ -126,7 +116,7 @@ class StartingPoint:
         native = self.units.dt * similarity.time
         if abs(record.trajectory.dt - native) > _SAME_STEP * native:
             remedy = 'import it without --dt' if tracked else 'generate it with this dt'
-            raise ValueError(
+            raise UserError(
                 f'record {record.name!r} has a time step of {record.trajectory.dt:.4g} s, but '
                 f'model {self.name} has {native:.4g} s for its radius and gravity; {remedy}'
             )
@@ -151,7 +141,7 @@ def _from_frame_1(record: Record) -> Record:
     """
     whole, fall = record.trajectory, np.asarray(record.scene.gravity, dtype=np.float64)
     if whole.steps < 2:
-        raise ValueError(
+        raise UserError(
             f'record {record.name!r} has {whole.steps} step, expected at least 2; import it with '
             '--min-steps 2 or more'
         )

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What all trainings share: schedule, optimiser, averaged weights, state (thesis section 3.3)."""
 
@@ -27,6 +16,7 @@ import torch
 from torch import nn, Tensor
 
 from .distributed import Mean, Processes
+from ..errors import UserError
 from ..files.checkpoint import CheckpointError
 from ..files.config import check_least, check_positive
 from ..scenes.similarity import ModelUnits
@@ -69,7 +59,7 @@ class Schedule:
         check_least(self, 0, 'seed', 'warm_up', 'validation_rollouts', 'average')
         check_positive(self, 'learning_rate', 'final_learning_rate', 'clip')
         if not self.average < 1:
-            raise ValueError(f'average is {self.average}, expected less than 1')
+            raise UserError(f'average is {self.average}, expected less than 1')
 
     def learning_rate_at(self, step: int) -> float:
         """Linear warm-up, then half a cosine down to `final_learning_rate`."""

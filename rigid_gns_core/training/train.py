@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Train a simulator from a YAML recipe; validation by rollout, resume to the same bytes."""
 
@@ -37,6 +26,7 @@ from .learner import Schedule
 from .recipes import load_recipe, make_learner
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
+from ..errors import UserError
 from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from ..files.config import ConfigError, load_yaml, to_mapping
 from ..prediction.load import KINDS
@@ -65,7 +55,7 @@ class Trainer:
         start: Weights to begin with, whose units the records are in; None: random ones.
 
     Raises:
-        ValueError: There are no records, or the kind of model cannot learn from them.
+        UserError: There are no records, or the kind of model cannot learn from them.
         ConfigError: The folder belongs to another recipe, other data or another start.
         CheckpointError: The network of the recipe is not that of the start.
     """
@@ -207,7 +197,7 @@ class Trainer:
             self.learner.load_state({k: torch.from_numpy(v) for k, v in tensors.items()})
         step, size = self.learner.step, self.processes.size
         if self.processes.sum(step) != step * size:
-            raise ValueError(
+            raise UserError(
                 f'{self.folder} holds step {step} for one process and another for others; give a '
                 'folder that all processes see'
             )
@@ -238,7 +228,7 @@ class Trainer:
 def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
     enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
     if records and not enough:
-        raise ValueError(
+        raise UserError(
             f'no validation trajectory has {config.validation_steps} steps (validation_steps), '
             f'the longest has {max(record.trajectory.steps for record in records)}; lower it, or '
             'generate longer ones'

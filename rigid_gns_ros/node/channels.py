@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The simulator's topics, and the bag that takes every message of them, byte for byte."""
 
@@ -30,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rigid_gns_core.bags.metadata import Qos
 from rigid_gns_core.bags.writer import BagWriter
+from rigid_gns_core.errors import UserError
 from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -55,11 +45,11 @@ def overridable() -> QoSOverridingOptions:
 
 @contextmanager
 def _named_overrides(topic: str) -> Iterator[None]:
-    """Errors of a topic's QoS parameters as ValueError."""
+    """Errors of a topic's QoS parameters as UserError."""
     try:
         yield
     except (RuntimeError, InvalidParameterTypeException) as error:
-        raise ValueError(f'qos_overrides of {topic}: {error}') from error
+        raise UserError(f'qos_overrides of {topic}: {error}') from error
 
 
 class Channels:
@@ -74,7 +64,7 @@ class Channels:
 
     Raises:
         OSError: The bag cannot be made.
-        ValueError: A topic's QoS cannot be used.
+        UserError: A topic's QoS cannot be used.
     """
 
     def __init__(

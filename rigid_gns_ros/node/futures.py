@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The whole future on a topic: asked for at each tracked frame, published when it is there."""
 
@@ -19,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, steps_of
 from rigid_gns_core.tracking.window import TrackingWindow
@@ -98,7 +88,7 @@ class Futures:
         try:
             stamp_ns, state = window.start()
             rollout = self._model.forecast(state, stamp_ns, window.ids).rollout
-        except ValueError as error:
+        except UserError as error:
             self._none(f'no future from these tracked frames: {error}')
             return None
         steps = steps_of(self._seconds, rollout.dt)

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A node as a process: signals, exit codes, and errors in one line.
 
@@ -70,9 +59,10 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.logging import get_logger
     from rclpy.utilities import remove_ros_args
+    from rigid_gns_core.errors import UserError
 
     unusable = (
-        *(ValueError, OSError, ImportError, ParameterException, NameValidationException),
+        *(UserError, OSError, ImportError, ParameterException, NameValidationException),
         rclpy_implementation.RCLError,  # an argument of --ros-args
         rclpy_implementation.UnknownROSArgsError,
     )

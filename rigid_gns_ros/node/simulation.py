@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The simulator at work: tracked messages in, predictions out, each at its time."""
 
@@ -21,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import time
 from typing import Any, TYPE_CHECKING
 
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.forecasts.starts import Reason, Start
@@ -60,7 +50,7 @@ class Simulation:
 
     Raises:
         OSError: The bag cannot be made.
-        ValueError: A parameter cannot be used.
+        UserError: A parameter cannot be used.
     """
 
     def __init__(self, node: Node, model: Forecaster, parameters: Mapping[str, Any]) -> None:
@@ -130,7 +120,7 @@ class Simulation:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
             restarted = self.window.add(decode_pose_array(cdr), now)
-        except ValueError as error:
+        except UserError as error:
             self.health.frame_rejected(str(error))
             kind = getattr(error, 'kind', 'bytes')
             if kind in STAMPS:

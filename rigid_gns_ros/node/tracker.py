@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The tracker as a node: frames of a record or of Bullet, each when its time has come."""
 
@@ -21,6 +10,7 @@ from typing import Any, Protocol
 from geometry_msgs.msg import PoseArray
 import numpy as np
 from rigid_gns_core.data.records import demo_record, read_record, Record
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.parameters import TRACKER
 from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.scenes.sampling import sample_start
@@ -112,7 +102,7 @@ class TrackerNode(ClosingNode):
     Its executor's `spin` raises `Finished` after the last frame.
 
     Raises:
-        ValueError: A parameter cannot be used.
+        UserError: A parameter cannot be used.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -184,7 +174,7 @@ class TrackerNode(ClosingNode):
 def _source(values: dict[str, Any]) -> Source:
     if values['live']:
         if values['trajectory']:
-            raise ValueError('live and trajectory are both given; give one')
+            raise UserError('live and trajectory are both given; give one')
         return Live(str(values['scene']))
     path = str(values['trajectory'])
     return Playback(read_record(path) if path else demo_record(), bool(values['loop']))

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Tracked poses of bags as a data set to train on.
 
@@ -39,6 +28,7 @@ from ...data.records import (
     write_recipe,
     write_record,
 )
+from ...errors import UserError
 from ...files.config import from_mapping
 from ...running.progress import Progress
 
@@ -52,7 +42,7 @@ def import_bags(
         The report of each bag.
 
     Raises:
-        ValueError: A bag cannot be read or used; which, and why.
+        UserError: A bag cannot be read or used; which, and why.
         FileExistsError: There is something at `out`.
     """
     out = Path(out)
@@ -60,7 +50,7 @@ def import_bags(
         raise FileExistsError(f'{out} exists; remove it or give another --out')
     places = [Path(bag).resolve() for bag in bags]
     if twice := [bag for bag, place in zip(bags, places, strict=True) if places.count(place) > 1]:
-        raise ValueError(f'{twice[0]}: given twice, which would count its frames twice')
+        raise UserError(f'{twice[0]}: given twice, which would count its frames twice')
     options = options or ImportOptions()
     imported = []
     with Progress(len(bags), 'import', unit='bag') as progress:

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Trajectories at a model's time step from the tracked poses of one bag. No ROS needed."""
 
@@ -30,6 +19,7 @@ from ..tracked_frames import Cut, cut, decode_topic, Decoded, MATCH_REMEDY, Segm
 from ...bags.reader import read_bag
 from ...bags.topics import find_poses
 from ...data.records import Record
+from ...errors import UserError
 from ...forecasts.forecaster import Forecaster, scene_of
 from ...prediction.load import load_simulator
 from ...scenes.scene import Scene
@@ -44,7 +34,7 @@ _SLOWEST = 2.0
 _BEHIND = 0.2
 
 
-class ImportBagError(ValueError):
+class ImportBagError(UserError):
     """A bag holds nothing to learn from, or does not fit its scene."""
 
 
@@ -102,7 +92,7 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     """Trajectories of one bag at the model's time step.
 
     Raises:
-        ValueError: It cannot be read, or holds nothing that can be used.
+        UserError: It cannot be read, or holds nothing that can be used.
     """
     bag = read_bag(path)
     said = SaidScenes.of(bag)
@@ -231,7 +221,7 @@ def _fitting(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> Scene
     if part.ids is not None:
         try:
             scene = scene_of(scene, part.ids)
-        except ValueError as error:
+        except UserError as error:
             raise ImportBagError(f'{where}: {error}') from error
     if scene.sphere_count not in (None, count):
         raise ImportBagError(

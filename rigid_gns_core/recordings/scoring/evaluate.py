@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Scores of a recorded bag: of the predictions in it, or of rollouts of a model."""
 
@@ -52,7 +41,7 @@ def score_bag(
             where the simulator that recorded them did.
 
     Raises:
-        ValueError: The bag lacks a topic or a scene, or nothing overlaps.
+        UserError: The bag lacks a topic or a scene, or nothing overlaps.
     """
     said = SaidScenes.of(bag)
     given = None if scene is None else load_scene(scene)
@@ -82,7 +71,7 @@ def evaluate_bag(folder: str | Path, **options: Any) -> dict[str, Any]:
         options: As of `score_bag`.
 
     Raises:
-        ValueError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
+        UserError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
     """
     return score_bag(read_bag(folder), **options).report
 

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Predictions of a bag computed again, from its tracked poses, and compared byte by byte.
 
@@ -32,6 +21,7 @@ from ..replay import replayed
 from ..tracked_frames import decode_topic, Decoded
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
+from ...errors import UserError
 from ...forecasts.forecaster import Forecast, Forecaster
 from ...forecasts.starts import Start
 from ...forecasts.window_setup import window_of
@@ -89,7 +79,7 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
         model: File or name of the model. None: the recorded one, told by the hash of its weights.
 
     Raises:
-        ValueError: The bag does not say how it was recorded, or the model is not here.
+        UserError: The bag does not say how it was recorded, or the model is not here.
     """
     recorded = topics.recorded
     for key in ('scene', 'model_card', 'parameters'):
@@ -122,7 +112,7 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
             if error:
                 raise BagError(error)
             forecast = maker.forecast(window.start()[1], start.stamp_ns, window.ids)
-        except ValueError as reason:
+        except UserError as reason:
             result.unknown += len(own)
             result.notes.append(f'start at {seconds(start.stamp_ns)} s: {reason}')
             continue
@@ -194,7 +184,7 @@ def _compare(
     for index, frame, message in sorted(own, key=lambda one: one[1].stamp_ns):
         try:
             poses = forecast.advance_to(frame.stamp_ns).poses
-        except (ValueError, FloatingPointError):  # diverges here, and did not there
+        except (UserError, FloatingPointError):  # diverges here, and did not there
             poses = np.full_like(frame.poses, np.inf)
         codec = PoseArrayCodec(frame.frame_id, len(poses))
         if codec.encode(poses, frame.stamp_ns) == message:

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Scores of a model on the tracked poses of a bag, whoever recorded it."""
 
@@ -31,6 +20,7 @@ from ..prediction_runs import AlignmentError
 from ..resample import resample
 from ..tracked_frames import cut, decode_topic, MATCH_REMEDY, Segment
 from ...bags.reader import Bag, Topic
+from ...errors import UserError
 from ...forecasts.forecaster import Forecast, Forecaster
 from ...forecasts.window_setup import window_of
 from ...messages.poses import PoseArrayFrame
@@ -62,7 +52,7 @@ class RolloutOptions:
     def __post_init__(self) -> None:
         for name in ('starts', 'window'):
             if getattr(self, name) < 1:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at least 1')
+                raise UserError(f'{name} is {getattr(self, name)}, expected at least 1')
 
 
 class _Reference:
@@ -99,7 +89,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
 
     Raises:
         AlignmentError: No segment is long enough.
-        ValueError: The model cannot be had, or cannot serve the scene.
+        UserError: The model cannot be had, or cannot serve the scene.
     """
     decoded = decode_topic(topic)
     interval = decoded.interval(f'{bag.path}: {topic.name}')
@@ -116,7 +106,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
     for part in parts.segments:
         try:
             notes += model.check(part.poses.shape[1])
-        except ValueError as error:
+        except UserError as error:
             refused['count'] += len(part.stamps)
             notes.append(str(error))
             continue
@@ -198,7 +188,7 @@ def _forecasts(
             if index in wanted and window.full:
                 start, state = window.start()
                 yield model.forecast(state, start, window.ids)
-        except ValueError:  # this frame is refused, or the model cannot go on from it
+        except UserError:  # this frame is refused, or the model cannot go on from it
             continue
 
 
@@ -228,7 +218,7 @@ def _score(
         tracked = reference.at(np.array([stamp]))[0][0]
         try:
             predicted = forecast.advance_to(stamp).poses[:, :3]
-        except (ValueError, FloatingPointError):  # diverged: infinitely far off
+        except (UserError, FloatingPointError):  # diverged: infinitely far off
             predicted = np.full_like(tracked, np.inf)
         errors.add(horizon, seconds, predicted, tracked)
         scored = True
@@ -258,7 +248,7 @@ def _whole(
     for stamp in stamps[1:]:
         try:
             poses.append(forecast.advance_to(int(stamp)).poses)
-        except (ValueError, FloatingPointError):
+        except (UserError, FloatingPointError):
             poses.append(np.full_like(poses[0], np.nan))
     predicted = np.stack(poses)
     dt = model.native_dt

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """One HTML file of a comparison: replay, curves and numbers; it needs nothing from outside."""
 
@@ -31,6 +20,7 @@ from .tables import notes, tables, tiles
 from ..comparison import Comparison
 from ..series import charts
 from ..surfaces import extent, focus, visible_quads
+from ...errors import UserError
 
 # more frames than a screen shows in a minute; the replay is linear between those it has
 MAX_FRAMES = 2001
@@ -59,10 +49,10 @@ def write_report(
         max_frames: Of a longer replay only every second, third, ... frame is kept.
 
     Raises:
-        ValueError: `max_frames` is below 2.
+        UserError: `max_frames` is below 2.
     """
     if max_frames < 2:
-        raise ValueError(f'max_frames is {max_frames}, expected at least 2')
+        raise UserError(f'max_frames is {max_frames}, expected at least 2')
     evaluation = comparison.evaluation
     text = _filled(
         _static('page.html'),

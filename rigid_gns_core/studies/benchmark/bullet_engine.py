@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Bullet as a peer: the teacher's world without what the teacher adds to Bullet."""
 
@@ -18,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...errors import UserError
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 from ...teacher.bullet import Teacher
@@ -40,7 +30,7 @@ class BulletSpheres(Teacher):
 
     def __init__(self, scene: Scene, start: State, dt: float, settings: TeacherSettings) -> None:
         if settings.rolling_updates:
-            raise ValueError(
+            raise UserError(
                 f'rolling_updates is {settings.rolling_updates}, expected 0: the rolling friction '
                 'of the teacher is Python and would slow Bullet'
             )

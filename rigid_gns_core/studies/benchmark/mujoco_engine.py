@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """MuJoCo as a peer: spheres on planes, at the settings that were best here.
 
@@ -28,6 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...errors import UserError
 from ...installation.extras import needed
 from ...scenes.scene import Plane, Scene
 from ...scenes.state import Array, State
@@ -77,7 +67,7 @@ class MujocoSpheres:
         settings: How MuJoCo is run.
 
     Raises:
-        ValueError: MuJoCo cannot express the scene.
+        UserError: MuJoCo cannot express the scene.
         ModuleNotFoundError: mujoco is not installed.
     """
 
@@ -140,7 +130,7 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
     for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction'):
         own = scene.per_sphere(name, count)
         if np.ptp(own) > 0:
-            raise ValueError(f'{name} differs between spheres; the MuJoCo peer takes one for all')
+            raise UserError(f'{name} differs between spheres; the MuJoCo peer takes one for all')
         values[name] = float(own[0])
     radius, rolling = values['radius'], values['rolling_friction'] * values['radius']
     lines = [
@@ -202,9 +192,7 @@ def _check_endless(scene: Scene, plane: Plane) -> None:
                 if other is not plane
             ]
             if min(heights, default=np.inf) > 1e-6:
-                raise ValueError(
-                    'planes of MuJoCo have no end; the scene has one that spheres see'
-                )
+                raise UserError('planes of MuJoCo have no end; the scene has one that spheres see')
 
 
 def _unturned(quaternions: Array, vectors: Array) -> Array:

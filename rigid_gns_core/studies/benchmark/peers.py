@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Who is compared: Bullet, MuJoCo, the thesis' network and the laws."""
 
@@ -27,6 +16,7 @@ import numpy as np
 from .bullet_engine import BulletSpheres
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
 from .scenes import FRAME
+from ...errors import UserError
 from ...files.checkpoint import LAWS
 from ...prediction.load import load_simulator
 from ...rollout.simulator import Simulator
@@ -66,7 +56,7 @@ class Peer:
         name: Unique, as in the table.
         family: Peers of one family are one line of a chart.
         label: The setting, as beside a point of a chart.
-        start: Begins a scene; ValueError: it refuses the scene.
+        start: Begins a scene; UserError: it refuses the scene.
         settings: For the report.
     """
 
@@ -116,7 +106,7 @@ def all_peers(
         bullet_iterations: Of Bullet's solver.
 
     Raises:
-        ValueError: A family is unknown, with the known ones.
+        UserError: A family is unknown, with the known ones.
     """
     makers: dict[str, Callable[[], list[Peer]]] = {
         'Bullet': lambda: _bullet((2, 6) if quick else BULLET_SUBSTEPS, bullet_iterations),
@@ -126,7 +116,7 @@ def all_peers(
     }
     wanted = list(makers) if families is None else list(dict.fromkeys(families))
     if unknown := sorted(set(wanted) - set(makers)):
-        raise ValueError(f'unknown peer {unknown[0]!r}, known: {", ".join(makers)}')
+        raise UserError(f'unknown peer {unknown[0]!r}, known: {", ".join(makers)}')
     peers: list[Peer] = []
     absent: dict[str, str] = {}
     for family in (name for name in makers if name in wanted):
@@ -179,12 +169,12 @@ class OwnSpheres:
     """A rollout of a simulator of this package, as the others are run.
 
     Raises:
-        ValueError: The model cannot serve the scene, or has frames of another length.
+        UserError: The model cannot serve the scene, or has frames of another length.
     """
 
     def __init__(self, simulator: Simulator, scene: Scene, start: State) -> None:
         if abs(simulator.native_dt(scene) - FRAME) > 1e-9:
-            raise ValueError(
+            raise UserError(
                 f'frames of {simulator.name!r} are {simulator.native_dt(scene):g} s here, not '
                 f'{FRAME:g} s; the scenes of the benchmark have spheres of 1 m'
             )

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The scenes of the benchmark: from no contact at all to a pile."""
 
@@ -23,6 +12,7 @@ import numpy as np
 
 from ..chaos_floor import References
 from ...data.recipe import load_recipe
+from ...errors import UserError
 from ...scenes.plane import Plane
 from ...scenes.sampling import sample_start
 from ...scenes.scene import Scene
@@ -56,7 +46,7 @@ class BenchScene:
 
     def __post_init__(self) -> None:
         if not 1 <= self.frames <= FRAMES:
-            raise ValueError(f'frames of {self.name!r} is {self.frames}, expected 1 to {FRAMES}')
+            raise UserError(f'frames of {self.name!r} is {self.frames}, expected 1 to {FRAMES}')
 
     def references(self, references: References) -> list[Trajectory] | None:
         """Return the teacher and those that tell its floor."""
@@ -74,11 +64,11 @@ def bench_scenes(
         quick: Few spheres and `QUICK_FRAMES`.
 
     Raises:
-        ValueError: A name is unknown, with the known ones.
+        UserError: A name is unknown, with the known ones.
     """
     wanted = list(SCENES) if names is None else list(dict.fromkeys(names))
     if unknown := sorted(set(wanted) - set(SCENES)):
-        raise ValueError(f'unknown scene {unknown[0]!r}, known: {", ".join(SCENES)}')
+        raise UserError(f'unknown scene {unknown[0]!r}, known: {", ".join(SCENES)}')
     made = (make(quick) for name, (_, make) in SCENES.items() if name in wanted)
     return tuple(replace(scene, frames=QUICK_FRAMES) if quick else scene for scene in made)
 
@@ -121,7 +111,7 @@ def _thesis(quick: bool) -> BenchScene:
         scene, start = recipe.draw(index)
         if low <= len(start) <= high:
             return _named('thesis', scene, start)
-    raise ValueError(f'thesis_test has no trajectory of {low} to {high} spheres')
+    raise UserError(f'thesis_test has no trajectory of {low} to {high} spheres')
 
 
 def _pile(quick: bool) -> BenchScene:

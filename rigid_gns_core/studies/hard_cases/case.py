@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """One hard case: a scene, a start, and what may be asked of it."""
 
@@ -20,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...errors import UserError
 from ...scenes.plane import Plane
 from ...scenes.scene import Scene
 from ...scenes.state import State
@@ -56,7 +46,7 @@ class Case:
 
     def __post_init__(self) -> None:
         if self.steps < 2:
-            raise ValueError(f'steps of case {self.name!r} is {self.steps}, expected at least 2')
+            raise UserError(f'steps of case {self.name!r} is {self.steps}, expected at least 2')
         for name in ('radius', 'mass'):
             self.scene.per_sphere(name, len(self.start))
 

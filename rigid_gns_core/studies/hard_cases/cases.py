@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The hard cases, and the thresholds that a simulator has to keep in all of them.
 
@@ -27,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .case import Case
+from ...errors import UserError
 from ...scenes.plane import Plane
 from ...scenes.sampling import sample_start
 from ...scenes.scene import Scene
@@ -54,12 +44,12 @@ def hard_cases(
         seed: Of random starts.
 
     Raises:
-        ValueError: A name is unknown, with the known ones.
+        UserError: A name is unknown, with the known ones.
     """
     cases = {case.name: case for case in (make(seed) for make in _MAKERS)}
     wanted = list(cases) if names is None else list(names)
     if unknown := sorted(set(wanted) - set(cases)):
-        raise ValueError(f'unknown case {unknown[0]!r}, known: {", ".join(cases)}')
+        raise UserError(f'unknown case {unknown[0]!r}, known: {", ".join(cases)}')
     chosen = (case for name, case in cases.items() if name in wanted)
     return tuple(
         replace(case, steps=min(case.steps, QUICK_STEPS)) if quick and case.long else case

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What is measured of a trajectory of a hard case, and what is judged."""
 
@@ -25,6 +14,7 @@ import numpy as np
 from .case import Case
 from .cases import DRIFT, ENERGY_RISE
 from ..chaos_floor import least_floor, over_floor
+from ...errors import UserError
 from ...scenes.scene import Scene
 from ...scenes.state import Array, Trajectory
 from ...scoring import divergence, energy, passed_through, sphere_penetration, surface_penetration
@@ -57,12 +47,12 @@ def measure_laws(
         infinite.
 
     Raises:
-        ValueError: The trajectory is of other spheres or steps.
+        UserError: The trajectory is of other spheres or steps.
     """
     if velocities not in get_args(Velocities):
-        raise ValueError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
+        raise UserError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
     if trajectory.positions.shape[:2] != (case.steps + 1, len(case.start)):
-        raise ValueError(
+        raise UserError(
             f'the trajectory has {trajectory.steps} steps of {trajectory.count} spheres, case '
             f'{case.name!r} {case.steps} of {len(case.start)}'
         )

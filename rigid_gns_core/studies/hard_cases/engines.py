@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What is put to the hard cases, and how."""
 
@@ -26,6 +15,7 @@ import numpy as np
 from .case import Case
 from .checks import failures, HORIZONS, measure_errors, measure_laws
 from ..chaos_floor import References
+from ...errors import UserError
 from ...scenes.scene import Scene
 from ...scenes.state import State, Trajectory
 from ...scoring.evaluate import Velocities
@@ -45,7 +35,7 @@ class Engine:
 
     Args:
         name: For the table.
-        simulate: (scene, start, steps) -> trajectory; ValueError: it refuses the scene;
+        simulate: (scene, start, steps) -> trajectory; UserError: it refuses the scene;
             FloatingPointError: it broke on the way.
         velocities: 'given': those of its trajectories are instantaneous; see `measure_laws`.
     """
@@ -62,10 +52,10 @@ def simulator_engine(
 
     def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
         given = (scene, start.positions, start.velocities, start.angular_velocities)
-        simulator.start(*given, quaternions=start.quaternions)  # a ValueError here is a refusal
+        simulator.start(*given, quaternions=start.quaternions)  # a UserError here is a refusal
         try:
             return simulator.rollout(*given, steps=steps, quaternions=start.quaternions)
-        except ValueError as error:  # and later on a failure
+        except UserError as error:  # and later on a failure
             raise FloatingPointError(str(error)) from error
 
     says: Velocities = 'given' if getattr(simulator, 'velocities', 'poses') == 'given' else 'poses'
@@ -113,7 +103,7 @@ def _row(case: Case, engine: Engine, references: References | None) -> dict[str,
         warnings.simplefilter('always')
         try:
             trajectory = engine.simulate(case.scene, case.start, case.steps)
-        except ValueError as error:
+        except UserError as error:
             return row | {'refused': str(error)}
         except FloatingPointError as error:
             warnings.warn(f'the rollout diverged: {error}', stacklevel=1)

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A cell, one variant with one seed: what determines it is its key, its result a JSON file."""
 
@@ -30,6 +19,7 @@ from .budget import Budget
 from .study import Experiment, Kind, SETS, Variant
 from ...data.generate import resolve
 from ...data.recipe import load_recipe, recipe_hash
+from ...errors import UserError
 from ...files.config import ConfigError, to_mapping
 from ...files.strict_json import read_json, write_compact_json
 from ...installation.versions import PACKAGE, versions_of
@@ -175,7 +165,7 @@ class Store:
         try:
             result = read_json(path)
             if result['key'] != cell.key:
-                raise ValueError(f'key is {result["key"]!r}')
+                raise UserError(f'key is {result["key"]!r}')
         except (ValueError, KeyError, TypeError) as error:
             raise ConfigError(
                 f'{path}: damaged ({error}); remove it, and the same command runs the cell again'

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What is measured of a rollout, and of the teacher beside itself; names as in docs/metrics.md."""
 
@@ -25,6 +14,7 @@ from ..chaos_floor import least_floor, worst
 from ..hard_cases.case import Case
 from ..hard_cases.checks import measure_laws
 from ...data.records import Record
+from ...errors import UserError
 from ...scenes.state import Trajectory
 from ...scoring import LAW_KEYS
 from ...scoring.evaluate import evaluate, Velocities
@@ -74,13 +64,13 @@ def floor_of(record: Record, others: Sequence[Record], steps: int) -> Values:
     """Errors of the teacher at other substeps over the first `steps`, the worse of them.
 
     Raises:
-        ValueError: They start elsewhere.
+        UserError: They start elsewhere.
     """
     start = record.trajectory.positions[0]
     for other in others:
         there = other.trajectory.positions[0]
         if there.shape != start.shape or np.abs(there - start).max() > 1e-6:
-            raise ValueError(f'{record.name} {record.index}: its floor has another start')
+            raise UserError(f'{record.name} {record.index}: its floor has another start')
     found = worst([measure(other.trajectory, record, steps) for other in others])
     names = (*_ERRORS, *(f'{key}_{h}' for key in _HORIZON_ERRORS for h in HORIZONS))
     return {name: found.get(name) for name in names}

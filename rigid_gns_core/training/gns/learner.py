@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Training of the thesis' GNS on noisy windows, of one step (thesis section 3.3) or several."""
 
@@ -29,6 +18,7 @@ from ..distributed import Mean
 from ..learner import Learner, Schedule
 from ...data.common_scene import common_scene
 from ...data.records import Record
+from ...errors import UserError
 from ...files.config import check_least
 from ...gns.config import GNSConfig
 from ...gns.network import GNS
@@ -67,9 +57,9 @@ class GNSTrainConfig(Schedule):
         check_least(self, 0, 'energy_weight', 'start_fraction', 'curriculum')
         for name in ('start_fraction', 'curriculum'):
             if not getattr(self, name) <= 1:
-                raise ValueError(f'{name} is {getattr(self, name)}, expected at most 1')
+                raise UserError(f'{name} is {getattr(self, name)}, expected at most 1')
         if self.closed_loop_steps < 1:
-            raise ValueError(
+            raise UserError(
                 f'closed_loop_steps is {self.closed_loop_steps}, expected at least 1, which is '
                 'one-step training'
             )
@@ -86,7 +76,7 @@ class GNSLearner(Learner[GNS]):
         device: Where features are computed and the network is trained; None: the CPU.
 
     Raises:
-        ValueError: No trajectory is as long as `closed_loop_steps`.
+        UserError: No trajectory is as long as `closed_loop_steps`.
     """
 
     kind = 'gns'
@@ -103,7 +93,7 @@ class GNSLearner(Learner[GNS]):
         steps = config.closed_loop_steps
         self.sources = [source for source in sources if source.steps >= steps]
         if not self.sources:
-            raise ValueError(
+            raise UserError(
                 f'no training trajectory has {steps} steps (closed_loop_steps), the longest has '
                 f'{max(source.steps for source in sources)}; lower it, or generate longer ones'
             )
@@ -126,7 +116,7 @@ class GNSLearner(Learner[GNS]):
         """Learner on records.
 
         Raises:
-            ValueError: There are no records, or they differ in radius, gravity, dt or material.
+            UserError: There are no records, or they differ in radius, gravity, dt or material.
         """
         units, materials = common_scene(records)
         sources = [Source.of(record.trajectory, record.scene) for record in records]

@@ -1,16 +1,5 @@
-# Copyright 2026 rigid_gns maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Training windows: (X[k], Y[k+1]) pairs from trajectories, with noise (thesis section 3.3)."""
 
@@ -24,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ...errors import UserError
 from ...gns.config import GNSConfig
 from ...gns.features import SideBySide
 from ...gns.motion import difference, joined, Motion
@@ -87,7 +77,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         if not self.std >= 0:
-            raise ValueError(f'std of the noise is {self.std}, expected at least 0')
+            raise UserError(f'std of the noise is {self.std}, expected at least 0')
 
     def draw(self, count: int, history: int, radius: float, rng: np.random.Generator) -> Shifts:
         """Noise for `count` spheres of `radius` [m] and `history` previous velocities."""
@@ -207,7 +197,7 @@ def draw_windows(
         draws.append(Draw(index, step, known, shifts, None))
     if rotate:
         if not config.mask_pose:
-            raise ValueError(
+            raise UserError(
                 'rotate needs mask_pose: absolute poses in the features do not turn along'
             )
         angles = rng.uniform(0, 2 * np.pi, size).astype(np.float32)
