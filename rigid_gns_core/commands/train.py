@@ -42,9 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'examples:\n'
         '  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
         '--out runs/gns\n'
-        '  rigid-gns evaluate --model runs/gns/best --data data/gns_test\n'
-        'by several processes, each with its share of every batch:\n'
-        '  torchrun --nproc_per_node=4 -m rigid_gns_core.commands.cli train --config gns ...'
+        '  rigid-gns evaluate --model runs/gns/best --data data/gns_test'
     )
 
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 import math
@@ -15,7 +15,6 @@ from typing import Any, ClassVar, Generic, TypeVar
 import torch
 from torch import nn, Tensor
 
-from .distributed import Mean, Processes
 from ..errors import UserError
 from ..files.checkpoint import CheckpointError
 from ..files.config import check_least, check_positive
@@ -81,9 +80,6 @@ class Learner(ABC, Generic[N]):
         materials: What the card says of the materials.
         trajectories: Number of training trajectories.
         device: Where the network is trained.
-
-    Under torch.distributed each process takes its share of every batch, and gradients are averaged
-    by DistributedDataParallel, so that a step is that of one process but for the order of sums.
     """
 
     kind: ClassVar[str]
@@ -99,8 +95,7 @@ class Learner(ABC, Generic[N]):
         trajectories: int,
         device: torch.device | None = None,
     ) -> None:
-        self.processes = Processes(device)
-        self.device = self.processes.device
+        self.device = device or torch.device('cpu')
         self.config, self.network = config, network.to(self.device)
         self.model, self.units, self.materials = model, units, materials
         self.trajectories = trajectories
@@ -108,23 +103,10 @@ class Learner(ABC, Generic[N]):
         self.averaged = [parameter.detach().clone() for parameter in self.parameters]
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.learning_rate, fused=True)
         self.step = 0
-        self.shared_loss: Callable[[int], Tensor] = self.loss_at
-        if self.processes.size > 1:
-            self.shared_loss = nn.parallel.DistributedDataParallel(
-                _LossAt(network, self.loss_at),
-                find_unused_parameters=True,  # a share may have no contacts
-            )
 
     @abstractmethod
-    def means_at(self, step: int) -> Sequence[Mean]:
-        """Terms of the loss over this process' share of a step: a resumed run draws the same."""
-
     def loss_at(self, step: int) -> Tensor:
-        """Loss of a step; with several processes, what gives the loss when averaged over them."""
-        first, *others = (self.processes.fair(mean) for mean in self.means_at(step))
-        for other in others:
-            first = first + other
-        return first
+        """Loss of a step: a resumed run draws the same."""
 
     def advance(self) -> float:
         """One optimiser step; returns the loss.
@@ -135,16 +117,15 @@ class Learner(ABC, Generic[N]):
         config = self.config
         for group in self.optimizer.param_groups:
             group['lr'] = config.learning_rate_at(self.step)
-        share = self.shared_loss(self.step)
-        # of all, so that all stop where one is not finite
-        loss = self.processes.sum(share.item()) / self.processes.size
+        total = self.loss_at(self.step)
+        loss = total.item()
         if not math.isfinite(loss):
             raise FloatingPointError(
                 f'the loss is {loss} at step {self.step}; train anew, in another folder, '
                 'with a lower learning_rate or clip'
             )
         self.optimizer.zero_grad()
-        share.backward()
+        total.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.parameters, config.clip)
         if not torch.isfinite(norm):  # before it reaches the weights
             raise FloatingPointError(
@@ -211,14 +192,3 @@ class Learner(ABC, Generic[N]):
             raise CheckpointError(
                 f'the state of the run does not fit its recipe: {error}'
             ) from error
-
-
-class _LossAt(nn.Module):
-    """The loss as the forward pass of a module, which DistributedDataParallel can wrap."""
-
-    def __init__(self, network: nn.Module, loss_at: Callable[[int], Tensor]) -> None:
-        super().__init__()
-        self.network, self._loss_at = network, loss_at
-
-    def forward(self, step: int) -> Tensor:
-        return self._loss_at(step)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 import json
 import math
-import os
 from pathlib import Path
 import time
 from typing import Any
@@ -20,7 +19,6 @@ import numpy as np
 import torch
 import yaml
 
-from .distributed import find_device, started_by_torchrun
 from .fine_tune import StartingPoint
 from .learner import Schedule
 from .recipes import load_recipe, make_learner
@@ -42,8 +40,6 @@ SAVE_EVERY = 60.0
 
 class Trainer:
     """Trains in a folder; `run` goes on from what an earlier run left there.
-
-    Under torch.distributed each process has one: all train, the first validates, logs and writes.
 
     Args:
         config: The recipe.
@@ -74,7 +70,6 @@ class Trainer:
         self.validation = _long_enough(validation, config)
         self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
         self.learner = make_learner(config, records, device)
-        self.processes = self.learner.processes
         self.best = math.inf
         self._resume()
         if start is not None:
@@ -87,30 +82,21 @@ class Trainer:
             FloatingPointError: Loss or gradient are not finite; the last checkpoint stays.
             KeyboardInterrupt: SIGINT or SIGTERM came; the state is saved.
         """
-        learner, config, processes = self.learner, self.config, self.processes
+        learner, config = self.learner, self.config
         end = config.steps if stop_at is None else min(stop_at, config.steps)
         losses: list[float] = []
         self._saved = time.monotonic()
-        with (
-            open(os.devnull, 'w') as nowhere,
-            Progress(
-                end, 'train', initial=learner.step, stream=None if processes.first else nowhere
-            ) as progress,
-            stop_on_signal() as stop,
-        ):
-            # all processes stop after the same step
-            while learner.step < end and not processes.any(bool(stop)):
+        with Progress(end, 'train', initial=learner.step) as progress, stop_on_signal() as stop:
+            while learner.step < end and not stop:
                 losses.append(learner.advance())
                 progress.update(loss=float(np.mean(losses[-100:])), best=self.best)
                 if learner.step % config.validate_every == 0 or learner.step == config.steps:
-                    if processes.first:
-                        self._validate_and_save(losses, progress)
+                    self._validate_and_save(losses, progress)
                     losses.clear()
-                elif processes.first and time.monotonic() - self._saved > SAVE_EVERY:
+                elif time.monotonic() - self._saved > SAVE_EVERY:
                     self._save_state()
-            if processes.first:
-                self._save_state()
-            if processes.any(bool(stop)):
+            self._save_state()
+            if stop:
                 progress.line(f'stopped; the same command goes on from {self.folder}')
                 raise KeyboardInterrupt
         return self.best
@@ -188,19 +174,11 @@ class Trainer:
         self._saved = time.monotonic()
 
     def _resume(self) -> None:
-        if self.processes.first:
-            self._claim_folder()
-        self.processes.wait()
+        self._claim_folder()
         if (self.folder / STATE).is_file():
             tensors = load_tensors(self.folder / STATE)
             self.best = float(tensors.pop('best'))
             self.learner.load_state({k: torch.from_numpy(v) for k, v in tensors.items()})
-        step, size = self.learner.step, self.processes.size
-        if self.processes.sum(step) != step * size:
-            raise UserError(
-                f'{self.folder} holds step {step} for one process and another for others; give a '
-                'folder that all processes see'
-            )
 
     def _claim_folder(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -225,6 +203,19 @@ class Trainer:
         recipe.write_text(text, encoding='utf-8')
 
 
+def find_device(name: str) -> torch.device:
+    """Device to train on: `cpu`, `cuda`, or `auto` for CUDA where there is one.
+
+    Raises:
+        UserError: CUDA is asked for and there is none.
+    """
+    if name == 'cuda' and not torch.cuda.is_available():
+        raise UserError('device is cuda, but torch finds no CUDA device here; use --device cpu')
+    if name == 'auto':
+        name = 'cuda' if torch.cuda.is_available() else 'cpu'
+    return torch.device(name)
+
+
 def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
     enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
     if records and not enough:
@@ -243,18 +234,13 @@ def run(arguments: argparse.Namespace) -> int:
     config = replace(config, **{k: v for k, v in changes.items() if v is not None})
     torch.set_num_threads(arguments.threads)
     device = find_device(arguments.device)
-    with started_by_torchrun(device):
-        validation = list(Dataset(arguments.validation)) if arguments.validation else []
-        records = [record for folder in arguments.data for record in Dataset(folder)]
-        origin = ' '.join(folder.name for folder in arguments.data)
-        if start := StartingPoint.of(arguments.start) if arguments.start else None:
-            records, validation = start.records(records), start.records(validation)
-            origin += f' from {start.name}'
-        trainer = Trainer(config, records, validation, arguments.out, origin, device, start)
-        best = trainer.run()
-        if trainer.processes.first:
-            score = (
-                f'best validation {best:.4g}' if validation else 'no validation set: last weights'
-            )
-            print(f'{score}; weights: {arguments.out / "best.safetensors"}')
+    validation = list(Dataset(arguments.validation)) if arguments.validation else []
+    records = [record for folder in arguments.data for record in Dataset(folder)]
+    origin = ' '.join(folder.name for folder in arguments.data)
+    if start := StartingPoint.of(arguments.start) if arguments.start else None:
+        records, validation = start.records(records), start.records(validation)
+        origin += f' from {start.name}'
+    best = Trainer(config, records, validation, arguments.out, origin, device, start).run()
+    score = f'best validation {best:.4g}' if validation else 'no validation set: last weights'
+    print(f'{score}; weights: {arguments.out / "best.safetensors"}')
     return 0

@@ -21,7 +21,7 @@ from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.training.gns.closed_loop import batch_of
 from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.training.gns.windows import Noise, Source
-from rigid_gns_core.training.train import load_recipe, Trainer
+from rigid_gns_core.training.train import find_device, load_recipe, Trainer
 import torch
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
@@ -267,3 +267,12 @@ def test_the_shipped_weights_follow_the_shipped_recipe():
 def test_an_unknown_key_lists_the_allowed_ones():
     with pytest.raises(ConfigError, match="unknown key 'momentum', allowed: seed, steps"):
         from_mapping(GNSTrainConfig, {'momentum': 1})
+
+
+def test_a_device_that_is_not_there_is_named(monkeypatch):
+    monkeypatch.setattr(torch.cuda, 'is_available', lambda: False)
+    assert find_device('auto') == find_device('cpu') == torch.device('cpu')
+    with pytest.raises(ValueError, match='device is cuda, but torch finds no CUDA device'):
+        find_device('cuda')
+    monkeypatch.setattr(torch.cuda, 'is_available', lambda: True)
+    assert find_device('auto') == torch.device('cuda')

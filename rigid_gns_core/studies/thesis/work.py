@@ -188,8 +188,7 @@ def _on_gpu(budget: Budget) -> bool:
 def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     """Train, then roll out on the test set and on the scenes unlike the training set."""
     from ...prediction.load import load_simulator
-    from ...training.distributed import find_device
-    from ...training.train import Trainer
+    from ...training.train import find_device, Trainer
 
     config = cell.budget.training(cell.changes, cell.seed)
     device = find_device(cell.budget.device)

@@ -14,7 +14,6 @@ from torch import Tensor
 
 from .closed_loop import Batch, batch_of, roll_out
 from .windows import Draw, draw_windows, Noise, Source, stack_windows, Windows
-from ..distributed import Mean
 from ..learner import Learner, Schedule
 from ...data.common_scene import common_scene
 from ...data.records import Record
@@ -122,10 +121,10 @@ class GNSLearner(Learner[GNS]):
         sources = [Source.of(record.trajectory, record.scene) for record in records]
         return cls(config, sources, units, materials, device)
 
-    def means_at(self, step: int) -> tuple[Mean, ...]:
-        """Terms of the loss over this process' share of the windows of a step."""
-        draws = self.draw(step, self.config.batch, self.config.noise)
-        return self.loss_terms(self.processes.share(draws))
+    def loss_at(self, step: int) -> Tensor:
+        """Loss over the windows of a step: a resumed run draws the same."""
+        error, gain = self.loss_terms(self.draw(step, self.config.batch, self.config.noise))
+        return error + gain
 
     def draw(self, step: int, size: int, noise: Noise) -> list[Draw]:
         """Return the windows of a step: a resumed run draws the same ones."""
@@ -155,7 +154,7 @@ class GNSLearner(Learner[GNS]):
         corrects = self.config.noise.corrects_target
         return stack_windows(self.sources, draws, self.config.model, steps, corrects, self.device)
 
-    def loss_terms(self, draws: Sequence[Draw]) -> tuple[Mean, ...]:
+    def loss_terms(self, draws: Sequence[Draw]) -> tuple[Tensor, Tensor]:
         """L2 on normalised targets, and lambda times the energy gain (section 3.3).
 
         Both are means over the steps of the windows; spheres that are lost count no more.
@@ -169,12 +168,9 @@ class GNSLearner(Learner[GNS]):
             errors.append((output - target)[counted].square().flatten())
             if config.energy_weight:
                 gains.append(self.energy_gain(network.decode(output, motion), batch))
-        error = torch.cat(errors)
-        terms = (Mean(error.mean(), error.numel()),)
-        if gains:
-            gain = config.energy_weight * torch.stack(gains).mean()
-            terms += (Mean(gain, len(draws)),)
-        return terms
+        error = torch.cat(errors).mean()
+        gain = config.energy_weight * torch.stack(gains).mean() if gains else error.new_zeros(())
+        return error, gain
 
     def energy_gain(self, predicted: Tensor, batch: Batch) -> Tensor:
         """Mean over windows of max(E[k+1] - E[k], 0), per sphere and in units of m g r.
