@@ -20,7 +20,7 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 SKIPPED = {'.git', 'build', 'install', 'log', 'dist', 'runs', 'bags', 'demo', 'data'}
 LARGEST = 10e6  # bytes; what is larger does not belong into a package
-TEXT = {'.py', '.yaml', '.yml', '.xml', '.json', '.md', '.rst', '.toml', '.cfg', '.txt', '.msg'}
+TEXT = {'.py', '.yaml', '.yml', '.xml', '.json', '.md', '.rst', '.toml', '.cfg', '.txt'}
 
 # As above: ament_copyright looks for it in every source that is not empty.
 HEADER = Path(__file__).read_text(encoding='utf-8').partition('\n\n')[0] + '\n'

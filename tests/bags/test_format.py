@@ -120,19 +120,20 @@ def test_definitions_are_those_of_the_installed_ros():
         except (LookupError, OSError):  # wheels, where no environment is sourced
             return Path(sys.prefix) / 'share' / package
 
-    for name, text in definitions.TEXTS.items():
-        package, kind = name.split('/')
-        path = share(package) / 'msg' / f'{kind}.msg'
-        if not path.is_file():
-            pytest.skip(f'{path} is not there')
-        assert text == path.read_text()
-    for name, (expected, parts) in definitions.TYPES.items():
+    for name in definitions.HASHES:
         package, _, kind = name.split('/')
+        text, *others = definitions.full_text(name).split(f'\n{"=" * 80}\nMSG: ')
+        parts = {f'{package}/{kind}': text, **dict(other.split('\n', 1) for other in others)}
+        for part, text in parts.items():
+            path = share(part.split('/')[0]) / 'msg' / f'{part.split("/")[1]}.msg'
+            if not path.is_file():
+                pytest.skip(f'{path} is not there')
+            assert text == path.read_text()
         hashes = json.loads((share(package) / 'msg' / f'{kind}.json').read_text())['type_hashes']
         found = {
             entry['type_name'].replace('/msg/', '/'): entry['hash_string'] for entry in hashes
         }
-        assert found.pop(f'{package}/{kind}') == expected
+        assert found[f'{package}/{kind}'] == definitions.type_hash(name)
         assert set(found) == set(parts)
 
 
