@@ -16,24 +16,27 @@ from typing import Any
 from .arguments import completes, shipped_models
 from ..files.checkpoint import CheckpointError, DEFAULT_MODEL, find_model, LAWS, load_card
 from ..installation.extras import remedy
-from ..installation.probes import Probes
 from ..installation.versions import PACKAGE, version_of, versions_of
 from ..prediction.laws import LawsSimulator
 
 LIBRARIES = ('numpy', 'scipy', 'numba', 'h5py', 'safetensors', 'mcap', 'joblib')
 """What everything needs."""
-# module: (distribution, what it is for); these are looked for, and not imported
+# module: (its distributions, what it is for); these are looked for, and not imported
 OPTIONAL = {
-    'matplotlib': ('matplotlib', 'figures'),
-    'mujoco': ('mujoco', 'a peer of benchmark'),
-    'distributed': ('distributed', '--backend dask'),
+    'torch': (('torch',), 'train, the model gns'),
+    'pybullet': (('pybullet',), 'the teacher: generate, closed-forms'),
+    'rclpy': (('rclpy', 'ros-jazzy-rclpy'), 'the nodes'),
+    'matplotlib': (('matplotlib',), 'figures'),
+    'mujoco': (('mujoco',), 'a peer of benchmark'),
+    'distributed': (('distributed',), '--backend dask'),
 }
+COMPILE = 'python -m rigid_gns_core.engine'
 
 NVIDIA = Path('/proc/driver/nvidia/gpus')
 
 
 def collect(models: list[str] | None = None) -> dict[str, Any]:
-    """All that `rigid-gns info` tells; what is missing or broken is told, not raised.
+    """All that `rigid-gns info` tells; what is missing is told, not raised.
 
     Args:
         models: Shipped names or paths; None: all shipped models.
@@ -41,20 +44,17 @@ def collect(models: list[str] | None = None) -> dict[str, Any]:
     Raises:
         CheckpointError: One of `models` is not there, or damaged.
     """
-    cards = [describe_model(name) for name in models] if models else _shipped()
-    with Probes() as probes:  # which run while the rest is looked up
-        optional = {name: _look_for(name, *about) for name, about in OPTIONAL.items()}
-        libraries = versions_of(LIBRARIES)
-        found = probes.results()
+    from ..kernels.jit import is_compiled
+
     return {
         'version': version_of(PACKAGE),
         'python': platform.python_version(),
         'system': f'{platform.system()} {platform.machine()}',
-        'libraries': libraries,
-        **found,
+        'libraries': versions_of(LIBRARIES),
+        'compiled': is_compiled(),
         'graphics': graphics_cards(),
-        'optional': optional,
-        'models': cards,
+        'optional': {name: _look_for(name, *about) for name, about in OPTIONAL.items()},
+        'models': [describe_model(name) for name in models] if models else _shipped(),
     }
 
 
@@ -101,109 +101,45 @@ def graphics_cards(folder: Path = NVIDIA) -> list[str]:
     return re.findall(r'^Model:\s*(.+?)\s*$', '\n'.join(texts), re.M)
 
 
-def _look_for(module: str, distribution: str, purpose: str) -> dict[str, Any]:
+def _look_for(module: str, distributions: tuple[str, ...], purpose: str) -> dict[str, Any]:
     present = importlib.util.find_spec(module) is not None
+    versions = [version for name in distributions if (version := version_of(name))]
     return {
         'for': purpose,
         'present': present,
-        'version': version_of(distribution) if present else None,
+        'version': versions[0] if present and versions else None,
         'remedy': None if present else remedy(module),
     }
 
 
 def format_info(info: dict[str, Any]) -> str:
     """All of it as text, for people and for bug reports."""
-    libraries = ', '.join(f'{name} {version}' for name, version in info['libraries'].items())
-    rows = [
-        (PACKAGE, info['version'] or 'a source tree that is not installed'),
-        ('Python', f'{info["python"]}, {info["system"]}'),
-        ('libraries', libraries),
-        ('engine', _engine(info['engine'])),
-        ('torch', _probed(info['torch'], 'train, the model gns')),
-        ('GPU', _gpu(info['torch'], info['graphics'])),
-        ('pybullet', _probed(info['pybullet'], 'the teacher: generate, closed-forms')),
-        ('ROS', _ros(info['ros'])),
-    ]
-    for name, found in info['optional'].items():
-        text = found['version'] or 'present'
-        rows.append((name, text if found['present'] else _missing(found['for'], found['remedy'])))
-    lines = [f'{name:15} {text}' for name, text in rows]
-    return '\n'.join([*lines, *(line for model in info['models'] for line in _model_lines(model))])
-
-
-def _missing(purpose: str, advice: str | None) -> str:
-    return f'missing; for {purpose}' + (f': {advice}' if advice else '')
-
-
-def _probed(found: dict[str, Any], purpose: str) -> str:
-    if found['state'] == 'missing':
-        return _missing(purpose, found['remedy'])
-    if found['state'] == 'broken':
-        return f'{found["version"] or "present"}, but it does not work: {found["error"]}'
-    return found['version'] or 'present'
-
-
-def _engine(found: dict[str, Any]) -> str:
-    if found['state'] != 'ready':
-        return _probed(found, 'prediction')
-    if found['compiled']:
-        return 'compiled'
-    return f'not compiled yet, so that the first prediction takes a minute: {found["remedy"]}'
-
-
-def _gpu(torch: dict[str, Any], cards: list[str]) -> str:
-    if torch.get('gpus'):
-        return ', '.join(torch['gpus']) + f' (CUDA {torch["cuda"]})'
-    if not cards:
-        return 'none'
-    seen = ', '.join(cards)
-    if torch['state'] != 'ready':
-        return f'{seen}, but no torch to use it'
-    if torch['cuda'] is None:
-        return f'{seen}, but this torch is a build for the CPU: pytorch.org/get-started has others'
-    return (
-        f'{seen}, but torch cannot use it: look at nvidia-smi for the CUDA version of the driver'
-    )
-
-
-def _ros(found: dict[str, Any]) -> str:
-    text = _probed(found, 'the nodes')
-    if found['state'] != 'ready':
-        return text
-    distribution = f'{found["distribution"]}, ' if found['distribution'] else ''
-    return f'{distribution}rclpy {text}, {found["rmw"]}'
-
-
-def _model_lines(model: dict[str, Any]) -> list[str]:
-    head = f'\nmodel {model["name"]}' + (' (the default)' if model.get('default') else '')
-    if 'error' in model:
-        return [head, f'  damaged: {model["error"]}']
-    if model['kind'] == LAWS:
-        options = ', '.join(f'{name} {value}' for name, value in model['options'].items())
-        return [head, *_rows({'kind': model['kind'], 'options': options})]
-    materials = ', '.join(
-        f'{name} {value[0]:.3g} to {value[1]:.3g}'
-        if isinstance(value, list)
-        else f'{name} {value}'
-        for name, value in model['materials'].items()
-    )
-    scores = ', '.join(
-        f'{name} ' + ('none' if value is None else f'{value:.4g}')
-        for name, value in model['validation'].items()
-    )
+    slow = f'not compiled yet, so that the first prediction takes a minute: {COMPILE}'
     rows = {
-        'file': f'{model["path"]} ({model["bytes"] / 1e3:.0f} kB)',
-        'kind': model['kind'],
-        'trained': f'best of {model["steps"]} steps: that after step {model["step"]}, on '
-        f'{model["trajectories"]} trajectories of {model["data"]}',
-        'materials': materials,
-        'validation': scores,
+        PACKAGE: info['version'] or 'a source tree that is not installed',
+        'Python': f'{info["python"]}, {info["system"]}',
+        'libraries': ', '.join(f'{name} {version}' for name, version in info['libraries'].items()),
+        'engine': 'compiled' if info['compiled'] else slow,
+        'GPU': ', '.join(info['graphics']) or 'none',
     }
-    return [head, *_rows(rows)]
+    for name, found in info['optional'].items():
+        advice = f': {found["remedy"]}' if found['remedy'] else ''
+        rows[name] = f'missing; for {found["for"]}{advice}'
+        if found['present']:
+            rows[name] = found['version'] or 'present'
+    lines = [f'{name:15} {text}' for name, text in rows.items()]
+    return '\n'.join([*lines, *map(_model_text, info['models'])])
 
 
-def _rows(rows: dict[str, str]) -> list[str]:
-    return [f'  {name:10} {text}' for name, text in rows.items()]
+def _model_text(model: dict[str, Any]) -> str:
+    head = f'\nmodel {model["name"]}' + (' (the default)' if model.get('default') else '')
+    lines = [head]
+    for name, value in model.items():
+        if isinstance(value, dict):
+            value = ', '.join(f'{key} {part}' for key, part in value.items())
+        if name not in ('name', 'default'):
+            lines.append(f'  {name:12} {value}')
+    return '\n'.join(lines)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
