@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 import os
 from pathlib import Path
@@ -22,7 +22,6 @@ from rigid_gns_core.running.machine import load_average
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.start import StartRecipe
-from rigid_gns_core.studies.benchmark.busy_core import busy_core
 from rigid_gns_ros.demo import node_environment, NodeProcess
 import yaml
 
@@ -32,6 +31,31 @@ PLAYED = 150  # model steps of motion that the tracker plays there and back
 COMPILING = 600.0  # a first run compiles the engine [s]
 LEAST_STARTED = 30.0  # for discovery and the first frames [s]
 POLL = 0.1  # [s]
+
+
+@contextmanager
+def busy_core() -> Iterator[int]:
+    """Start a process that only computes, until the context ends; yield its number."""
+    # a pipe that ends with us ends it too, should we be killed
+    code = (
+        'import os, threading; '
+        'threading.Thread(target=lambda: (os.read(0, 1), os._exit(0)), daemon=True).start()\n'
+        'print(flush=True)\n'
+        'while True: pass'
+    )
+    process = subprocess.Popen(
+        [sys.executable, '-c', code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    try:
+        if process.stdout is not None:
+            process.stdout.readline()  # it runs now
+        yield process.pid
+    finally:
+        process.kill()
+        process.wait()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                pipe.close()
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,9 @@ from ..files.strict_json import write_json
 from ..prediction.load import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
-from ..studies.benchmark.busy_core import measure_busy_core
 from ..studies.benchmark.fresh import first_prediction, memory_per_sphere
 from ..studies.benchmark.judge import floor_of, result
-from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, Field, NOTES, Peer, warm_up
+from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, Field, NOTES, warm_up
 from ..studies.benchmark.race import BLOCK, race, timing
 from ..studies.benchmark.report import COMPARED, format_processes, format_scaling, format_scene
 from ..studies.benchmark.scaling import COUNTS, measure_scaling, QUICK_COUNTS
@@ -30,8 +29,6 @@ from ..teacher.settings import TeacherSettings
 
 REFERENCE_SUBSTEPS = 384
 QUICK_REFERENCE_SUBSTEPS = 24
-BUSY = ('laws 8', 'GNS', 'Bullet 24')
-"""Peers that are run beside a busy core."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--cache', type=Path, metavar='DIR', help='keep references in this folder')
     parser.add_argument('--no-scaling', action='store_true', help='not up to 100 000 spheres')
     parser.add_argument(
-        '--no-processes', action='store_true', help='no fresh processes, no memory, no busy core'
+        '--no-processes', action='store_true', help='no fresh processes, no memory'
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
@@ -110,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
             report['scaling'] = _run_scaling(repeats, quick)
             print(f'{format_scaling(report["scaling"])}\n', flush=True)
         if not arguments.no_processes:
-            report['processes'] = _run_processes(field, scenes, repeats, quick)
+            report['processes'] = _run_processes(repeats, quick)
             print(f'{format_processes(report["processes"])}\n')
     report['load_average']['end'] = load_average()
     for name, text in field.notes.items():
@@ -206,21 +203,13 @@ def _run_scaling(repeats: int, quick: bool) -> dict[str, Any]:
         )
 
 
-def _run_processes(
-    field: Field, scenes: tuple[BenchScene, ...], repeats: int, quick: bool
-) -> dict[str, Any]:
-    peers: list[Peer] = [peer for peer in field.peers if peer.name in BUSY]
-    scene = scenes[0] if scenes else bench_scenes(['box'], quick=quick)[0]
-    with Progress(2 + len(peers), 'processes', unit='measurement') as progress:
+def _run_processes(repeats: int, quick: bool) -> dict[str, Any]:
+    with Progress(2, 'processes', unit='measurement') as progress:
         first = first_prediction(1 if quick else max(3, repeats))
         progress.update()
         memory = memory_per_sphere(100 if quick else 100_000)
         progress.update()
-        busy = []
-        for peer in peers:
-            busy.append(measure_busy_core(peer, scene, repeats))
-            progress.update()
-    return {'first_prediction': first, 'memory': memory, 'busy_core': busy}
+    return {'first_prediction': first, 'memory': memory}
 
 
 def _draw(folder: Path, entry: dict[str, Any], reference: str | None) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 import importlib
-import os
 from pathlib import Path
 import sys
 
@@ -18,7 +17,6 @@ from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
 from rigid_gns_core.studies.benchmark import fresh
-from rigid_gns_core.studies.benchmark.busy_core import busy_core
 from rigid_gns_core.studies.benchmark.judge import energy_rise, faults, position_errors
 from rigid_gns_core.studies.benchmark.peers import all_peers, NOTES, Peer, Run
 from rigid_gns_core.studies.benchmark.race import Lane, race, timing
@@ -170,13 +168,6 @@ def test_bouncing_boxes_hold_their_spheres(spheres: int) -> None:
     apart = np.linalg.norm(start.positions[:, None] - start.positions[None], axis=-1)
     assert np.where(np.eye(spheres, dtype=bool), np.inf, apart).min() > 2.0
     assert np.abs(start.positions[:, :2]).max() <= np.sqrt(area) / 2 - 1.0
-
-
-def test_the_busy_process_ends_with_the_context() -> None:
-    with busy_core() as number:
-        os.kill(number, 0)  # it is there
-    with pytest.raises(ProcessLookupError):
-        os.kill(number, 0)
 
 
 def test_a_process_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,7 +53,7 @@ def format_scaling(scaling: Mapping[str, Any]) -> str:
 
 
 def format_processes(processes: Mapping[str, Any]) -> str:
-    """Lines about fresh processes, memory and a busy core."""
+    """Lines about fresh processes and memory."""
     first, memory = processes['first_prediction'], processes['memory']
     seconds = first['seconds']
     text = (
@@ -68,11 +68,6 @@ def format_processes(processes: Mapping[str, Any]) -> str:
         + ('unknown' if each is None else f'{each / 1e3:.2f} kB per sphere')
         + f', resident {_megabytes(memory["most_resident"])}'
     )
-    for row in processes['busy_core']:
-        lines.append(
-            f'{row["peer"]} in {row["scene"]}: {number(row["alone"])} steps/s, with one core kept '
-            f'busy {number(row["beside_a_busy_core"])}: {100 * row["ratio"]:.0f} %'
-        )
     return '\n'.join(lines)
 
 
