@@ -7,15 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 
 START = 1_700_000_000_000_000_001  # log time of the first message [ns]
 GRAVITY = -9.81  # along z [m/s^2]
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
+
+
+def evaluate_bag(folder: Path, **options: Any) -> dict[str, Any]:
+    """Report of a bag, with the options of `score_bag`."""
+    from rigid_gns_core.recordings.scoring.evaluate import score_bag
+
+    return score_bag(read_bag(folder), **options).report
 
 
 def poses_cdr(number: int, count: int = 5) -> bytes:

@@ -34,7 +34,8 @@ from rigid_gns_core.recordings.importing.import_bags import import_bags
 from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State, Trajectory
-from rigid_gns_core.tracking.velocity import estimate_velocities
+from rigid_gns_core.tracking.environment import Environment
+from rigid_gns_core.tracking.velocity import estimate_motion
 from rigid_gns_core.training.fine_tune import StartingPoint
 from rigid_gns_core.training.train import load_recipe, Trainer
 
@@ -62,14 +63,20 @@ def further(truth: list[tuple[Scene, Trajectory]], noise: float, seed: int) -> l
             last = round(begin / FINE)
             frames = np.arange(last - TRACKED * (WINDOW - 1), last + 1, TRACKED)
             seen = poses[frames]
-            velocities, spins = estimate_velocities(
-                FINE * frames, seen[..., :3], seen[..., 3:], scene.gravity
+            # the scene is not known, nor the noise: no frame is left out
+            motion = estimate_motion(
+                FINE * frames,
+                seen[..., :3],
+                seen[..., 3:],
+                environment=Environment.unknown(scene.gravity, 1.0),
+                radii=np.ones(seen.shape[1]),
+                noise=1e6,
             )
             start = State(
                 positions=seen[-1, :, :3],
                 quaternions=seen[-1, :, 3:],
-                velocities=velocities,
-                angular_velocities=spins,
+                velocities=motion.velocities,
+                angular_velocities=motion.angular_velocities,
             )
             after = slice(last, last + steps * STEP + 1, STEP)
             found.append(Further(scene, start, trajectory.positions[after]))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from .cdr import Reader, Writer
+from .cdr import Writer
 
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
 HARDWARE_ID = 'none'
@@ -49,22 +49,3 @@ def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status]) -> bytes:
             writer.text('key', key)
             writer.text('value', value)
     return writer.cdr
-
-
-def decode_diagnostics(cdr: bytes) -> tuple[int, list[Status]]:
-    """Stamp [ns] and statuses of a message; MessageError where the bytes are not one."""
-    reader = Reader(cdr, 'DiagnosticArray')
-    stamp_ns = reader.stamp()
-    reader.text('frame_id')
-    statuses = []
-    for _ in range(reader.number('I', 'number of statuses')):
-        level = int(reader.number('B', 'level'))
-        name, message = reader.text('name'), reader.text('message')
-        reader.text('hardware_id')
-        values = {}
-        for _ in range(reader.number('I', 'number of values')):
-            key = reader.text('key')
-            values[key] = reader.text('value')
-        statuses.append(Status(level, name, message, values))
-    reader.end()
-    return stamp_ns, statuses

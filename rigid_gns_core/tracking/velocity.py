@@ -98,26 +98,6 @@ def estimate_motion(
     return Motion(place, quaternions, speed, spins, best.kinds, best.frames, best.errors)
 
 
-def estimate_velocities(
-    times: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, gravity: ArrayLike
-) -> tuple[Array, Array]:
-    """Velocities where neither the scene nor the noise is known: frames are all of one motion.
-
-    Returns:
-        Velocities [m/s] and angular velocities [rad/s], world frame, each of shape (n, 3).
-    """
-    count = np.shape(positions)[1] if np.ndim(positions) == 3 else 0
-    motion = estimate_motion(
-        times,
-        positions,
-        quaternions,
-        environment=Environment.unknown(gravity, 1.0),
-        radii=np.ones(count),
-        noise=1e6,  # nothing is left out, and the motion that fits better is taken
-    )
-    return motion.velocities, motion.angular_velocities
-
-
 def _checked(
     times: ArrayLike, positions: ArrayLike, quaternions: ArrayLike
 ) -> tuple[Array, Array, Array]:

@@ -7,12 +7,12 @@ import json
 
 import numpy as np
 import pytest
+from recorded_bags import evaluate_bag
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics, holds_predictions
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.recorded_forecasts import recorded_starts
-from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 
 START = 1_700_000_000_123_456_789

@@ -13,13 +13,13 @@ import sys
 
 import numpy as np
 import pytest
+from recorded_bags import evaluate_bag
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands.cli import evaluate
 from rigid_gns_core.commands.evaluate import format_report
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.prediction.load import load_simulator
-from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import Trajectory
 

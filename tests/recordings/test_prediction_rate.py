@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_bags import evaluate_bag
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
-from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 
 START, PERIOD = 1_000_000_000, 100_000_000  # [ns]

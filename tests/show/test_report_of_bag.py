@@ -11,10 +11,10 @@ import re
 
 import numpy as np
 import pytest
+from recorded_bags import evaluate_bag
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands import cli
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
-from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.show.bag_comparison import read_bag_comparison
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cells over several processes: what each has of the time; on a GPU one after the other."""
+"""Cells over several processes: on a GPU one after the other."""
 
 from __future__ import annotations
 
@@ -14,37 +14,8 @@ from rigid_gns_core.running.workers import Workers
 from rigid_gns_core.studies.thesis import work
 from rigid_gns_core.studies.thesis.budget import load_budget
 from rigid_gns_core.studies.thesis.cell import Cell, Store
-from rigid_gns_core.studies.thesis.work import Tally
 
 torch = pytest.importorskip('torch', reason='experiments train')
-
-
-def test_processes_that_were_stopped_are_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = iter(['first', 'second', 'third', 'first'])
-    monkeypatch.setattr(work, 'commit', lambda: next(names))
-    with pytest.raises(KeyboardInterrupt), Tally(tmp_path, 0) as first:
-        raise KeyboardInterrupt
-    with Tally(tmp_path, 8):
-        pass
-    # who begins at step 8 too shows that the second left nothing behind
-    last = Tally(tmp_path, 8)
-    assert 0 < last.earlier <= first.seconds and last.commits == ['first', 'third']
-    last = Tally(tmp_path, 9)
-    assert last.commits == ['first', 'second'] and last.counted_from_step == 0
-
-
-def test_the_seconds_before_a_kill_are_not_known(tmp_path: Path) -> None:
-    Tally(tmp_path, 0).__enter__()
-    with Tally(tmp_path, 5) as tally:
-        assert tally.counted_from_step == 5
-    assert Tally(tmp_path, 7).counted_from_step == 5
-
-
-def test_a_training_that_an_older_source_began_is_not_counted_as_whole(tmp_path: Path) -> None:
-    with Tally(tmp_path, 3) as tally:
-        assert tally.counted_from_step == 3
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from .predictions import score_predictions
 from .scored import Scored
 from ..recorded_scenes import SaidScenes
-from ...bags.reader import Bag, read_bag
+from ...bags.reader import Bag
 from ...bags.topics import find_poses, find_topics, holds_predictions
 from ...forecasts.parameters import SIMULATOR
 from ...scenes.scene_file import load_scene
@@ -61,19 +60,6 @@ def score_bag(
         match or bool(parameters.get('match_spheres', False)),
     )
     return score_rollouts(bag, topic, given or said.scene(topic.name), options)
-
-
-def evaluate_bag(folder: str | Path, **options: Any) -> dict[str, Any]:
-    """Return the report of a bag, see `Scored`.
-
-    Args:
-        folder: Bag folder, or an .mcap file.
-        options: As of `score_bag`.
-
-    Raises:
-        UserError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
-    """
-    return score_bag(read_bag(folder), **options).report
 
 
 def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:

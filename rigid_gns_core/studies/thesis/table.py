@@ -168,7 +168,7 @@ def _floor_row(floor: Result) -> dict[str, Any]:
 def _minutes(result: Result) -> float | None:
     """Wall time of a cell; None where that of its first steps is not known."""
     seconds = result['seconds']
-    # cells of before seconds were added up say at which step their last process began
+    # some were added up over several processes, from a step that they tell
     begin = seconds.get('counted_from_step', seconds.get('resumed_at_step', 0))
     return seconds['all'] / 60 if begin == 0 else None
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 import contextlib
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 import threading
 import time
@@ -17,13 +16,12 @@ from typing import Any
 import warnings
 
 from .budget import Budget
-from .cell import Cell, commit, Store
+from .cell import Cell, Store
 from .measure import columns, describe, floor_of, least_floors, measure, Values
 from .sets import make_sets, references, training_set
 from .speed import measure_speed
 from ...data.common_scene import fingerprint
 from ...data.records import Record
-from ...files.strict_json import read_json, write_compact_json
 from ...running.progress import Progress
 from ...running.workers import Workers
 from ...scoring import LAW_KEYS
@@ -102,8 +100,8 @@ def run_cell(
         quiet: Write progress into `output.txt` of the run's folder, not to standard error.
 
     Returns:
-        The cell, and its result with `seconds`, those of earlier processes included; or `error`
-        with a traceback, so that others go on.
+        The cell, and its result with `seconds` of this process; or `error` with a traceback, so
+        that others go on.
     """
     import torch
 
@@ -121,60 +119,8 @@ def run_cell(
                     result = _train(cell, data, folder)
         except Exception:
             return cell, {'error': traceback.format_exc()}
-        seconds = result.get('seconds', {})
-        whole = seconds.get('earlier_processes', 0.0) + time.monotonic() - begin
-        return cell, {**result, 'seconds': {**seconds, 'all': whole}}
-
-
-class Tally:
-    """How long a cell was trained and by which commits, over all processes that worked on it.
-
-    A context manager around the training, which keeps it beside the checkpoints.
-
-    Args:
-        folder: Of the checkpoints.
-        step: Where this process begins. Earlier ones count if they came further than they began.
-    """
-
-    def __init__(self, folder: Path, step: int) -> None:
-        self._path, self._begin = folder / 'tally.json', time.monotonic()
-        known = read_json(self._path)['runs'] if self._path.is_file() else []
-        self._earlier = [run for run in known if run['from_step'] < step]
-        self._own: dict[str, Any] = {'from_step': step, 'commit': commit(), 'seconds': None}
-
-    def __enter__(self) -> Tally:
-        self._write()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._own['seconds'] = self.seconds
-        self._write()
-
-    @property
-    def seconds(self) -> float:
-        """Training of this process [s]."""
-        return time.monotonic() - self._begin
-
-    @property
-    def earlier(self) -> float:
-        """Training of the processes before this one [s]."""
-        return float(sum(run['seconds'] or 0.0 for run in self._earlier))
-
-    @property
-    def counted_from_step(self) -> int:
-        """Step from which on seconds are known: 0, unless a process was killed before."""
-        runs = [*self._earlier, self._own]
-        killed = [after for run, after in pairwise(runs) if run['seconds'] is None]
-        return int((killed or runs[:1])[-1]['from_step'])
-
-    @property
-    def commits(self) -> list[str]:
-        """Those of all processes, in order, each once."""
-        runs = [*self._earlier, self._own]
-        return list(dict.fromkeys(run['commit'] for run in runs if run['commit']))
-
-    def _write(self) -> None:
-        write_compact_json(self._path, {'runs': [*self._earlier, self._own]}, digits=6)
+        seconds = {**result.get('seconds', {}), 'all': time.monotonic() - begin}
+        return cell, {**result, 'seconds': seconds}
 
 
 def _on_gpu(budget: Budget) -> bool:
@@ -194,11 +140,9 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     device = find_device(cell.budget.device)
     records = training_set(cell.budget, data)
     trainer = Trainer(config, records, [], folder, cell.budget.data.named.train, device)
-    failed = None
-    tally = Tally(folder, trainer.learner.step)
+    begun_at, begin, failed = trainer.learner.step, time.monotonic(), None
     try:
-        with tally:
-            trainer.run()
+        trainer.run()
     except FloatingPointError as error:  # a result too: this variant cannot be trained so
         failed = str(error)
     result: dict[str, Any] = {
@@ -209,12 +153,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
             'failed': failed,
             'parameters': sum(parameter.numel() for parameter in trainer.learner.parameters),
         },
-        'seconds': {
-            'training': tally.earlier + tally.seconds,
-            'counted_from_step': tally.counted_from_step,
-            'earlier_processes': tally.earlier,
-        },
-        'commits': tally.commits,
+        'seconds': {'training': time.monotonic() - begin, 'resumed_at_step': begun_at},
         'measures': {},
     }
     if failed is not None:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorded_bags import evaluate_bag
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
-from rigid_gns_core.recordings.scoring.evaluate import evaluate_bag
 from rigid_gns_core.recordings.scoring.reproduce import reproduce
 from rigid_gns_ros.node.simulator import SimulatorNode
 from std_srvs.srv import Trigger

@@ -14,8 +14,9 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.serialization import deserialize_message
 from rigid_gns_core.bags.reader import read_bag
-from rigid_gns_core.messages.diagnostics import decode_diagnostics, ERROR, OK, Status, WARN
+from rigid_gns_core.messages.diagnostics import ERROR, OK, Status, WARN
 from rigid_gns_ros.node.recent import Recent
 from std_srvs.srv import SetBool
 
@@ -139,8 +140,8 @@ def test_levels_of_recording(simulated: Simulated, falling: Falling, tmp_path: P
     bag._error = None
     setup.node.close()
     topic = read_bag(tmp_path / 'bag').topics['/diagnostics']
-    _, statuses = decode_diagnostics(bytes(topic.messages[0]))
-    assert [status.name.split(': ')[1] for status in statuses] == [
+    message = deserialize_message(bytes(topic.messages[0]), DiagnosticArray)
+    assert [status.name.split(': ')[1] for status in message.status] == [
         'tracking',
         'prediction',
         'recording',
