@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 import sys
 from typing import Any
@@ -30,9 +30,20 @@ from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.scoring import chamfer, position_mse
-from rigid_gns_core.studies.chaos_floor import DRAWS, half_and_twice, MOVED, moved
+from rigid_gns_core.studies.chaos_floor import half_and_twice
 from rigid_gns_core.teacher.bullet import simulate
 from rigid_gns_core.teacher.settings import TeacherSettings
+
+MOVED = 1e-3  # how far each sphere of a draw is from its start [m]
+DRAWS = 5
+
+
+def moved(start: State, draw: int) -> State:
+    """Return the start with every sphere moved by `MOVED` in some direction, never down."""
+    way = np.random.default_rng(draw).normal(size=start.positions.shape)
+    way *= MOVED / np.linalg.norm(way, axis=1, keepdims=True)
+    way[:, 2] = np.abs(way[:, 2])
+    return replace(start, positions=start.positions + way)
 
 
 def settings_of(record: Record) -> TeacherSettings:

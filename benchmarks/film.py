@@ -83,7 +83,7 @@ def main() -> int:
     parser.add_argument('--rise', type=float, default=0.0, help='camera upwards [degrees]')
     parser.add_argument('--zoom', type=float, default=1.0, help='camera nearer by this factor')
     arguments = parser.parse_args()
-    comparison = read_comparison(arguments, scored=False)
+    comparison = read_comparison(arguments)
     stop = min(arguments.stop, float(comparison.predicted.times[-1]))
     times = np.arange(arguments.start, stop + 1e-9, 1.0 / arguments.fps)
     width, height = arguments.size

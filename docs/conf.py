@@ -52,7 +52,7 @@ autodoc_typehints_description_target = 'documented'
 autodoc_typehints_format = 'short'
 autodoc_type_aliases = {
     name: name
-    for name in ('Array', 'ArrayLike', 'Flags', 'Floats', 'Indices', 'PerSphere', 'Shapes')
+    for name in ('Array', 'ArrayLike', 'Flags', 'Floats', 'Indices', 'PerSphere')
     + ('Tensors', 'Vector')
 }
 python_maximum_signature_line_length = 60

@@ -14,10 +14,11 @@ from ..scenes.state import Array, State, Trajectory
 
 Simulate = Callable[[Scene, State, int, float], Trajectory]
 GRAVITY = 9.81
+PHASES = 4
 
 
 def bounces(
-    simulate: Simulate, radius: float, restitutions: Array, drops: Array, phases: int = 4
+    simulate: Simulate, radius: float, restitutions: Array, drops: Array
 ) -> tuple[Array, Array]:
     """Effective restitution of spheres dropped on a level floor.
 
@@ -25,17 +26,17 @@ def bounces(
         simulate: The engine.
         radius: Radius [m]; drop heights are multiples of it.
         restitutions: Of the pair, shape (restitutions,).
-        drops: Heights of the spheres above the floor, in radii, shape (drops,).
-        phases: Each height is dropped so many times, 1.3 % higher each time, so that the impact
-            falls into different moments of a time step.
+        drops: Heights of the spheres above the floor, in radii, shape (drops,); from each
+            `PHASES` fall, each 1.3 % higher, so that the impacts are at different moments of a
+            time step.
 
     Returns:
-        Two arrays (restitutions, drops, phases). The first holds the ratio of the speeds at the
+        Two arrays (restitutions, drops, PHASES). The first holds the ratio of the speeds at the
         instant of impact, where the parabolas before and after it meet: the law of impact. The
         second, from the energy above the floor, tells how high the sphere rises: it also counts
         that the impact takes place a little too deep.
     """
-    heights = drops[:, None] * (1.0 + 0.013 * np.arange(phases)) * radius
+    heights = drops[:, None] * (1.0 + 0.013 * np.arange(PHASES)) * radius
     shape = (len(restitutions), *heights.shape)
     height = np.broadcast_to(heights, shape).ravel()
     pair = np.broadcast_to(restitutions[:, None, None], shape).ravel()

@@ -45,18 +45,13 @@ def add_source(parser: argparse.ArgumentParser) -> None:
 
 
 def read_comparison(
-    arguments: argparse.Namespace,
-    *,
-    floors: Sequence[Path] = (),
-    scored: bool = True,
-    velocities: Velocities = 'given',
+    arguments: argparse.Namespace, *, floors: Sequence[Path] = (), velocities: Velocities = 'given'
 ) -> Comparison:
     """Read what the options of `add_source` name.
 
     Args:
         arguments: Parsed options.
         floors: Records of the reference's start, simulated otherwise.
-        scored: Whether to compute the evaluation; it is always there for a bag.
         velocities: Of records: as given, or 'poses': by backward differences, as for a bag.
 
     Raises:
@@ -69,7 +64,7 @@ def read_comparison(
         for name in ('scene', 'tracked', 'predicted'):
             if getattr(arguments, name) is not None:
                 raise UserError(f'--{name} goes with a bag: the record {source} says it itself')
-        comparison = _read_records(source, arguments.reference, scored, velocities)
+        comparison = _read_records(source, arguments.reference, velocities)
     else:
         if arguments.reference is not None:
             raise UserError(
@@ -85,9 +80,7 @@ def read_comparison(
     return cut(replace(comparison, title=title, floors=added))
 
 
-def _read_records(
-    source: Path, reference: Path | None, scored: bool, velocities: Velocities
-) -> Comparison:
+def _read_records(source: Path, reference: Path | None, velocities: Velocities) -> Comparison:
     record = read_record(source)
     name = record.name or source.stem
     if reference is None:
@@ -96,7 +89,7 @@ def _read_records(
             scene=record.scene,
             predicted=record.trajectory,
             names=(engine_name(record), ''),
-            evaluation=_laws_alone(record) if scored else {},
+            evaluation=_laws_alone(record),
         )
     other = read_record(reference)
     frames = min(len(record.trajectory), len(other.trajectory))
@@ -115,9 +108,7 @@ def _read_records(
         predicted=predicted,
         reference=truth,
         names=names,
-        evaluation=evaluate(predicted, truth, other.scene, velocities=velocities)
-        if scored
-        else {},
+        evaluation=evaluate(predicted, truth, other.scene, velocities=velocities),
     )
 
 

@@ -9,15 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from .graph import Connectivity, Reach
-from ..files.checkpoint import Shapes
 from ..files.config import check_least
-
-
-def mlp_shapes(name: str, inputs: tuple[int, ...], hidden: int, outputs: int) -> Shapes:
-    """Weights of an `MLP` called `name`."""
-    shapes: Shapes = {f'{name}.weights.{k}': (hidden, size) for k, size in enumerate(inputs)}
-    last: Shapes = {f'{name}.last.weight': (outputs, hidden), f'{name}.last.bias': (outputs,)}
-    return {**shapes, f'{name}.bias': (hidden,), **last}
 
 
 @dataclass(frozen=True)
@@ -65,21 +57,3 @@ class GNSConfig:
         return Reach(
             self.connectivity, self.epsilon * radius, self.margin * radius, self.ground_edge
         )
-
-    @property
-    def shapes(self) -> Shapes:
-        """Shapes of the weights, by name."""
-        width, sizes = self.width, {'node': self.node_size, 'edge': 4, 'surface': 10, 'target': 6}
-        shapes: Shapes = {}
-        for name, size in sizes.items():
-            shapes |= {f'{name}_normaliser.{part}': (size,) for part in ('mean', 'scale')}
-            if name != 'target':
-                shapes |= mlp_shapes(f'{name}_encoder', (size,), width, width)
-        for k in range(self.message_passing_steps):
-            for name, parts in (
-                ('particle_message', 3),
-                ('surface_message', 2),
-                ('node_update', 2),
-            ):
-                shapes |= mlp_shapes(f'blocks.{k}.{name}', parts * (width,), width, width)
-        return shapes | mlp_shapes('decoder', (width,), width, 6)

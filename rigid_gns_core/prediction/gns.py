@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 
 from ..errors import UserError
-from ..files.checkpoint import Tensors
+from ..files.checkpoint import CheckpointError, Tensors
 from ..files.config import from_mapping
 from ..gns.config import GNSConfig
 from ..installation.extras import needed
@@ -52,6 +52,7 @@ class GNSSimulator(Simulator):
     Raises:
         ModuleNotFoundError: torch is not installed; the message tells how to get it.
         UserError: There is no such device.
+        CheckpointError: The weights are those of another network.
     """
 
     kind = 'gns'
@@ -76,7 +77,12 @@ class GNSSimulator(Simulator):
         self.materials = from_mapping(Materials, card['materials'], f'{name}: materials')
         self.network = GNS(self.config)
         weights = {key: torch.from_numpy(value) for key, value in tensors.items()}
-        self.network.load_state_dict(weights)
+        try:
+            self.network.load_state_dict(weights)
+        except RuntimeError as error:
+            raise CheckpointError(
+                f'{name}: weights and card do not belong together: {error}'
+            ) from error
         self.network.eval().to(self.device)
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:

@@ -64,6 +64,6 @@ def load_simulator(
     if missing := sorted(known - set(card['config'])):
         # a default that changes later must not change what old weights mean
         raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
-    config = from_mapping(kind.config, card['config'], f'{path}: config')
-    tensors = load_weights(path, card['weights_sha256'], config.shapes)
+    from_mapping(kind.config, card['config'], f'{path}: config')
+    tensors = load_weights(path, card['weights_sha256'])
     return kind.simulator(tensors, card, path.stem, threads=threads, **options)

@@ -67,20 +67,12 @@ LAW_KEYS = (
 )
 
 
-def law_metrics(
-    trajectory: Trajectory,
-    scene: Scene,
-    *,
-    tolerance: float = 1e-9,
-    rest_speed: float | None = None,
-) -> dict[str, float]:
+def law_metrics(trajectory: Trajectory, scene: Scene) -> dict[str, float]:
     """How far a trajectory breaks, or keeps, the laws of physics; no reference is needed.
 
     Args:
         trajectory: Spheres over time.
         scene: Surfaces and sphere properties.
-        tolerance: Overlaps up to this depth, in diameters, do not count as intersections.
-        rest_speed: A sphere below this speed [m/s] is at rest; None: see `time_to_rest`.
 
     Returns:
         The values named in `LAW_KEYS`. All are infinite where the trajectory diverged, since
@@ -98,9 +90,9 @@ def law_metrics(
     energies = energy(trajectory, scene)
     static = tuple(s for index, s in enumerate(scene.surfaces) if index != scene.ground)
     ground = () if scene.ground is None else (scene.surfaces[scene.ground],)
-    spheres = sphere_penetration(positions, radius, tolerance)
-    on_ground = surface_penetration(positions, radius, ground, tolerance, limit=np.inf)
-    on_static = surface_penetration(positions, radius, static, tolerance)
+    spheres = sphere_penetration(positions, radius)
+    on_ground = surface_penetration(positions, radius, ground, limit=np.inf)
+    on_static = surface_penetration(positions, radius, static)
     through = passed_through(positions, radius, scene.surfaces)
     speed = np.linalg.norm(trajectory.velocities[-1], axis=1)
     start = energies.with_rotation[0]
@@ -120,5 +112,5 @@ def law_metrics(
         'vertical_spin_drift': vertical_spin_drift(trajectory, scene),
         'final_speed': float(speed.mean()),
         'final_speed_max': float(speed.max()),
-        'time_to_rest': time_to_rest(trajectory, scene, rest_speed),
+        'time_to_rest': time_to_rest(trajectory, scene),
     }

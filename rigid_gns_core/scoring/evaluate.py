@@ -12,6 +12,7 @@ import numpy as np
 
 from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .error import check_comparable
+from .penetration import TOLERANCE
 from .table import format_table
 from ..errors import UserError
 from ..scenes.scene import Scene
@@ -28,8 +29,6 @@ def evaluate(
     scene: Scene,
     *,
     horizons: Iterable[int] = HORIZONS,
-    tolerance: float = 1e-9,
-    rest_speed: float | None = None,
     velocities: Velocities = 'given',
 ) -> dict[str, Any]:
     """Score a prediction: laws of physics for both trajectories, and errors.
@@ -41,8 +40,6 @@ def evaluate(
         reference: The truth, with the same time step and spheres.
         scene: Surfaces and sphere properties of both.
         horizons: Steps at which errors are reported; those after the end are left out.
-        tolerance: Overlaps up to this depth, in diameters, do not count as intersections.
-        rest_speed: A sphere below this speed [m/s] is at rest; None: 0.01 sqrt(g r).
         velocities: 'poses': replace those of both by backward differences of the poses (thesis
             section 3.3) first, so that energies of a recording and of an engine compare.
 
@@ -68,12 +65,9 @@ def evaluate(
         'dt': reference.dt,
         'spheres': reference.count,
         'velocities': velocities,
-        'tolerance': tolerance,
+        'tolerance': TOLERANCE,
         'diverged_at': {side: divergence(t, scene) for side, t in sides.items()},
-        'laws': {
-            side: law_metrics(t, scene, tolerance=tolerance, rest_speed=rest_speed)
-            for side, t in sides.items()
-        },
+        'laws': {side: law_metrics(t, scene) for side, t in sides.items()},
         'errors': error_metrics(predicted, reference, scene),
         'horizons': {str(step): values for step, values in steps.items()},
     }

@@ -81,19 +81,14 @@ def linear_momentum(trajectory: Trajectory, scene: Scene) -> Array:
     return momentum
 
 
-def angular_momentum(
-    trajectory: Trajectory, scene: Scene, about: tuple[float, float, float] | Array | None = None
-) -> Array:
+def angular_momentum(trajectory: Trajectory, scene: Scene) -> Array:
     """Angular momentum of all spheres, orbits and spins [kg m^2/s], shape (steps + 1, 3).
 
-    Args:
-        trajectory: Spheres over time.
-        scene: Sphere properties.
-        about: Fixed point [m], shape (3,). None: the mean of the centres at the start.
+    About the mean of the centres at the start.
     """
     mass = scene.per_sphere('mass', trajectory.count)
-    point = trajectory.positions[0].mean(axis=0) if about is None else np.asarray(about)
-    orbit = np.cross(trajectory.positions - point, trajectory.velocities)
+    arm = trajectory.positions - trajectory.positions[0].mean(axis=0)
+    orbit = np.cross(arm, trajectory.velocities)
     spin = np.einsum('knc,n->kc', trajectory.angular_velocities, _inertia(trajectory, scene))
     total: Array = np.einsum('knc,n->kc', orbit, mass) + spin
     return total
@@ -129,7 +124,7 @@ def vertical_spin_drift(trajectory: Trajectory, scene: Scene) -> float:
     return float(np.abs(vertical - vertical[0]).max() / scale) if scale > 0 else 0.0
 
 
-def default_rest_speed(scene: Scene) -> float:
+def rest_speed(scene: Scene) -> float:
     """Speed below which a sphere is at rest [m/s]: 0.01 sqrt(g r), 0.031 m/s for r = 1 m.
 
     It scales as motion does (dynamic similarity). Without gravity: 0.01 r per second.
@@ -139,29 +134,23 @@ def default_rest_speed(scene: Scene) -> float:
     return 0.01 * (float(np.sqrt(gravity * radius)) if gravity > 0 else radius)
 
 
-def time_to_rest(trajectory: Trajectory, scene: Scene, rest_speed: float | None = None) -> float:
-    """First time after which no sphere is faster than `rest_speed` [s]; inf where none is reached.
-
-    Args:
-        trajectory: Spheres over time.
-        scene: For the default of `rest_speed`.
-        rest_speed: Threshold [m/s]; None: `default_rest_speed`.
-    """
-    threshold = default_rest_speed(scene) if rest_speed is None else rest_speed
-    moving = (np.linalg.norm(trajectory.velocities, axis=2) > threshold).any(axis=1)
+def time_to_rest(trajectory: Trajectory, scene: Scene) -> float:
+    """First time after which none is faster than `rest_speed` [s]; inf where there is none."""
+    speeds = np.linalg.norm(trajectory.velocities, axis=2)
+    moving = (speeds > rest_speed(scene)).any(axis=1)
     if not moving.any():
         return 0.0
     last = len(moving) - 1 - int(np.argmax(moving[::-1]))
     return float('inf') if last == trajectory.steps else (last + 1) * trajectory.dt
 
 
-def divergence(trajectory: Trajectory, scene: Scene, limit: float = 1e6) -> int | None:
+def divergence(trajectory: Trajectory, scene: Scene) -> int | None:
     """First step at which a trajectory has diverged, or None.
 
-    Diverged: a value is not finite, or a sphere is more than `limit` radii from its start, or its
-    velocity or spin exceeds `limit` radii (rad) per time step.
+    Diverged: a value is not finite, or a sphere is more than 1e6 radii from its start, or its
+    velocity or spin exceeds 1e6 radii (rad) per time step.
     """
-    radius = scene.per_sphere('radius', trajectory.count)[:, None]
+    limit, radius = 1e6, scene.per_sphere('radius', trajectory.count)[:, None]
     # written so that NaN, for which every comparison is false, counts as out of range
     inside = (np.abs(trajectory.positions - trajectory.positions[0]) <= limit * radius).all((1, 2))
     inside &= (np.abs(trajectory.velocities) * trajectory.dt <= limit * radius).all((1, 2))

@@ -15,6 +15,9 @@ from scipy.spatial import cKDTree
 from ..scenes.scene import Plane
 from ..scenes.state import Array
 
+TOLERANCE = 1e-9
+"""Depths up to this, in diameters, do not count."""
+
 
 @dataclass(frozen=True)
 class Penetration:
@@ -34,7 +37,7 @@ class Penetration:
 
 
 def sphere_penetration(
-    positions: Array, radius: ArrayLike, tolerance: float = 1e-9
+    positions: Array, radius: ArrayLike, tolerance: float = TOLERANCE
 ) -> Penetration:
     """Intersections of spheres with spheres.
 
@@ -69,7 +72,7 @@ def surface_penetration(
     positions: Array,
     radius: ArrayLike,
     surfaces: tuple[Plane, ...],
-    tolerance: float = 1e-9,
+    tolerance: float = TOLERANCE,
     *,
     limit: float = 1.0,
 ) -> Penetration:
@@ -155,9 +158,9 @@ def _signed_distance(
     return np.where(inside, -distance, distance), went_through
 
 
-def _sphere_blocks(positions: Array, values: int = 2_000_000) -> Iterator[slice]:
+def _sphere_blocks(positions: Array) -> Iterator[slice]:
     # each sphere is scored alone, so blocks of spheres bound the memory and change nothing
-    size = max(1, values // max(1, len(positions)))
+    size = max(1, 2_000_000 // max(1, len(positions)))
     return (slice(start, start + size) for start in range(0, positions.shape[1], size))
 
 

@@ -6,7 +6,7 @@
 A chaotic scene has no absolute error: a start moved by 1e-6 m gives 22 m^2 after 400 steps. The
 floor of an error is the teacher against itself at half and at twice the substeps, the larger of
 the two; a ratio to it takes no less than a quarter of a squared radius, for distances half a
-radius. Beside it stand the errors of the teacher from starts that are moved by 1 mm, five draws.
+radius.
 A reference whose floor at short horizons is not small has not converged, and is refined first
 (96 substeps or more where there are few bounces).
 """
@@ -31,9 +31,6 @@ from ..teacher.settings import TeacherError, TeacherSettings
 
 LEAST_FLOOR = 0.25
 """Squared errors below this [r^2], half a radius, are not told apart."""
-MOVED = 1e-3
-"""How far each sphere of a draw is from its start [m]."""
-DRAWS = 5
 _LESS_IS_WORSE = ('predictability_time', 'predictable_to_end', 'rest_share')
 _FORMAT = 1  # counts up where files in the cache no longer mean the same
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')
@@ -70,14 +67,6 @@ def over_floor(error: float | None, floor: float | None, least: float | None) ->
     if error is None or floor is None or least is None:
         return None
     return error / max(floor, least)
-
-
-def moved(start: State, draw: int) -> State:
-    """Return the start with every sphere moved by `MOVED` in some direction, never down."""
-    way = np.random.default_rng(draw).normal(size=start.positions.shape)
-    way *= MOVED / np.linalg.norm(way, axis=1, keepdims=True)
-    way[:, 2] = np.abs(way[:, 2])
-    return replace(start, positions=start.positions + way)
 
 
 def half_and_twice(settings: TeacherSettings) -> list[TeacherSettings]:

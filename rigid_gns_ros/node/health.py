@@ -9,10 +9,10 @@ docs/node.md states the bounds. No ROS in here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rigid_gns_core.forecasts.schedule import OVERLOAD_COUNT
+from rigid_gns_core.forecasts.window_setup import longest_gap
 from rigid_gns_core.messages.diagnostics import ERROR, OK, Status, WARN
 from rigid_gns_core.tracking.usable_frames import seconds
 from rigid_gns_core.tracking.window import TrackingWindow
@@ -21,41 +21,26 @@ from .recent import Recent, SPAN
 
 if TYPE_CHECKING:
     from rigid_gns_core.bags.writer import BagWriter
+    from rigid_gns_core.forecasts.forecaster import Forecaster
     from rigid_gns_core.forecasts.predictor import Predictor
 
 LATE_SHARE = 0.5  # of a period, of the 99th percentile of lateness
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What does not change while the node runs.
-
-    Args:
-        name: Of the node.
-        model: Name of the model.
-        scene: Name of the scene.
-        radius: Of the largest sphere [m].
-        gap: Longest time between tracked frames that belong together [s].
-    """
-
-    name: str
-    model: str
-    scene: str
-    radius: float
-    gap: float
 
 
 class Health:
     """Counts what happens and reports it.
 
     Args:
-        setting: What does not change.
+        name: Of the node.
+        model: Makes the forecasts.
         predictor: Tells errors, starts and counts.
         window: Tells what became of tracked frames and spheres.
     """
 
-    def __init__(self, setting: Setting, predictor: Predictor, window: TrackingWindow) -> None:
-        self._setting, self._predictor, self._window = setting, predictor, window
+    def __init__(
+        self, name: str, model: Forecaster, predictor: Predictor, window: TrackingWindow
+    ) -> None:
+        self._name, self._model, self._predictor, self._window = name, model, predictor, window
         self.rejected = 0
         self._last_rejection = ''
         self._starts = 0
@@ -117,8 +102,7 @@ class Health:
         statuses = [self._tracking(), self._prediction(paused), _recording(bag, size)]
         if horizon:
             statuses.append(self._horizon(horizon))
-        name = self._setting.name
-        return [Status(s.level, f'{name}: {s.name}', s.message, s.values) for s in statuses]
+        return [Status(s.level, f'{self._name}: {s.name}', s.message, s.values) for s in statuses]
 
     def _tracking(self) -> Status:
         silence = self._frames.since_last
@@ -126,7 +110,7 @@ class Health:
         if len(self._rejections) and not len(self._frames):
             level = ERROR
             message = f'all tracked messages of the last {SPAN:g} s were rejected'
-        elif silence > self._setting.gap:
+        elif silence > longest_gap(self._model):
             level = WARN
             message = f'no tracked frame for {silence:.1f} s'
         elif len(self._rejections):
@@ -163,8 +147,8 @@ class Health:
         elif predictor.beyond_bound:
             level, message = WARN, 'the prediction is off by more than resync_error'
         values = {
-            'model': self._setting.model,
-            'scene': self._setting.scene,
+            'model': self._model.simulator.name,
+            'scene': self._model.scene_name,
             'rate [Hz]': f'{lateness.rate:.3g}',
             'period [s]': f'{period:.6g}',
             **{name: str(count) for name, count in predictor.counts.items()},
@@ -186,7 +170,7 @@ class Health:
         return {
             'error mean [m]': f'{error.mean:.4g}',
             'error worst [m]': f'{error.worst:.4g}',
-            'error worst [radii]': f'{error.worst / self._setting.radius:.4g}',
+            'error worst [radii]': f'{error.worst / self._model.radius:.4g}',
         }
 
     def _start(self) -> dict[str, str]:

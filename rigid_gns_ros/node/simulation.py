@@ -28,7 +28,7 @@ from .alarm import Alarm
 from .channels import Channels
 from .drawing import Drawing
 from .futures import Futures
-from .health import Health, Setting
+from .health import Health
 from .set_clock import SetClock
 from .throttle import Throttle
 
@@ -71,11 +71,7 @@ class Simulation:
             error=node.get_logger().error,
         )
         name = node.get_fully_qualified_name().lstrip('/')
-        self.health = Health(
-            Setting(name, model.simulator.name, model.scene_name, model.radius, gap),
-            self.predictor,
-            self.window,
-        )
+        self.health = Health(name, model, self.predictor, self.window)
         self.paused = False
         self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
         self._reason: Reason = 'first'  # of the next start from nothing

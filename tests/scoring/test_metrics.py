@@ -118,9 +118,10 @@ def test_momentum_of_an_elastic_collision():
 
 
 def test_angular_momentum_of_an_orbit_and_a_spin():
-    trajectory = moving([[[2.0, 0, 0]]], np.array([[[0, 3.0, 0]]]), np.array([[[0, 0, 5.0]]]))
-    momentum = angular_momentum(trajectory, Scene(mass=2.0, radius=0.5), about=(0.0, 0, 0))
-    np.testing.assert_allclose(momentum[0], [0, 0, 2 * 2 * 3 + 0.4 * 2 * 0.25 * 5])
+    places, velocities = [[[2.0, 0, 0], [-2.0, 0, 0]]], [[[0, 3.0, 0], [0, -3.0, 0]]]
+    trajectory = moving(places, np.array(velocities), np.array([[[0, 0, 5.0]] * 2]))
+    momentum = angular_momentum(trajectory, Scene(mass=2.0, radius=0.5))
+    np.testing.assert_allclose(momentum[0], [0, 0, 2 * (2 * 2 * 3 + 0.4 * 2 * 0.25 * 5)])
 
 
 def test_time_to_rest():

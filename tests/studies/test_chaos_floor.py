@@ -5,18 +5,25 @@
 
 from __future__ import annotations
 
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
 import numpy as np
 import pytest
 from rigid_gns_core.scenes.state import State
-from rigid_gns_core.studies.chaos_floor import (
-    half_and_twice,
-    least_floor,
-    MOVED,
-    moved,
-    over_floor,
-    worst,
-)
+from rigid_gns_core.studies.chaos_floor import half_and_twice, least_floor, over_floor, worst
 from rigid_gns_core.teacher.settings import TeacherSettings
+
+
+@pytest.fixture(scope='module')
+def chaos_draws() -> ModuleType:
+    path = Path(__file__).parents[2] / 'benchmarks' / 'chaos_draws.py'
+    spec = importlib.util.spec_from_file_location('chaos_draws', path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def test_the_worse_of_both_is_the_floor() -> None:
@@ -41,12 +48,13 @@ def test_less_than_half_a_radius_is_not_told_apart() -> None:
     assert over_floor(float('inf'), 2.0, 0.5) == float('inf')
 
 
-def test_draws_are_a_millimetre_off_and_never_lower() -> None:
+def test_draws_are_a_millimetre_off_and_never_lower(chaos_draws: ModuleType) -> None:
     start = State(positions=np.arange(30.0).reshape(10, 3))
+    moved = chaos_draws.moved
     one, other = moved(start, 0), moved(start, 1)
     for draw in (one, other):
         way = draw.positions - start.positions
-        assert np.linalg.norm(way, axis=1) == pytest.approx(MOVED)
+        assert np.linalg.norm(way, axis=1) == pytest.approx(chaos_draws.MOVED)
         assert (way[:, 2] >= 0).all()
     assert not np.allclose(one.positions, other.positions, atol=1e-6)
     assert np.array_equal(one.positions, moved(start, 0).positions)

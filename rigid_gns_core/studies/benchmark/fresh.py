@@ -21,12 +21,11 @@ SPHERES = 154
 """Spheres of a first prediction."""
 
 
-def first_prediction(repeats: int, spheres: int = SPHERES) -> dict[str, Any]:
+def first_prediction(repeats: int) -> dict[str, Any]:
     """Start processes that import, load the shipped model and predict one step, one by one.
 
     Args:
         repeats: Processes; the first may find the disk cold.
-        spheres: In the scene.
 
     Returns:
         `seconds` of the wall clock until the process has ended: `median`, `first`, `worst`;
@@ -35,11 +34,11 @@ def first_prediction(repeats: int, spheres: int = SPHERES) -> dict[str, Any]:
     walls, peaks = [], []
     for _ in range(repeats):
         begin = time.perf_counter()
-        answer = _ask('first', spheres)
+        answer = _ask('first', SPHERES)
         walls.append(time.perf_counter() - begin)
         peaks.append(answer['most_resident'])
     return {
-        'spheres': spheres,
+        'spheres': SPHERES,
         'processes': repeats,
         'seconds': {'median': float(np.median(walls)), 'first': walls[0], 'worst': max(walls)},
         'most_resident': None if None in peaks else max(peaks),

@@ -82,17 +82,16 @@ def measure_scaling(
     }
 
 
-def fitted_exponent(pairs: Sequence[tuple[int, float]], least: int = FITTED_FROM) -> float | None:
+def fitted_exponent(pairs: Sequence[tuple[int, float]]) -> float | None:
     """Fit the power of seconds = c spheres^power, by least squares in logarithms.
 
     Args:
-        pairs: Spheres and seconds.
-        least: Pairs of fewer spheres do not count.
+        pairs: Spheres and seconds; of fewer than `FITTED_FROM` spheres they do not count.
 
     Returns:
         None where less than two pairs are left.
     """
-    kept = [(spheres, seconds) for spheres, seconds in pairs if spheres >= least]
+    kept = [(spheres, seconds) for spheres, seconds in pairs if spheres >= FITTED_FROM]
     if len(kept) < 2:
         return None
     logs = np.log(np.array(kept))
