@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 import hashlib
 from importlib import resources
@@ -13,7 +13,7 @@ import json
 import os
 from pathlib import Path
 import re
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 import h5py
 import numpy as np
@@ -175,7 +175,7 @@ def demo_record() -> Record:
         return read_record(path)
 
 
-class Dataset(Sequence[Record]):
+class Dataset:
     """Records of a folder that `rigid-gns generate` made; each is read when it is asked for.
 
     Args:
@@ -205,17 +205,6 @@ class Dataset(Sequence[Record]):
 
     def __len__(self) -> int:
         return len(self.paths)
-
-    @overload
-    def __getitem__(self, index: int) -> Record: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[Record]: ...
-
-    def __getitem__(self, index: int | slice) -> Record | list[Record]:
-        if isinstance(index, slice):
-            return [self._read(path) for path in self.paths[index]]
-        return self._read(self.paths[index])
 
     def __iter__(self) -> Iterator[Record]:
         return (self._read(path) for path in self.paths)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from .gns import GNSSimulator
 from .laws import LawsSimulator
@@ -19,19 +19,8 @@ from ..files.checkpoint import (
     load_card,
     load_weights,
 )
-from ..files.config import from_mapping
 from ..gns.config import GNSConfig
 from ..rollout.simulator import Simulator
-
-
-class Kind(NamedTuple):
-    """Classes of a kind of trained model."""
-
-    config: type[GNSConfig]
-    simulator: type[GNSSimulator]
-
-
-KINDS = {'gns': Kind(GNSConfig, GNSSimulator)}
 
 
 def load_simulator(
@@ -55,15 +44,13 @@ def load_simulator(
         return LawsSimulator(**options)
     path = find_model(name)
     card = load_card(path)
-    if card['kind'] not in KINDS:
+    if card['kind'] != GNSSimulator.kind:
         raise CheckpointError(
-            f'{path}: its card is of kind {card["kind"]!r}, known: {", ".join(KINDS)}'
+            f'{path}: its card is of kind {card["kind"]!r}, known: {GNSSimulator.kind}'
         )
-    kind = KINDS[card['kind']]
-    known = {field.name for field in fields(kind.config)}
+    known = {field.name for field in fields(GNSConfig)}
     if missing := sorted(known - set(card['config'])):
         # a default that changes later must not change what old weights mean
         raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
-    from_mapping(kind.config, card['config'], f'{path}: config')
     tensors = load_weights(path, card['weights_sha256'])
-    return kind.simulator(tensors, card, path.stem, threads=threads, **options)
+    return GNSSimulator(tensors, card, path.stem, threads=threads, **options)

@@ -20,14 +20,14 @@ import torch
 import yaml
 
 from .fine_tune import StartingPoint
-from .learner import Schedule
-from .recipes import load_recipe, make_learner
+from .gns.learner import GNSLearner, GNSTrainConfig
+from .recipes import load_recipe
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
 from ..errors import UserError
 from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from ..files.config import ConfigError, load_yaml, to_mapping
-from ..prediction.load import KINDS
+from ..prediction.gns import GNSSimulator
 from ..rollout.simulator import Simulator
 from ..running.interrupt import stop_on_signal
 from ..running.progress import Progress
@@ -58,7 +58,7 @@ class Trainer:
 
     def __init__(
         self,
-        config: Schedule,
+        config: GNSTrainConfig,
         records: Sequence[Record],
         validation: Sequence[Record],
         folder: str | Path,
@@ -69,7 +69,7 @@ class Trainer:
         self.config, self.folder, self.origin, self.start = config, Path(folder), origin, start
         self.validation = _long_enough(validation, config)
         self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
-        self.learner = make_learner(config, records, device)
+        self.learner = GNSLearner.of(config, records, device)
         self.best = math.inf
         self._resume()
         if start is not None:
@@ -107,8 +107,7 @@ class Trainer:
             return math.inf
         with self.learner.averaged_weights() as network, warnings.catch_warnings():
             warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
-            kind = KINDS[self.learner.kind].simulator
-            simulator = kind(tensors_of(network), self.card(None), 'validation')
+            simulator = GNSSimulator(tensors_of(network), self.card(None), 'validation')
             scores = [self._rollout_score(simulator, record) for record in self.validation]
         return float(np.mean(scores))
 
@@ -216,7 +215,7 @@ def find_device(name: str) -> torch.device:
     return torch.device(name)
 
 
-def _long_enough(records: Sequence[Record], config: Schedule) -> list[Record]:
+def _long_enough(records: Sequence[Record], config: GNSTrainConfig) -> list[Record]:
     enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
     if records and not enough:
         raise UserError(

@@ -22,8 +22,9 @@ from rigid_gns_core.prediction.load import load_simulator  # noqa: E402
 from rigid_gns_core.scenes.scene import Scene  # noqa: E402
 from rigid_gns_core.scenes.state import Trajectory  # noqa: E402
 from rigid_gns_core.training.fine_tune import StartingPoint  # noqa: E402
+from rigid_gns_core.training.gns.learner import GNSLearner  # noqa: E402
 from rigid_gns_core.training.gns.windows import Source  # noqa: E402
-from rigid_gns_core.training.recipes import load_recipe, make_learner  # noqa: E402
+from rigid_gns_core.training.recipes import load_recipe  # noqa: E402
 from rigid_gns_core.training.train import Trainer  # noqa: E402
 
 STEPS = 12
@@ -51,7 +52,7 @@ def point() -> StartingPoint:
 
 
 def test_a_learner_starts_with_the_weights_and_normalisers(point: StartingPoint) -> None:
-    learner = make_learner(load_recipe('gns_finetune'), point.records([tracked()]))
+    learner = GNSLearner.of(load_recipe('gns_finetune'), point.records([tracked()]))
     point.load(learner)
     shipped = load_simulator('gns').tensors
     for name, value in learner.network.state_dict().items():
@@ -118,7 +119,7 @@ def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:
     recipe = load_recipe('gns_finetune')
     other = replace(recipe, model=replace(recipe.model, width=16))
     with pytest.raises(CheckpointError, match=r'differs from the recipe \(gns\) in width'):
-        point.load(make_learner(other, point.records([tracked()])))
+        point.load(GNSLearner.of(other, point.records([tracked()])))
 
 
 def test_a_run_goes_on_from_its_own_start_alone(point: StartingPoint, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,7 @@ def references(budget: Budget, folder: Path, which: str, ending: str = '') -> li
 
 def _first(folder: Path, count: int) -> list[Record]:
     """Return the first `count` trajectories: a folder may hold more of the same recipe."""
-    return Dataset(folder, partial=True)[:count]
+    return list(islice(Dataset(folder, partial=True), count))
 
 
 def _make_scene(name: str, folder: Path, data: Data) -> None:
