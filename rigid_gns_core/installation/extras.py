@@ -5,17 +5,27 @@
 
 from __future__ import annotations
 
-from importlib import import_module, metadata
-import re
+from importlib import import_module
 import sys
 from typing import Any
 
 from .versions import PACKAGE
 
-# modules that are not named as the distribution that brings them
-_DISTRIBUTIONS = {'rclpy': 'ros-jazzy-rclpy', 'yaml': 'PyYAML'}
-# another way than pip
-_ALSO = {'rclpy': 'source the setup.bash of a ROS 2 Jazzy, or '}
+# module: extra of setup.py, which a test compares
+EXTRAS = {
+    'torch': 'torch',
+    'pybullet': 'teacher',
+    'matplotlib': 'plot',
+    'mujoco': 'bench',
+    'distributed': 'cluster',
+    'rclpy': 'ros',
+}
+# module that everything needs: its distribution
+CORE = {
+    **{name: name for name in ('numpy', 'scipy', 'h5py', 'numba', 'mcap', 'joblib', 'tqdm')},
+    **{name: name for name in ('safetensors', 'threadpoolctl', 'tabulate', 'argcomplete')},
+    'yaml': 'PyYAML',
+}
 
 
 def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str | None:
@@ -26,23 +36,17 @@ def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str |
         python: Version of the interpreter it is for.
     """
     top = module.partition('.')[0]
-    wanted = _canonical(_DISTRIBUTIONS.get(top, top))
-    for name, requirement in _requirements():
-        if _canonical(name) != wanted:
-            continue
-        extra = re.search(r'extra == ["\']([\w-]+)', requirement)
-        if extra is None:
-            return f"pip install '{requirement.partition(';')[0].strip()}'"
-        before = re.search(r'python_version < ["\'](\d+)\.(\d+)', requirement)
-        if before is not None and python >= (limit := (int(before[1]), int(before[2]))):
-            # the extra would install nothing here
-            return (
-                f'{name} has no wheel for Python {limit[0]}.{limit[1]} or newer: use Python '
-                f"{limit[0]}.{limit[1] - 1} and pip install '{PACKAGE}[{extra[1]}]', or build it, "
-                f'with a C++ compiler: pip install {name}'
-            )
-        return f"{_ALSO.get(top, '')}pip install '{PACKAGE}[{extra[1]}]'"
-    return None
+    if top in CORE:
+        return f'pip install {CORE[top]}'
+    if top not in EXTRAS:
+        return None
+    install = f"pip install '{PACKAGE}[{EXTRAS[top]}]'"
+    if top == 'pybullet' and python >= (3, 12):  # where the extra would install nothing
+        return (
+            f'{top} has no wheel for Python 3.12 or newer: use Python 3.11 and {install}, or '
+            f'build it, with a C++ compiler: pip install {top}'
+        )
+    return f'source the setup.bash of a ROS 2 Jazzy, or {install}' if top == 'rclpy' else install
 
 
 def missing(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
@@ -64,16 +68,3 @@ def needed(module: str, what: str) -> Any:
         return import_module(module)
     except ModuleNotFoundError as error:
         raise missing(error, what) from error
-
-
-def _requirements() -> list[tuple[str, str]]:
-    """(distribution, requirement), in the order of setup.py: the extra `all` is the last."""
-    try:
-        lines = metadata.requires(PACKAGE) or []
-    except metadata.PackageNotFoundError:  # run from a source tree that is not installed
-        return []
-    return [(found[0], line) for line in lines if (found := re.match(r'[\w.-]+', line))]
-
-
-def _canonical(name: str) -> str:
-    return re.sub(r'[-_.]+', '-', name).lower()

@@ -6,29 +6,31 @@
 from __future__ import annotations
 
 from importlib import metadata
+import re
 import sys
 
-import pytest
 from rigid_gns_core.installation import extras, versions
 
 
-@pytest.mark.parametrize(
-    ('module', 'extra'),
-    [
-        ('torch', 'torch'),
-        ('torch.nn', 'torch'),
-        ('matplotlib.figure', 'plot'),
-        ('mujoco', 'bench'),
-        ('distributed', 'cluster'),
-        ('rclpy', 'ros'),
-    ],
-)
-def test_the_extra_of_a_module(module: str, extra: str) -> None:
-    assert extras.remedy(module).endswith(f"pip install 'rigid_gns_ros[{extra}]'")
+def test_each_is_what_the_package_asks_for() -> None:
+    asked = {}
+    for line in metadata.requires('rigid_gns_ros') or []:
+        name, _, marker = line.partition(';')
+        if 'extra ==' not in marker:
+            asked[re.match(r'[\w.-]+', name)[0]] = None
+        elif (extra := re.search(r'extra == ["\'](\w+)', marker)[1]) in extras.EXTRAS.values():
+            asked[re.match(r'[\w.-]+', name)[0].removeprefix('ros-jazzy-')] = extra
+    assert set(extras.CORE.values()) == {name for name, extra in asked.items() if extra is None}
+    assert {name: asked[name] for name in extras.EXTRAS} == extras.EXTRAS
+
+
+def test_the_extra_of_a_module() -> None:
+    assert extras.remedy('matplotlib.figure') == "pip install 'rigid_gns_ros[plot]'"
+    assert extras.remedy('rclpy').endswith("or pip install 'rigid_gns_ros[ros]'")
 
 
 def test_what_everything_needs_is_no_extra() -> None:
-    assert extras.remedy('yaml').startswith("pip install 'PyYAML>=")
+    assert extras.remedy('yaml') == 'pip install PyYAML'
 
 
 def test_what_nothing_asks_for_has_no_remedy() -> None:
@@ -42,15 +44,11 @@ def test_an_extra_that_would_install_nothing_is_not_advised() -> None:
     assert 'with a C++ compiler: pip install pybullet' in newer
 
 
-def test_a_source_tree_that_is_not_installed_knows_no_extras(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(extras, 'PACKAGE', 'no-such-distribution')
-    assert extras.remedy('torch') is None
-    error = extras.missing(ModuleNotFoundError('gone', name='torch'), 'this command')
+def test_an_error_tells_what_needs_the_module_and_the_remedy() -> None:
+    error = extras.missing(ModuleNotFoundError('gone', name='no_such'), 'this command')
     assert (str(error), error.name) == (
-        'this command needs torch, which is not installed',
-        'torch',
+        'this command needs no_such, which is not installed',
+        'no_such',
     )
 
 
