@@ -104,7 +104,7 @@ def _answer(name: str, words: list[str]) -> int:
     """Answer words that are none of ROS: help, or an error; returns the exit code."""
     if '-h' in words or '--help' in words:
         print(
-            f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: README.md, docs/node.md',
+            f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: docs/node.md',
             flush=True,
         )
         return 0
