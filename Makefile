@@ -29,7 +29,7 @@ venv: $(READY)  ## make .venv with what the demo needs, anew when requirements.l
 demo: engine  ## tracker, simulator, bag and report of 20 s with 154 spheres
 	@$(CLEAN) $(BIN)/python -m rigid_gns_ros.demo
 
-test: $(COMPLETE) engine  ## run all tests (TESTS=tests/core for a part)
+test: $(COMPLETE) engine  ## run all tests (TESTS=tests/engine for a part)
 	@$(CLEAN) $(BIN)/python -m pytest -n 2 $(TESTS)
 
 engine: $(READY)  ## compile the engine once (a minute), so that nothing waits for it later

@@ -22,7 +22,7 @@ SKIPPED = {'.git', 'build', 'install', 'log', 'dist', 'runs', 'bags', 'demo', 'd
 LARGEST = 10e6  # bytes; what is larger does not belong into a package
 TEXT = {'.py', '.yaml', '.yml', '.xml', '.json', '.md', '.rst', '.toml', '.cfg', '.txt'}
 
-# As above: ament_copyright looks for it in every source that is not empty.
+# As above, in every source that is not empty.
 HEADER = Path(__file__).read_text(encoding='utf-8').partition('\n\n')[0] + '\n'
 
 PARSERS: dict[str, Callable[[str], object]] = {

@@ -10,33 +10,31 @@ from typing import Any
 from ablation_measures import HORIZON
 from rigid_gns_core.files.tables import format_rows, number
 
-# what the page says of each row, before its numbers
+# what the page says of each row
 TEXTS = {
     'sleep, box that came to rest': (
-        'Spheres that have come to rest sleep until something comes near: no contact of theirs is '
-        'solved.'
+        'Spheres at rest sleep until something comes near: none of their contacts is solved.'
     ),
     'sleep, pile': (
-        'A pile sleeps as a whole once all of it is quiet. What is saved is all its contacts.'
+        'A pile sleeps as a whole once all of it is quiet, which saves all its contacts.'
     ),
     'guard, box': (
-        'The guard adds up the energy of each island after each frame. It acts where that rose.'
+        'The guard adds up the energy of each island after each frame, and acts where it rose.'
     ),
     'guard, pile': (
-        'The same for a pile that falls together, where there is most to guard. Its times also '
-        'depend on when it falls asleep.'
+        'Here there is most to guard. The times also depend on when the pile falls asleep.'
     ),
     'walls': (
-        'Walls far from all spheres cost the look whether one is near. The error says what '
-        'happens where they are left out although spheres reach them.'
+        'Walls far from all spheres cost the search for candidates. The error is that of leaving '
+        'them out although spheres reach them.'
     ),
     'rolling friction': (
-        'Contacts without rolling friction skip its part of the law. The error '
-        'says what it costs to leave it out of a scene that has it.'
+        'Contacts without rolling friction skip its part of the law. The error is that of '
+        'leaving it out of a scene that has it.'
     ),
     'properties per sphere': (
-        'Radius, mass and materials are arrays inside in any case, so one number for all spheres '
-        'and one for each take the same way.'
+        'Radius, mass and materials are arrays in any case, so one number for each sphere costs '
+        'no more than one for all.'
     ),
 }
 
@@ -57,19 +55,11 @@ def format_table(report: dict[str, Any]) -> str:
 
 
 def paragraph(name: str, row: dict[str, Any], scene: str) -> str:
-    """Return what a row compares, and what came out."""
-    times = f'{number(row["usual_ms"], 2)} ms a step as it is ({row["usual"]})'
-    times += (
-        f', {number(row["other_ms"], 2)} ms changed ({row["other"]}): {row["ratio"]:.2f} times.'
+    """Return the scene of a row, and what its numbers mean."""
+    asleep = (
+        f' {100 * row["usual_asleep"]:.0f} % of the spheres sleep.' if row['usual_asleep'] else ''
     )
-    apart = f'{number(row["difference"], 2)} m apart' if row['difference'] else 'the same'
-    found = f'{times} After {HORIZON} steps the two are {apart}.'
-    if row['usual_asleep']:
-        found += f' {100 * row["usual_asleep"]:.0f} % of the spheres sleep.'
-    if 'usual_error' in row:
-        found += f' From Bullet: {number(row["usual_error"], 2)} m as it is, '
-        found += f'{number(row["other_error"], 2)} m changed.'
-    return f'**{name[0].upper()}{name[1:]}.** {TEXTS[name]} Scene: {scene}. {found}\n'
+    return f'- **{name[0].upper()}{name[1:]}**: {scene}. {TEXTS[name]}{asleep}'
 
 
 def page(report: dict[str, Any]) -> str:
@@ -87,11 +77,12 @@ def page(report: dict[str, Any]) -> str:
     )
     return f"""# Only what is needed
 
-A scene pays for what it has: contacts, walls, rolling friction, piles. What each of them costs a
-step, and what is lost where it is left out.
+A scene costs what it has: contacts, walls, rolling friction, piles. The table says what each costs
+a step, and how far off the result is where it is left out.
 
 {format_table(report)}
 {body}
+
 ## How it was measured
 
 {about['cpu']}, {about['cores']} cores, load {about['load']},

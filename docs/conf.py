@@ -125,8 +125,8 @@ def link_code(app: Sphinx, doctree: nodes.document, docname: str) -> None:
 
     def places(text: str) -> Iterator[Any]:
         while '.' in text:
-            # a name of a module, of a model's module, or one that the package itself has
-            for name in (text, f'models.{text}', text.partition('.')[2]):
+            # a name of a module, or one that the package itself has
+            for name in (text, text.partition('.')[2]):
                 if f'rigid_gns_core.{name}' in known:
                     yield known[f'rigid_gns_core.{name}']
             text = text.rpartition('.')[0]

@@ -100,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
         '  rigid-gns evaluate bags/first --figure first.png\n'
         '  rigid-gns evaluate bags/first --reproduce\n'
-        '  rigid-gns evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model contact\n'
+        '  rigid-gns evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model gns\n'
         '\nWhat each number means: docs/metrics.md.'
     )
 

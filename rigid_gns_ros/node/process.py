@@ -103,10 +103,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
 def _answer(name: str, words: list[str]) -> int:
     """Answer words that are none of ROS: help, or an error; returns the exit code."""
     if '-h' in words or '--help' in words:
-        print(
-            f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: README.md, docs/node.md',
-            flush=True,
-        )
+        print(f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: docs/node.md', flush=True)
         return 0
     print(
         f'{name}: error: unknown arguments: {" ".join(words)}; '

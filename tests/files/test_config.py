@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.config import (
     config_folder,
     ConfigError,
@@ -37,7 +38,7 @@ class Outer:
 
     def __post_init__(self) -> None:
         if self.steps < 1:
-            raise ValueError(f'steps is {self.steps}, expected at least 1')
+            raise UserError(f'steps is {self.steps}, expected at least 1')
 
 
 def test_roundtrip() -> None:

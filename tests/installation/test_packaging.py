@@ -144,11 +144,12 @@ def test_wheel_holds_what_ros_looks_for(wheel: zipfile.ZipFile) -> None:
 
 def test_console_scripts_start(wheel: zipfile.ZipFile) -> None:
     text = wheel_metadata(wheel, 'entry_points.txt')
-    scripts = dict(re.findall(r'^([\w-]+) = ([\w.]+:main)$', text, re.M))
+    scripts = dict(re.findall(r'^([\w-]+) = ([\w.]+:\w+)$', text, re.M))
     assert set(scripts) == {'simulator', 'tracker', 'evaluate', 'rigid-gns'}
     for target in scripts.values():
-        module = ROOT / f'{target.split(":")[0].replace(".", "/")}.py'
-        assert re.search(r'^def main\(', module.read_text(encoding='utf-8'), re.M), module
+        module, function = target.split(':')
+        path = ROOT / f'{module.replace(".", "/")}.py'
+        assert re.search(rf'^def {function}\(', path.read_text(encoding='utf-8'), re.M), target
 
 
 def test_lock_holds_every_requirement(wheel: zipfile.ZipFile) -> None:

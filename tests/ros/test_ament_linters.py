@@ -16,7 +16,6 @@ SOURCES = [str(ROOT / name) for name in NAMES]
 # what a name says needs no docstring; ruff's own list is in pyproject.toml
 UNSAID = [f'D{number}' for number in range(100, 108)]
 ARGUMENTS = {
-    'ament_copyright': SOURCES,
     'ament_flake8': ['--config', str(ROOT / '.flake8'), *SOURCES],
     'ament_pep257': ['--convention', 'google', '--add-ignore', *UNSAID, '--', *SOURCES],
 }

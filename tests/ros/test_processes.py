@@ -141,7 +141,7 @@ NODES = {'simulator': SIMULATOR, 'tracker': 'rigid_gns_ros.tracker_node'}
 def test_help_is_printed_and_no_node_made(run_process: Run, name: str, word: str) -> None:
     run = run_process([sys.executable, '-m', NODES[name], word], '-p', 'scene:=box_154')
     assert run.exit_code() == 0
-    usage = f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: README.md, docs/node.md\n'
+    usage = f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: docs/node.md\n'
     assert run.output == usage
 
 

@@ -13,6 +13,7 @@ import sys
 import numpy as np
 import pytest
 from rigid_gns_core.commands.cli import main
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
@@ -104,7 +105,7 @@ def test_race_marks_what_blows_up_and_keeps_what_was_before() -> None:
     stay = STILL.start.positions
 
     def refuse(scene: Scene, state: State) -> Run:
-        raise ValueError('not this scene')
+        raise UserError('not this scene')
 
     peers = [
         scripted('calm', [stay] * 12),

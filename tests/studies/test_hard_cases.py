@@ -12,6 +12,7 @@ import warnings
 import numpy as np
 import pytest
 from rigid_gns_core.commands.cli import main
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import State, Trajectory
@@ -163,7 +164,7 @@ def test_errors_are_over_the_floor_of_the_teacher() -> None:
 
 def test_refusals_breaks_and_warnings() -> None:
     def refuses(scene: Scene, start: State, steps: int) -> Trajectory:
-        raise ValueError('one radius only')
+        raise UserError('one radius only')
 
     def breaks(scene: Scene, start: State, steps: int) -> Trajectory:
         raise FloatingPointError('a solver gave up')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names, QoS, gravity and threads of the simulator node; README and docs/node.md say the same."""
+"""Names, QoS, gravity and threads of the simulator node; docs/node.md says the same."""
 
 from __future__ import annotations
 
@@ -31,15 +31,12 @@ T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
 # of every node
 OURS_NOT = {'/rosout', '/parameter_events', '/clock'}
-# documents, and the section of each that has the node's tables
-DOCUMENTS = {'README.md': 'In ROS 2 Jazzy', 'docs/node.md': 'simulator'}
-in_both = pytest.mark.parametrize('document', DOCUMENTS)
 
 
-def cells(document: str, heading: str) -> list[list[str]]:
-    """Rows of the first table after a heading of the simulator's part of a document."""
-    text = (ROOT / document).read_text(encoding='utf-8')
-    part = text.split(f'\n## {DOCUMENTS[document]}\n')[1].split('\n## ')[0]
+def cells(heading: str) -> list[list[str]]:
+    """Rows of the first table after a heading of the simulator's part of docs/node.md."""
+    text = (ROOT / 'docs' / 'node.md').read_text(encoding='utf-8')
+    part = text.split('\n## simulator\n')[1].split('\n## ')[0]
     part = part.split(f'\n### {heading}\n')[1]
     rows = re.search(r'\n\|---.*\n((?:\|.*\n)+)', part)
     assert rows
@@ -66,8 +63,7 @@ def span(descriptor: Any) -> str:
     return ', '.join([*([unit[1]] if unit else []), *values, *choices])
 
 
-@in_both
-def test_the_document_has_the_topics(simulated: Simulated, document: str) -> None:
+def test_the_document_has_the_topics(simulated: Simulated) -> None:
     node = simulated().node
     ends = [(publisher, 'out') for publisher in node.publishers]
     ends += [(subscription, 'in') for subscription in node.subscriptions]
@@ -76,7 +72,7 @@ def test_the_document_has_the_topics(simulated: Simulated, document: str) -> Non
         for end, way in ends
         if end.topic_name not in OURS_NOT
     }
-    rows = {row[0]: row[1:3] for row in cells(document, 'Topics')}
+    rows = {row[0]: row[1:3] for row in cells('Topics')}
     resolved = {
         name.replace('~', '/simulator') if name[1] in '~/' else f'`/{name[1:]}': row
         for name, row in rows.items()
@@ -97,20 +93,18 @@ def test_rviz_and_foxglove_show_topics_of_the_node(simulated: Simulated) -> None
     assert all(ends[f'/{topic}'].endswith(f'/{shown}') for shown, topic in displays)
 
 
-@in_both
-def test_the_document_has_the_services(simulated: Simulated, document: str) -> None:
+def test_the_document_has_the_services(simulated: Simulated) -> None:
     node = simulated().node
     found = {
         service.srv_name: kind(service.srv_type)
         for service in node.services
         if not re.search('parameter|type_description|logger', service.srv_name)
     }
-    rows = {row[0].strip('`'): row[1] for row in cells(document, 'Services')}
+    rows = {row[0].strip('`'): row[1] for row in cells('Services')}
     assert rows == found
 
 
-@in_both
-def test_the_document_has_the_parameters(bench: Any, document: str) -> None:
+def test_the_document_has_the_parameters(bench: Any) -> None:
     node = bench.add(SimulatorNode)
     found = []
     for name, parameter in node._parameters.items():
@@ -124,7 +118,7 @@ def test_the_document_has_the_parameters(bench: Any, document: str) -> None:
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         assert bool(descriptor.floating_point_range or descriptor.integer_range) == number
     assert len(found) == len(SIMULATOR)
-    assert cells(document, 'Parameters') == found
+    assert cells('Parameters') == found
 
 
 def test_quality_of_service_can_be_overridden(bench: Any) -> None:

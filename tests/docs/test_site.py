@@ -58,7 +58,7 @@ def links(page: Path, attribute: str) -> set[str]:
 @SLOW
 def test_every_page_can_be_reached_from_the_first(site: Path) -> None:
     sources = [path for kind in ('md', 'rst') for path in DOCS.rglob(f'*.{kind}')]
-    assert {'quickstart.md', 'physics.md', 'node.md', 'thesis.md'} <= {p.name for p in sources}
+    assert {'tutorial.md', 'physics.md', 'node.md', 'thesis.md'} <= {p.name for p in sources}
     found, left = set(), {site / 'index.html'}
     while left:
         page = left.pop()
