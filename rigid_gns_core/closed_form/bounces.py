@@ -26,8 +26,8 @@ def bounces(
         radius: Radius [m]; drop heights are multiples of it.
         restitutions: Of the pair, shape (restitutions,).
         drops: Heights of the spheres above the floor, in radii, shape (drops,).
-        phases: Each height is dropped so many times, 1.3 % higher each time, so that the impact
-            falls into different moments of a time step.
+        phases: Drops of each height, each 1.3 % higher than the last, so that the impacts are at
+            different moments of a time step.
 
     Returns:
         Two arrays (restitutions, drops, phases). The first holds the ratio of the speeds at the

@@ -18,7 +18,7 @@ from ..scenes.state import State, Trajectory
 
 
 def simulator_engine(simulator: Simulator) -> Simulate:
-    """Return the simulator as the checks call it."""
+    """Engine of the checks that calls this simulator."""
 
     def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         native = simulator.native_dt(scene)
@@ -30,7 +30,7 @@ def simulator_engine(simulator: Simulator) -> Simulate:
 
 
 def scaled(simulate: Simulate, length: float) -> Simulate:
-    """Return an engine that simulates the check `length` times as large, under the same gravity.
+    """Engine that simulates each check `length` times as large, under the same gravity.
 
     What it says is scaled back. By hand, not by `Similarity`, which is part of what is checked.
     Masses scale as volumes do, times with the root of lengths.

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is chosen of each kind of model before it is trained. No torch in here."""
+"""Configuration of the GNS, and the shapes of its weights. No torch in here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..files.config import check_least
 
 
 def mlp_shapes(name: str, inputs: tuple[int, ...], hidden: int, outputs: int) -> Shapes:
-    """Weights of an `MLP` called `name`."""
+    """Shapes of the weights of an `MLP` called `name`."""
     shapes: Shapes = {f'{name}.weights.{k}': (hidden, size) for k, size in enumerate(inputs)}
     last: Shapes = {f'{name}.last.weight': (outputs, hidden), f'{name}.last.bias': (outputs,)}
     return {**shapes, f'{name}.bias': (hidden,), **last}

@@ -25,7 +25,7 @@ from ..rollout.simulator import Simulator
 
 
 class Kind(NamedTuple):
-    """Classes of a kind of trained model."""
+    """Configuration and simulator of a kind of trained model."""
 
     config: type[GNSConfig]
     simulator: type[GNSSimulator]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Score predictions against a reference: one report, as a table, JSON and a figure."""
+"""A report of the scores of a prediction against a reference, and summaries of reports."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class Learner(ABC, Generic[N]):
         device: Where the network is trained.
 
     Under torch.distributed each process takes its share of every batch, and gradients are averaged
-    by DistributedDataParallel, so that a step is that of one process but for the order of sums.
+    by DistributedDataParallel: a step equals that of one process but for the order of sums.
     """
 
     kind: ClassVar[str]
@@ -117,17 +117,17 @@ class Learner(ABC, Generic[N]):
 
     @abstractmethod
     def means_at(self, step: int) -> Sequence[Mean]:
-        """Terms of the loss over this process' share of a step: a resumed run draws the same."""
+        """Terms of the loss over this process' share of a step, drawn from (seed, step) alone."""
 
     def loss_at(self, step: int) -> Tensor:
-        """Loss of a step; with several processes, what gives the loss when averaged over them."""
+        """Loss of a step; its mean over all processes is the loss of the whole batch."""
         first, *others = (self.processes.fair(mean) for mean in self.means_at(step))
         for other in others:
             first = first + other
         return first
 
     def advance(self) -> float:
-        """One optimiser step; returns the loss.
+        """Take one optimiser step; returns the loss.
 
         Raises:
             FloatingPointError: The loss is not finite.
@@ -136,7 +136,7 @@ class Learner(ABC, Generic[N]):
         for group in self.optimizer.param_groups:
             group['lr'] = config.learning_rate_at(self.step)
         share = self.shared_loss(self.step)
-        # of all, so that all stop where one is not finite
+        # mean over all processes, so that all stop where one is not finite
         loss = self.processes.sum(share.item()) / self.processes.size
         if not math.isfinite(loss):
             raise FloatingPointError(
@@ -184,7 +184,7 @@ class Learner(ABC, Generic[N]):
         return {name: value.cpu() for name, value in tensors.items()}
 
     def load_state(self, tensors: dict[str, Tensor]) -> None:
-        """Go on from `state()`.
+        """Restore what `state` returned.
 
         Raises:
             CheckpointError: The tensors are not of this network.
