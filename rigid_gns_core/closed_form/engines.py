@@ -50,14 +50,14 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
         )
 
     def simulate_scaled(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
-        other = replace(
+        larger = replace(
             scene,
             surfaces=tuple(map(surface, scene.surfaces)),
             radius=times(scene.radius, length),
             mass=times(scene.mass, length**3),
         )
         run = simulate(
-            other,
+            larger,
             State(
                 positions=length * start.positions,
                 quaternions=start.quaternions,

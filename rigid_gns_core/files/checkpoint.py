@@ -59,9 +59,9 @@ def tensors_of(network: Network) -> Tensors:
 
 def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]]) -> None:
     """Write safetensors, whole or not at all."""
-    whole = {name: np.asarray(value, order='C') for name, value in tensors.items()}
+    contiguous = {name: np.asarray(value, order='C') for name, value in tensors.items()}
     with whole_file(path) as partial:
-        partial.write_bytes(save(whole))
+        partial.write_bytes(save(contiguous))
 
 
 def load_tensors(path: Path) -> Tensors:

@@ -130,8 +130,8 @@ def _summarise(mappings: Sequence[Mapping[str, float]]) -> dict[str, Any]:
             'count': len(values),
             'infinite': len(values) - len(finite),
         }
-        whole = ('', 'finite_') if len(finite) == len(values) else ('finite_',)
-        for prefix in whole if len(finite) else ():
+        prefixes = ('', 'finite_') if len(finite) == len(values) else ('finite_',)
+        for prefix in prefixes if len(finite) else ():
             entry[f'{prefix}mean'] = float(finite.mean())
             entry[f'{prefix}std'] = float(finite.std())
         summary[key] = entry

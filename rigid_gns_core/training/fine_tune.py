@@ -139,15 +139,15 @@ def _from_frame_1(record: Record) -> Record:
     target of a window from there. In frame 1 they are the mean of the step before, at the end of
     which a sphere in flight is g dt / 2 faster.
     """
-    whole, fall = record.trajectory, np.asarray(record.scene.gravity, dtype=np.float64)
-    if whole.steps < 2:
+    tracked, fall = record.trajectory, np.asarray(record.scene.gravity, dtype=np.float64)
+    if tracked.steps < 2:
         raise UserError(
-            f'record {record.name!r} has {whole.steps} step, expected at least 2; import it with '
-            '--min-steps 2 or more'
+            f'record {record.name!r} has {tracked.steps} step, expected at least 2; import it '
+            'with --min-steps 2 or more'
         )
-    bent = np.diff(whole.positions[:3], 2, axis=0)[0]
-    flies = np.linalg.norm(bent - fall * whole.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
-    trajectory = whole.window(1, len(whole))
+    bent = np.diff(tracked.positions[:3], 2, axis=0)[0]
+    flies = np.linalg.norm(bent - fall * tracked.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
+    trajectory = tracked.window(1, len(tracked))
     velocities = trajectory.velocities.copy()
-    velocities[0] += flies[:, None] * 0.5 * whole.dt * fall
+    velocities[0] += flies[:, None] * 0.5 * tracked.dt * fall
     return replace(record, trajectory=replace(trajectory, velocities=velocities))

@@ -108,7 +108,7 @@ def test_a_run_of_one_process_goes_on_with_two(tmp_path, worker):
     assert cards[0]['training'] == cards[1]['training']
 
 
-def test_alone_a_process_does_all():
+def test_a_single_process_does_all_work():
     processes = Processes()
     items = [1, 2, 3]
     assert processes.share(items) is items
@@ -118,7 +118,7 @@ def test_alone_a_process_does_all():
     assert processes.fair(Mean(value, 7)) is value
 
 
-def test_devices_that_are_not_there_are_named(monkeypatch):
+def test_absent_devices_are_named(monkeypatch):
     monkeypatch.setattr(torch.cuda, 'is_available', lambda: False)
     assert find_device('auto') == find_device('cpu') == torch.device('cpu')
     with pytest.raises(ValueError, match='device is cuda, but torch finds no CUDA device'):
