@@ -23,7 +23,7 @@ def simulator_engine(simulator: Simulator) -> Simulate:
     def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         native = simulator.native_dt(scene)
         if abs(native - dt) > 1e-9 * dt:
-            raise UserError(f'a check asks for steps of {dt:g} s, the model makes {native:g} s')
+            raise UserError(f'a check has steps of {dt:g} s, but the model has {native:g} s')
         return simulator.rollout(scene, steps=steps, **vars(start))
 
     return simulate
@@ -32,8 +32,8 @@ def simulator_engine(simulator: Simulator) -> Simulate:
 def scaled(simulate: Simulate, length: float) -> Simulate:
     """Engine that simulates each check `length` times as large, under the same gravity.
 
-    What it says is scaled back. By hand, not by `Similarity`, which is part of what is checked.
-    Masses scale as volumes do, times with the root of lengths.
+    Its trajectory is scaled back. By hand, not by `Similarity`, which is part of what is checked.
+    Masses scale as volumes, times as the root of lengths.
     """
     time = float(np.sqrt(length))
 

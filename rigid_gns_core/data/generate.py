@@ -156,7 +156,7 @@ def _is_whole(path: Path, recipe: DataRecipe) -> bool:
     try:
         record = read_record(path)
     except DatasetError as error:
-        print(f'{error}: it is made again', file=sys.stderr)
+        print(f'{error}: made again', file=sys.stderr)
         return False
     check_membership(path, record, recipe_hash(recipe))
     return True

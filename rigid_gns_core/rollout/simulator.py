@@ -185,7 +185,7 @@ def _paired(
         UserError: There are not as many scenes as starts.
     """
     if isinstance(starts, State):
-        raise UserError('starts is one State, expected several; for one there is rollout')
+        raise UserError('starts is one State, expected several; use rollout for one')
     if isinstance(scenes, Scene):
         scenes = [scenes] * len(starts)
     if len(scenes) != len(starts):

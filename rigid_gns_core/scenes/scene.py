@@ -66,14 +66,14 @@ class Scene:
         surfaces = (planes,) if isinstance(planes, Plane) else tuple(planes)
         for surface in surfaces:
             if not isinstance(surface, Plane):
-                raise UserError(f'surfaces holds {surface!r}, expected only Plane')
+                raise UserError(f'surfaces holds {surface!r}, expected planes only')
         object.__setattr__(self, 'surfaces', surfaces)
         for name in RANGES:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
         gravity = self.gravity
         if np.ndim(gravity) == 0:
             if float(np.asarray(gravity)) < 0:
-                raise UserError(f'gravity is {gravity:g}, expected its size or a vector')
+                raise UserError(f'gravity is {gravity:g}, expected at least 0, or a vector')
             gravity = (0.0, 0.0, -float(np.asarray(gravity)))
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
 

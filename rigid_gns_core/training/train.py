@@ -111,7 +111,7 @@ class Trainer:
             if processes.first:
                 self._save_state()
             if processes.any(bool(stop)):
-                progress.line(f'stopped; the same command goes on from {self.folder}')
+                progress.line(f'stopped; the same command resumes from {self.folder}')
                 raise KeyboardInterrupt
         return self.best
 
@@ -198,8 +198,8 @@ class Trainer:
         step, size = self.learner.step, self.processes.size
         if self.processes.sum(step) != step * size:
             raise UserError(
-                f'{self.folder} holds step {step} for one process and another for others; give a '
-                'folder that all processes see'
+                f'{self.folder} is at step {step} for one process, at another step for others; give '
+                'a folder that all processes share'
             )
 
     def _claim_folder(self) -> None:
