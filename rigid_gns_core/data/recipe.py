@@ -215,14 +215,14 @@ def recipe_difference(old: DataRecipe, new: DataRecipe) -> list[str]:
 
 
 def _draw(rng: np.random.Generator, value: Range, count: int | None = None) -> Any:
-    """The number, or one or `count` draws where `value` is a range."""
+    """`value`, or where it is a range one or `count` draws from it."""
     if not isinstance(value, tuple):
         return value
     return float(rng.uniform(*value)) if count is None else _plain(rng.uniform(*value, count))
 
 
 def _draw_logarithmic(rng: np.random.Generator, value: Range, count: int) -> Any:
-    """The number, or where `value` is a range draws even in the logarithm, shape (count,)."""
+    """`value`, or where it is a range draws even in the logarithm, shape (count,)."""
     if not isinstance(value, tuple):
         return value
     # the logarithm and back may leave the range by rounding

@@ -124,7 +124,7 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
 
 
 def read_record(path: str | Path) -> Record:
-    """Read one file, after its checksum was compared.
+    """Read one file; its checksum is compared first.
 
     Raises:
         DatasetError: The file is absent, damaged, or of a version this program does not know.

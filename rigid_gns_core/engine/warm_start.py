@@ -25,7 +25,7 @@ class WarmStart(NamedTuple):
 
 @entry
 def cold_start() -> WarmStart:
-    """Warm start of a start, where no impulses are known."""
+    """Warm start of the first frame of a rollout: no impulses are known."""
     return WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=False)
 
 

@@ -21,9 +21,10 @@ from ..scenes.state import Array, State
 
 
 def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
-    """Mean velocities [m/s] over the step before `state`, whose v are of the instant; (n, 3).
+    """Mean velocities [m/s] over the step before `state`, shape (n, 3).
 
-    In free flight it is v - g dt / 2. A sphere in contact is taken to have moved at v.
+    With the velocity v of the instant: v - g dt / 2 in free flight. A sphere in contact is taken
+    to have moved at v.
     """
     if not len(state):
         return state.velocities

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the engine is compiled: decorators of its functions; each file that has any imports them."""
+"""How the engine is compiled: decorators, which every file with compiled functions imports."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def compiled(function: Function) -> Function:
 
 
 def in_place(function: Function) -> Function:
-    """Compile a function as `compiled` does that makes no array, without reference counting.
+    """Compile a function that makes no array: as `compiled`, but without reference counting.
 
     Counting references, atomically and for every array of every tuple, took most of the time.
     """

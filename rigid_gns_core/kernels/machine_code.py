@@ -60,7 +60,7 @@ class MachineCode:
 
     @contextmanager
     def compiling(self, what: str, wait: str) -> Iterator[None]:
-        """Within the block all is used for the first time: say so, and note when it is complete.
+        """Context of a first use: say that all is compiled, and mark the code complete at the end.
 
         Args:
             what: What is compiled, for the message.

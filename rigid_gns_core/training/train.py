@@ -198,8 +198,8 @@ class Trainer:
         step, size = self.learner.step, self.processes.size
         if self.processes.sum(step) != step * size:
             raise UserError(
-                f'{self.folder} is at step {step} for one process, at another step for others; give '
-                'a folder that all processes share'
+                f'{self.folder} is at step {step} for one process, at another for others; give a '
+                'folder that all processes share'
             )
 
     def _claim_folder(self) -> None:
