@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user did wrong, told from a bug: the command line shows the first without a traceback."""
+"""The error for what a user did wrong: the command line shows it without a traceback."""
 
 from __future__ import annotations
 

@@ -32,14 +32,14 @@ class Check:
 def check(
     name: str, case: str, measured: float | np.floating, expected: float, bound: float
 ) -> Check:
-    """One quantity against what it should be."""
+    """Compare a quantity with its expected value."""
     error = (measured - expected) / abs(expected) if expected else measured
     return Check(name, case, float(measured), float(expected), float(error), bound)
 
 
 def worst(name: str, cases: list[str], measured: Array, expected: Array, bound: float) -> Check:
-    """Return the worst of several cases for all; measured and expected: shape (cases,)."""
+    """Check of the case with the largest error; measured and expected: shape (cases,)."""
     checks = [
         check(name, *values, bound) for values in zip(cases, measured, expected, strict=True)
     ]
-    return max(checks, key=lambda one: abs(one.error) if np.isfinite(one.error) else np.inf)
+    return max(checks, key=lambda case: abs(case.error) if np.isfinite(case.error) else np.inf)

@@ -18,22 +18,22 @@ from ..scenes.state import State, Trajectory
 
 
 def simulator_engine(simulator: Simulator) -> Simulate:
-    """Return the simulator as the checks call it."""
+    """Engine of the checks that calls this simulator."""
 
     def simulate(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         native = simulator.native_dt(scene)
         if abs(native - dt) > 1e-9 * dt:
-            raise UserError(f'a check asks for steps of {dt:g} s, the model makes {native:g} s')
+            raise UserError(f'a check has steps of {dt:g} s, but the model has {native:g} s')
         return simulator.rollout(scene, steps=steps, **vars(start))
 
     return simulate
 
 
 def scaled(simulate: Simulate, length: float) -> Simulate:
-    """Return an engine that simulates the check `length` times as large, under the same gravity.
+    """Engine that simulates each check `length` times as large, under the same gravity.
 
-    What it says is scaled back. By hand, not by `Similarity`, which is part of what is checked.
-    Masses scale as volumes do, times with the root of lengths.
+    Its trajectory is scaled back. By hand, not by `Similarity`, which is part of what is checked.
+    Masses scale as volumes, times as the root of lengths.
     """
     time = float(np.sqrt(length))
 
@@ -50,14 +50,14 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
         )
 
     def simulate_scaled(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
-        other = replace(
+        larger = replace(
             scene,
             surfaces=tuple(map(surface, scene.surfaces)),
             radius=times(scene.radius, length),
             mass=times(scene.mass, length**3),
         )
         run = simulate(
-            other,
+            larger,
             State(
                 positions=length * start.positions,
                 quaternions=start.quaternions,

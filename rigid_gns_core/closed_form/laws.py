@@ -3,8 +3,10 @@
 
 """Mechanics of solid spheres in closed form: what any engine is checked against.
 
+They follow from Newton's and Euler's equations with I = 2/5 m r^2, Newton's law of restitution,
+Coulomb's law of friction, and a torque of rolling friction rho r N.
+
 Notation: n unit normal, e restitution, mu friction, rho rolling friction (see `Scene`), J impulse.
-A solid sphere's moment of inertia is 2/5 m r^2, hence the factors 5/7, 2/7 and 1.4.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ def incline_acceleration(
 ) -> float:
     """Acceleration [m/s^2] of a sphere down an incline of `angle` [rad], released from rest.
 
-    Rolling without slip 5/7 g (sin - rho cos); with slip g (sin - mu cos); 0 where rho holds it.
+    With the angle phi, it rolls at 5/7 g (sin phi - rho cos phi), or stays where that is negative;
+    it slips at g (sin phi - mu cos phi) where rolling needs more friction than mu N.
     """
     sine, cosine = float(np.sin(angle)), float(np.cos(angle))
     rolls = max(0.0, gravity * (sine - rolling_friction * cosine) / 1.4)
@@ -32,7 +35,8 @@ def impact_on_surface(
 ) -> tuple[Array, Array]:
     """Velocity [m/s] and spin [rad/s] of a sphere after an impact on a surface, shapes (3,).
 
-    The contact point sticks where the cone of friction allows, and slides to the end otherwise.
+    J_n = (1 + e) m u, with the approach speed u; J_t = min(2/7 m slip, mu J_n) against the slip of
+    the contact point: it sticks where the friction cone allows, and slides to the end otherwise.
     """
     push = -(1.0 + restitution) * float(velocity @ normal)  # J_n / m
     point = velocity + np.cross(spin, -radius * normal)
@@ -53,6 +57,8 @@ def impact_of_spheres(
     friction: float,
 ) -> tuple[Array, Array]:
     """Velocities [m/s] and spins [rad/s] of two spheres after they collide, shapes (2, 3).
+
+    As `impact_on_surface`, with the reduced mass m_a m_b / (m_a + m_b).
 
     Args:
         velocities: Before, shape (2, 3).

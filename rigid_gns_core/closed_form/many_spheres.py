@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of spheres among each other: collisions of two, piles, rest."""
+"""Checks of spheres with each other: collisions of two, piles, rest."""
 
 from __future__ import annotations
 

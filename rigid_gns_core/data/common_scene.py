@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the trajectories of a training set have in common, and which set it is."""
+"""What the trajectories of a training set have in common, and a hash of the set."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def common_scene(records: Sequence[Record]) -> tuple[ModelUnits, dict[str, float
     """
     if not records:
         raise UserError('there are no training trajectories; run `rigid-gns generate` first')
-    found = {_properties(record) for record in records}
-    if len(found) > 1:
+    kinds = {_properties(record) for record in records}
+    if len(kinds) > 1:
         raise UserError(
             'the training trajectories differ in (dt, gravity, radius, mass, restitution, '
-            f'friction, rolling_friction): {sorted(found)[:3]}; train on data of one kind'
+            f'friction, rolling_friction): {sorted(kinds)[:3]}; train on data of one kind'
         )
-    dt, gravity, radius, _, *materials = found.pop()
+    dt, gravity, radius, _, *materials = kinds.pop()
     return (
         ModelUnits(radius=radius, gravity=gravity, dt=dt),
         dict(zip(MATERIALS, materials, strict=True)),

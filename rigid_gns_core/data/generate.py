@@ -36,7 +36,7 @@ from ..scenes.scene_file import load_start
 
 
 class GenerateError(UserError):
-    """A trajectory could not be made; says which."""
+    """A trajectory could not be made; the message says which."""
 
 
 def generate(
@@ -47,8 +47,8 @@ def generate(
     Args:
         recipe: What to make.
         folder: Where; made if absent.
-        workers: Who makes them, or how many processes; None: one per usable core. With 1, all
-            happens in this process.
+        workers: Where they are made, or the number of processes; None: one per usable core. With
+            1, all are made in this process.
 
     Returns:
         Paths of the trajectories of the recipe.
@@ -132,7 +132,7 @@ def _describe(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def _claim(folder: Path, recipe: DataRecipe) -> None:
-    """Make the folder this recipe's, or check that it is."""
+    """Write the recipe to a new folder, or check that the folder has the same one."""
     folder.mkdir(parents=True, exist_ok=True)
     present = present_records(folder)
     if (folder / RECIPE_NAME).exists():
@@ -145,7 +145,7 @@ def _claim(folder: Path, recipe: DataRecipe) -> None:
         raise DatasetError(f'{folder}: holds trajectories but no recipe; choose another folder')
     for left_over in folder.glob('.*.tmp'):  # of a run that was killed
         left_over.unlink()
-    # fewer than before leaves a whole data set of those that are there
+    # with fewer trajectories than before, the data set keeps those that are there
     listed = max(recipe.trajectories, 1 + max(present, default=-1))
     write_recipe(folder, replace(recipe, trajectories=listed))
 
@@ -156,7 +156,7 @@ def _is_whole(path: Path, recipe: DataRecipe) -> bool:
     try:
         record = read_record(path)
     except DatasetError as error:
-        print(f'{error}: it is made again', file=sys.stderr)
+        print(f'{error}: made again', file=sys.stderr)
         return False
     check_membership(path, record, recipe_hash(recipe))
     return True

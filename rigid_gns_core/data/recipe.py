@@ -28,8 +28,8 @@ _LATER = ('density', 'vary', 'layout', 'speed', 'spin', 'moving', 'walls')
 class DataRecipe:
     """How a set of trajectories is drawn; see config/data/thesis.yaml.
 
-    Trajectory `index` follows from (seed, index) alone, whatever the others are and whoever
-    makes it. A material is a number, or a range that is drawn from evenly (see `vary`); a radius
+    Trajectory `index` follows from (seed, index) alone, whatever the others are and wherever it is
+    made. A material is a number, or a range that is drawn from evenly (see `vary`); a radius
     or mass is a number, or a range from which each sphere draws a value evenly in its logarithm.
 
     Args:
@@ -103,7 +103,7 @@ class DataRecipe:
             value = getattr(self, name)
             if isinstance(value, tuple):
                 check_range(name, value, 0.0)
-        StartRecipe(spheres=self.spheres[1], **self._start)  # which checks them
+        StartRecipe(spheres=self.spheres[1], **self._start)  # checks them
         if self.layout == 'blocks' and isinstance(self.radius, tuple):
             raise ConfigError(
                 f'radius is [{self.radius[0]:g}, {self.radius[1]:g}], but blocks need equal '
@@ -139,10 +139,10 @@ class DataRecipe:
         # the number of spheres is drawn first, so that small boxes do not make it smaller
         low, high = max(self.box_side[0], 2 * self._largest + 3 * self.gap), self.box_side[1]
         area = self._least_area(spheres)
-        one = rng.uniform(min(max(low, area / high), high), high)
-        other = rng.uniform(min(max(low, area / one), high), high)
-        length_x, length_y = (one, other) if rng.random() < 0.5 else (other, one)
-        # what other recipes do not draw comes after what all draw, so that theirs stays the same
+        first = rng.uniform(min(max(low, area / high), high), high)
+        second = rng.uniform(min(max(low, area / first), high), high)
+        length_x, length_y = (first, second) if rng.random() < 0.5 else (second, first)
+        # what only some recipes draw comes last, so that the others' draws stay the same
         each = spheres if self.vary == 'sphere' else None
         material = {
             name: _draw(rng, getattr(self, name), each)
@@ -176,7 +176,7 @@ class DataRecipe:
 
 
 def load_recipe(name: str | Path) -> DataRecipe:
-    """Return the data recipe of a YAML file, or of a shipped name in config/data.
+    """Data recipe of a YAML file, or of a shipped name in config/data.
 
     `base: NAME` takes all values of another recipe; the file's own replace them.
 
@@ -215,14 +215,14 @@ def recipe_difference(old: DataRecipe, new: DataRecipe) -> list[str]:
 
 
 def _draw(rng: np.random.Generator, value: Range, count: int | None = None) -> Any:
-    """Return a number, or `count` of them where there is a range."""
+    """`value`, or where it is a range one or `count` draws from it."""
     if not isinstance(value, tuple):
         return value
     return float(rng.uniform(*value)) if count is None else _plain(rng.uniform(*value, count))
 
 
 def _draw_logarithmic(rng: np.random.Generator, value: Range, count: int) -> Any:
-    """Return a number, or shape (count,) where there is a range, evenly in the logarithm."""
+    """`value`, or where it is a range draws even in the logarithm, shape (count,)."""
     if not isinstance(value, tuple):
         return value
     # the logarithm and back may leave the range by rounding

@@ -75,7 +75,7 @@ class Record:
 
 
 def write_record(path: str | Path, record: Record, contents: Contents = 'full') -> Path:
-    """Write one file; it appears under its name only when it is whole.
+    """Write one file, whole or not at all.
 
     Args:
         path: File to write; one that exists is replaced.
@@ -124,7 +124,7 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
 
 
 def read_record(path: str | Path) -> Record:
-    """Read one file, whole or not at all.
+    """Read one file; its checksum is compared first.
 
     Raises:
         DatasetError: The file is absent, damaged, or of a version this program does not know.
@@ -151,7 +151,7 @@ def read_record(path: str | Path) -> Record:
 
 
 def read_records(path: str | Path) -> list[Record]:
-    """Return records of one file, or of all files of a folder.
+    """Records of one file, or of all files of a folder.
 
     Raises:
         DatasetError: A file is damaged, or the folder lacks some.
@@ -160,7 +160,7 @@ def read_records(path: str | Path) -> list[Record]:
 
 
 def demo_record() -> Record:
-    """Return the trajectory the package ships: 154 spheres in the 60 x 60 m box.
+    """Record that the package ships: 154 spheres in the 60 x 60 m box.
 
     Raises:
         DatasetError: The installation lacks it.

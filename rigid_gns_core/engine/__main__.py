@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compile the engine, so that no later process has to: `python -m rigid_gns_core.engine`."""
+"""Compile the engine, so that no later process waits for it: `python -m rigid_gns_core.engine`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When, where and along which normal bodies meet within a substep, on their free paths."""
+"""Narrow phase: when and along which normal bodies meet in a substep, on their free paths."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .candidates import Candidates
+from .broad_phase import Candidates
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
-# bodies nearer than this times the smaller radius count as touching
+# bodies nearer than this [radii of the smaller one] count as touching
 TOUCH = 2e-4
 
 
 class Contacts(NamedTuple):
     """Contacts of one substep; c of them. The normal points from body b to body a.
 
-    candidate: which of the candidates, shape (c,); a, b, plane, side: as there; normal: unit
-    normal at the time of impact, shape (c, 3); time: of impact from the start of the substep,
+    candidate: index of the candidate pair, shape (c,); a, b, plane, side: as there; normal: unit
+    normal at the time of impact, shape (c, 3); time: of impact, from the start of the substep,
     negative where the bodies overlap and should have met before; gap: between the surfaces at that
-    time; speculative_gap: the same for bodies that their free paths do not bring together, but
-    that are so near that other contacts may (their time is 0), else 0; approach_speed: then;
-    acceleration: relative, of the free paths along the normal; shape (c,) each.
+    time; speculative_gap: gap of a speculative contact, of bodies that do not meet on their free
+    paths, but are so near that other contacts may bring them together (its time is 0), else 0;
+    approach_speed: at the time of impact; acceleration: relative acceleration of the free paths
+    along the normal; shape (c,) each.
     """
 
     candidate: Indices
@@ -46,7 +47,7 @@ class Contacts(NamedTuple):
 
 
 class Impact(NamedTuple):
-    """A contact as found: its fields in `Contacts`, and whether it is one."""
+    """A contact, with its fields in `Contacts`; `found`: whether there is one."""
 
     found: bool
     normal: Vector
@@ -73,43 +74,44 @@ def _no_impact() -> Impact:
 @in_place
 def impact_of_spheres(
     offset: Vector,
-    moving: Vector,
-    one: float,
-    other: float,
+    velocity: Vector,
+    radius_a: float,
+    radius_b: float,
     h: float,
     lookback: float,
     margin: float,
 ) -> Impact:
-    """Return the contact of two spheres that touch or meet within h, on straight relative paths.
+    """Contact of two spheres that touch or meet within h, on straight relative paths.
 
-    The time of impact is the first root of |x + u t| = r_a + r_b.
+    The time of impact is the first root of |x + y t| = R, R = r_a + r_b. With d = |x| - R and
+    b = x . y it is t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits.
 
     Args:
-        offset: Relative position.
-        moving: Relative velocity.
-        one: Radius.
-        other: Radius of the other.
+        offset: x, position of a relative to b.
+        velocity: y, velocity of a relative to b.
+        radius_a: r_a.
+        radius_b: r_b.
         h: Length of the substep.
-        lookback: Spheres that overlap should have met before, up to so long ago.
-        margin: Gap below which spheres that do not meet are speculative contacts.
+        lookback: Spheres that overlap are taken to have met at most so long ago.
+        margin: Gap up to which spheres that do not meet are speculative contacts.
     """
-    touching, distance = one + other, length(offset)
+    touching, distance = radius_a + radius_b, length(offset)
     gap = distance - touching
-    along = dot(offset, moving)
+    along = dot(offset, velocity)
     hits, ahead = False, 0.0
     if gap > 0 and along < 0:
-        inside = along * along - dot(moving, moving) * gap * (distance + touching)
+        inside = along * along - dot(velocity, velocity) * gap * (distance + touching)
         if inside >= 0:
             ahead = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
             hits = ahead <= h
-    touches = gap <= TOUCH * min(one, other)
+    touches = gap <= TOUCH * min(radius_a, radius_b)
     if not (hits or touches or gap <= margin):
         return _no_impact()
     time = ahead
     if not hits:
         speed = -along / max(distance, 1e-30)
         time = min(0.0, max(-lookback, gap / speed)) if speed > 0 else 0.0
-    at = plus(offset, times(max(time, 0.0), moving))
+    at = plus(offset, times(max(time, 0.0), velocity))
     far = length(at)
     normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
     speculative_gap = 0.0 if hits or touches else gap
@@ -119,14 +121,14 @@ def impact_of_spheres(
         time=time,
         gap=far - touching,
         speculative_gap=speculative_gap,
-        approach_speed=-dot(normal, moving),
+        approach_speed=-dot(normal, velocity),
         acceleration=0.0,
     )
 
 
 @in_place
 def offset_from_rectangle(local: Vector, half: Array) -> Vector:
-    """Vector from the closest point of a rectangle about the origin, normal along z."""
+    """Vector to a point from the closest one of a rectangle about the origin, normal along z."""
     x = max(min(local[0], half[0]), -half[0])
     y = max(min(local[1], half[1]), -half[1])
     return local[0] - x, local[1] - y, local[2]
@@ -134,13 +136,13 @@ def offset_from_rectangle(local: Vector, half: Array) -> Vector:
 
 @in_place
 def to_plane(axes: Array, vector: Vector) -> Vector:
-    """Return a vector in the axes of a plane."""
+    """Components of a vector along the axes of a plane."""
     return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
 
 
 @in_place
 def from_plane(axes: Array, local: Vector) -> Vector:
-    """Return a vector of a plane's axes in the world."""
+    """Vector in the world from its components along the axes of a plane."""
     flat = plus(times(local[0], row(axes, 0)), times(local[1], row(axes, 1)))
     return plus(flat, times(local[2], row(axes, 2)))
 
@@ -157,13 +159,14 @@ def impact_with_plane(
     lookback: float,
     margin: float,
 ) -> Impact:
-    """Return the contact of a sphere that touches or meets a bounded plane within h.
+    """Contact of a sphere that touches or meets a bounded plane within h, on its parabola.
 
-    The time of impact is the first root of z + v t + g t^2 / 2 = r on its parabola.
+    The time of impact is the first root of d + s t + a t^2 / 2 = 0, with the gap d, and s and a
+    velocity and gravity along the normal: t = 2 d / (sqrt(s^2 - 2 a d) - s).
 
-    A plane with an infinite side is the boundary of a body: spheres are in front of it, however
-    deep. One with an end on all sides is a plate that has two faces. Its edge is met at the end of
-    the path, to first order.
+    A plane with an infinite side bounds a body: spheres are in front of it, however deep. One that
+    ends on all sides is a plate with two faces. An edge is met where the gap, taken as linear
+    between start and end of the path, is 0.
     """
     axes, half = world.axes[plane], world.half[plane]
     local = to_plane(axes, minus(position, row(world.point, plane)))
@@ -187,7 +190,7 @@ def impact_with_plane(
     face = on_face and (hits or touches or gap <= margin)
     speculative_gap = 0.0 if hits or touches else gap
     if not face:
-        # an edge: closest points at the start and at the end of the free path
+        # an edge: by the closest points at the start and at the end of the free path
         rim = offset_from_rectangle(local, half)
         rim_end = offset_from_rectangle(_on_path(local, moving, pulling, h), half)
         if rim[0] == 0 and rim[1] == 0 and rim_end[0] == 0 and rim_end[1] == 0:
@@ -237,7 +240,7 @@ def find_contacts(
 ) -> Contacts:
     """Contacts of the next substep among the `chosen` candidates.
 
-    Bodies are also contacts, if speculative, where gravity may bring them together within `h`.
+    Bodies that gravity may bring together within `h`, nearer than g h^2, are speculative contacts.
     """
     size, fixed = len(candidates.a), len(positions)
     margin = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
@@ -262,9 +265,9 @@ def find_contacts(
         else:
             impact = impact_of_spheres(
                 offset=minus(row(positions, a), row(positions, b)),
-                moving=minus(row(velocities, a), row(velocities, b)),
-                one=world.radius[a],
-                other=world.radius[b],
+                velocity=minus(row(velocities, a), row(velocities, b)),
+                radius_a=world.radius[a],
+                radius_b=world.radius[b],
                 h=h,
                 lookback=lookback,
                 margin=margin,
@@ -295,7 +298,7 @@ def find_contacts(
 
 @in_place
 def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[float, Vector]:
-    """Gap and unit normal of contact k where the spheres are now."""
+    """Gap and unit normal of contact k at these positions."""
     a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
     sign, place = 1.0, row(positions, a)
     if plane < 0:
@@ -306,7 +309,7 @@ def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[
             to_plane(axes, minus(place, row(world.point, plane))), world.half[plane]
         )
         if rim[0] == 0 and rim[1] == 0 and contacts.side[k] * rim[2] < 0:
-            sign = -1.0  # on the other side of its plane it is inside
+            sign = -1.0  # the centre is behind the face
         offset = from_plane(axes, rim)
     far = length(offset)
     normal = times(sign / far, offset) if far > 1e-9 else row(contacts.normal, k)

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One frame: K substeps of the spheres that may touch something; all others fall."""
+"""One frame: K substeps of the spheres that may touch something, free flight of all others."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .candidates import Candidates, find_candidates, reach_of
+from .broad_phase import Candidates, find_candidates, reach_of
 from .contacts import find_contacts
 from .impulses import no_impulses
 from .islands import connect, Islands, no_islands
@@ -23,9 +23,9 @@ from ..kernels.quaternions import turn
 from ..kernels.vector import dot, length, minus, put, row
 from ..scenes.state import Array
 
-# passes that correct collisions in paths that contacts bent within the last substep
+# most corrections after the last substep, of collisions on paths that contacts bent within it
 _CORRECTIONS = 3
-# of the solver, to find impulses of contacts that last, where none are known to warm start from
+# iterations of the solver that find the impulses of a start, where there is no warm start
 _COLD_ITERATIONS = 60
 
 
@@ -36,19 +36,19 @@ def advance(
     dt: float,
     warm_start: WarmStart,
     settings: Settings,
-    sleepers: Sleepers,
+    sleepers_out: Sleepers,
 ) -> tuple[Spheres, WarmStart, Islands]:
-    """Return the spheres a frame later, the impulses at its end, and the islands in contact.
+    """Spheres a frame later, the warm start of the next frame, and the islands in contact.
 
     Args:
         world: What does not move.
-        spheres: Before the frame.
+        spheres: State at the start of the frame.
         dt: Length of the frame.
-        warm_start: Of the last frame.
-        settings: How finely it is solved.
-        sleepers: Who sleeps; some may wake.
+        warm_start: Impulses of the last frame.
+        settings: Substeps and iterations.
+        sleepers_out: Who sleeps; those that wake are changed.
     """
-    candidates, awake = wake(world, spheres.positions, spheres.velocities, dt, sleepers)
+    candidates, awake = wake(world, spheres.positions, spheres.velocities, dt, sleepers_out)
     islands, h, started = no_islands(len(awake)), dt / settings.substeps, 0
     now, after, old = spheres, copy_spheres(spheres), warm_start
     if len(candidates.a) == 0:
@@ -56,20 +56,21 @@ def advance(
         nothing = WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=True)
         return after, with_sleepers(nothing, old, awake, len(world.point)), islands
     while True:
-        # only spheres that may touch something take part, numbered through
+        # only spheres that may touch something take part, with indices of their own
         members, local = _members(candidates, len(awake))
-        part, own = world_among(world, members), no_islands(len(members))
+        members_world = world_among(world, members)
+        members_islands = no_islands(len(members))
         motion = Motion(
             positions=now.positions[members],
             velocities=now.velocities[members],
             angular_velocities=now.angular_velocities[members],
             awake=awake[members],
         )
-        impulses, turning = impulses_of(warm_start, candidates.key), now.quaternions[members]
+        impulses, quaternions = impulses_of(warm_start, candidates.key), now.quaternions[members]
         every = np.ones(len(local.a), np.bool_)
-        if not warm_start.known:  # a substep that only finds impulses
+        if not warm_start.known:  # at a start: a substep of a copy, for its impulses
             substep(
-                world=part,
+                world=members_world,
                 candidates=local,
                 chosen=every,
                 h=h,
@@ -82,7 +83,7 @@ def advance(
         start, reach, done = motion.positions.copy(), _reaches(world, motion, dt), started
         while done < settings.substeps and not _outrun(motion, start, reach, dt - done * h):
             substep(
-                world=part,
+                world=members_world,
                 candidates=local,
                 chosen=every,
                 h=h,
@@ -90,18 +91,18 @@ def advance(
                 iterations=settings.iterations,
                 motion_out=motion,
                 impulses_out=impulses,
-                islands_out=own,
+                islands_out=members_islands,
             )
-            for i in range(len(turning)):
-                turn(turning, i, row(motion.angular_velocities, i), h)
+            for i in range(len(quaternions)):
+                turn(quaternions, i, row(motion.angular_velocities, i), h)
             done += 1
         outran = _outrun(motion, start, reach, dt - done * h)
         for _ in range(0 if outran else _CORRECTIONS):
-            missed = _missed_contacts(part, motion, local, h)
+            missed = _missed_contacts(members_world, motion, local, h)
             if not missed.any():
                 break
             substep(
-                world=part,
+                world=members_world,
                 candidates=local,
                 chosen=missed,
                 h=0.0,
@@ -109,10 +110,10 @@ def advance(
                 iterations=settings.iterations,
                 motion_out=motion,
                 impulses_out=no_impulses(len(missed)),
-                islands_out=own,
+                islands_out=members_islands,
             )
-            _separate(part, motion, local, every)
-        _scatter(motion, turning, own, members, after, islands)
+            _separate(members_world, motion, local, every)
+        _scatter(motion, quaternions, members_islands, members, after, islands)
         if not outran and started == 0:
             break
         _fly(world, now, _flags(members, len(awake)), awake, (done - started) * h, after)
@@ -123,7 +124,7 @@ def advance(
         candidates = find_candidates(
             world, now.positions, now.velocities, dt, awake, spheres.positions
         )
-    # spheres without contact keep the exact parabolas of their start
+    # spheres without contact fly on one parabola from the start of the frame
     _fly(world, spheres, islands.touched, awake, dt, after)
     new = active_impulses(candidates.key, impulses)
     return after, with_sleepers(new, old, awake, len(world.point)), islands
@@ -131,7 +132,7 @@ def advance(
 
 @compiled
 def _members(candidates: Candidates, count: int) -> tuple[Indices, Candidates]:
-    """Spheres of candidates, and the candidates by their place among them."""
+    """Spheres that have candidates, and the candidates with indices into these."""
     taken = np.zeros(count + 1, np.bool_)
     for k in range(len(candidates.a)):
         taken[candidates.a[k]] = taken[candidates.b[k]] = True
@@ -159,7 +160,7 @@ def _flags(members: Indices, count: int) -> Flags:
 
 @compiled
 def _reaches(world: World, motion: Motion, dt: float) -> Array:
-    """How far each sphere's candidates were looked for."""
+    """Reach of each sphere, within which its candidates are."""
     weight = length((world.gravity[0], world.gravity[1], world.gravity[2]))
     reach = np.empty(len(motion.awake))
     for i in range(len(reach)):
@@ -169,7 +170,7 @@ def _reaches(world: World, motion: Motion, dt: float) -> Array:
 
 @in_place
 def _outrun(motion: Motion, start: Array, reach: Array, left: float) -> bool:
-    """Whether a sphere that was struck may leave its reach, with `left` of the frame to go."""
+    """Whether a sphere that was struck may leave its reach in the time `left` of the frame."""
     for i in range(len(reach)):
         gone = length(minus(row(motion.positions, i), row(start, i)))
         if gone + length(row(motion.velocities, i)) * left > reach[i] * 1.001 + 1e-3:
@@ -179,7 +180,7 @@ def _outrun(motion: Motion, start: Array, reach: Array, left: float) -> bool:
 
 @compiled
 def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: float) -> Flags:
-    """Candidates around bodies that overlap and approach, met by paths that contacts bent."""
+    """Candidates of bodies that overlap and approach, since contacts bent their paths."""
     count, size = len(motion.awake), len(candidates.a)
     every, missed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
     contacts = find_contacts(world, motion.positions, motion.velocities, candidates, every, 0.0, h)
@@ -195,7 +196,7 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
 
 @compiled
 def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags) -> None:
-    """Undo overlaps, also with bodies that a correction had no contact with."""
+    """Push out overlaps among all candidates, also those that a correction left out."""
     contacts = find_contacts(
         world, motion.positions, motion.velocities, candidates, every, 0.0, 0.0
     )
@@ -205,32 +206,32 @@ def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags
 @in_place
 def _scatter(
     motion: Motion,
-    turning: Array,
-    own: Islands,
+    quaternions: Array,
+    members_islands: Islands,
     members: Indices,
     spheres_out: Spheres,
     islands_out: Islands,
 ) -> None:
-    """Write the motion of the members among that of all spheres."""
+    """Write the state of the members into that of all spheres."""
     for m in range(len(members)):
         i = members[m]
         put(spheres_out.positions, i, row(motion.positions, m))
         put(spheres_out.velocities, i, row(motion.velocities, m))
         put(spheres_out.angular_velocities, i, row(motion.angular_velocities, m))
         for part in range(4):
-            spheres_out.quaternions[i, part] = turning[m, part]
-        if own.touched[m]:
-            connect(islands_out, i, members[own.parent[m]])
-            islands_out.grounded[i] |= own.grounded[m]
+            spheres_out.quaternions[i, part] = quaternions[m, part]
+        if members_islands.touched[m]:
+            connect(islands_out, i, members[members_islands.parent[m]])
+            islands_out.grounded[i] |= members_islands.grounded[m]
 
 
 @in_place
 def _fly(
-    world: World, before: Spheres, others: Flags, awake: Flags, time: float, spheres_out: Spheres
+    world: World, before: Spheres, excluded: Flags, awake: Flags, time: float, spheres_out: Spheres
 ) -> None:
-    """Spheres not among `others` fly freely."""
-    for i in range(len(others)):
-        if others[i]:
+    """Free flight of all but the excluded: p + v t + g t^2 / 2, v + g t; sleepers stay."""
+    for i in range(len(excluded)):
+        if excluded[i]:
             continue
         for axis in range(3):
             fall, speed = time * world.gravity[axis], before.velocities[i, axis]

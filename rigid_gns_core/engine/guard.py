@@ -3,9 +3,9 @@
 
 """Energy guard: in no frame does the energy of an island rise.
 
-E = sum of m v^2 / 2 + I w^2 / 2 - m g . x. Restitution and friction only take energy; iterations
-that have not converged, and overlaps that are undone, may add some. The guard acts after the
-solver, and reports how often it had to.
+E = sum of m v^2 / 2 + I w^2 / 2 - m g . p. Restitution and friction only take energy; a solver
+that has not converged, and push-out, may add some. The guard acts after the solver, and counts how
+often it did. In the air it keeps both momenta; on a surface: v <- v sqrt(1 - dE / E_kin), and w.
 """
 
 from __future__ import annotations
@@ -34,40 +34,40 @@ from ..kernels.vector import (
 )
 from ..scenes.state import Array
 
-# rises below this share of the island's energy are rounding
+# gains below this share of the island's energy are rounding
 _ROUNDING = 1e-13
 
 
 class _RigidMotion(NamedTuple):
-    """An island as one body: centre of mass, its velocity, angular momentum about it, inertia."""
+    """An island as one body; angular momentum and inertia are about its centre of mass."""
 
     centre: Vector
-    mean: Vector
+    velocity: Vector
     momentum: Vector
     tensor: Array
 
 
 @compiled
 def _rigid_motion(world: World, spheres: Spheres, members: Indices) -> _RigidMotion:
-    mass, centre, mean = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    mass, centre, velocity = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in members:
         own = 1.0 / world.inverse_mass[i]
         mass += own
         centre = plus(centre, times(own, row(spheres.positions, i)))
-        mean = plus(mean, times(own, row(spheres.velocities, i)))
-    centre, mean = times(1.0 / mass, centre), times(1.0 / mass, mean)
+        velocity = plus(velocity, times(own, row(spheres.velocities, i)))
+    centre, velocity = times(1.0 / mass, centre), times(1.0 / mass, velocity)
     momentum, tensor = (0.0, 0.0, 0.0), np.zeros((3, 3))
     for i in members:
         own, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
         arm = minus(row(spheres.positions, i), centre)
-        swing = times(own, cross(arm, minus(row(spheres.velocities, i), mean)))
+        swing = times(own, cross(arm, minus(row(spheres.velocities, i), velocity)))
         momentum = plus(momentum, plus(swing, times(inertia, row(spheres.angular_velocities, i))))
         square = dot(arm, arm)
-        for one in range(3):
-            tensor[one, one] += own * square + inertia
-            for other in range(3):
-                tensor[one, other] -= own * arm[one] * arm[other]
-    return _RigidMotion(centre=centre, mean=mean, momentum=momentum, tensor=tensor)
+        for p in range(3):
+            tensor[p, p] += own * square + inertia
+            for q in range(3):
+                tensor[p, q] -= own * arm[p] * arm[q]
+    return _RigidMotion(centre=centre, velocity=velocity, momentum=momentum, tensor=tensor)
 
 
 @in_place
@@ -76,30 +76,30 @@ def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
     v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
     mass, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
     gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
-    height = -mass * dot(row(spheres.positions, i), gravity)
-    return 0.5 * mass * dot(v, v) + 0.5 * inertia * dot(w, w), height
+    potential = -mass * dot(row(spheres.positions, i), gravity)
+    return 0.5 * mass * dot(v, v) + 0.5 * inertia * dot(w, w), potential
 
 
 @compiled
 def limit_energy(
     world: World, before: Spheres, islands: Islands, dt: float, after_out: Spheres
 ) -> tuple[int, float]:
-    """Keep the energy of each island at most what it was.
+    """Limit the energy of each island to what it was.
 
     An island in the air gets the linear and angular momentum of its ballistic flight, and loses
-    what energy it has too much from its internal motion, v - V - W x (x - X) of each sphere, so
-    that both momenta stay. One that touches a surface has all its speeds reduced by one factor;
-    where that is not enough, because it was lifted, it stays where it was.
+    its excess of energy from internal motion, v - V - W x (p - P) of each sphere, so that both
+    momenta stay. On a surface all speeds are reduced by one factor; where that is not enough,
+    because the island was lifted, its positions are those before the frame.
 
     Args:
         world: What does not move.
-        before: State at the frame's start.
-        islands: Of the frame's contacts.
+        before: State at the start of the frame.
+        islands: Islands of the frame's contacts.
         dt: Length of the frame.
-        after_out: State at its end; corrected in place.
+        after_out: State at the end of the frame; corrected in place.
 
     Returns:
-        How many islands were held, and the energy taken from them.
+        Number of islands that were limited, and the energy taken from them.
     """
     groups, after = groups_of(islands), after_out
     acted, removed = 0, 0.0
@@ -109,11 +109,11 @@ def limit_energy(
             _restore_momenta(world, before, members, dt, after)
         moving, gain, size = 0.0, 0.0, 0.0
         for i in members:
-            kinetic, height = _energy(world, after, i)
-            kinetic_before, height_before = _energy(world, before, i)
+            kinetic, potential = _energy(world, after, i)
+            kinetic_before, potential_before = _energy(world, before, i)
             moving += kinetic
-            gain += kinetic + height - kinetic_before - height_before
-            size += kinetic + kinetic_before + math.fabs(height - height_before)
+            gain += kinetic + potential - kinetic_before - potential_before
+            size += kinetic + kinetic_before + math.fabs(potential - potential_before)
         if gain <= _ROUNDING * size:
             continue
         acted += 1
@@ -121,10 +121,10 @@ def limit_energy(
         if not groups.grounded[island]:
             _damp_internal_motion(world, members, gain, after)
             continue
-        slower = math.sqrt(max(0.0, 1.0 - gain / max(moving, 1e-300)))
+        scale = math.sqrt(max(0.0, 1.0 - gain / max(moving, 1e-300)))
         for i in members:
-            put(after.velocities, i, times(slower, row(after.velocities, i)))
-            put(after.angular_velocities, i, times(slower, row(after.angular_velocities, i)))
+            put(after.velocities, i, times(scale, row(after.velocities, i)))
+            put(after.angular_velocities, i, times(scale, row(after.angular_velocities, i)))
             if gain > moving:
                 put(after.positions, i, row(before.positions, i))
     return acted, removed
@@ -134,15 +134,17 @@ def limit_energy(
 def _restore_momenta(
     world: World, before: Spheres, members: Indices, dt: float, after_out: Spheres
 ) -> None:
-    """Give a free island the momenta that it must have.
+    """Give a free island the momenta of its ballistic flight.
 
-    Impulses at different times within a frame, and push-out, keep the linear momentum but leave
-    the angular one to a few per cent of what they exchange.
+    With m and T its mass and tensor of inertia, P and S its momenta in flight (0) and now (1), r
+    from its centre: v <- v + (P0 - P1) / m + t x r, w <- w + t, t = T^-1 (S0 - S1). Impulses at
+    different times within a frame, and push-out, keep P, but change S by up to a few per cent of
+    what they exchange.
     """
     was, is_now = _rigid_motion(world, before, members), _rigid_motion(world, after_out, members)
     turn = solve_symmetric(is_now.tensor, minus(was.momentum, is_now.momentum))
     fall = (dt * world.gravity[0], dt * world.gravity[1], dt * world.gravity[2])
-    push = minus(plus(was.mean, fall), is_now.mean)
+    push = minus(plus(was.velocity, fall), is_now.velocity)
     for i in members:
         arm = minus(row(after_out.positions, i), is_now.centre)
         add_to(after_out.velocities, i, plus(push, cross(turn, arm)))
@@ -151,7 +153,7 @@ def _restore_momenta(
 
 @compiled
 def _damp_internal_motion(world: World, members: Indices, gain: float, after_out: Spheres) -> None:
-    """Take `gain` of energy from motion beyond that of one rigid body."""
+    """Take the energy `gain` from internal motion: v_in <- v_in sqrt(1 - gain / E_in), and w."""
     after = after_out
     body = _rigid_motion(world, after, members)
     turn, internal = solve_symmetric(body.tensor, body.momentum), 0.0
@@ -172,5 +174,5 @@ def _internal_velocity(
 ) -> tuple[Vector, Vector]:
     """Velocity and spin of a sphere beyond those of the rigid body."""
     arm = minus(row(after.positions, i), body.centre)
-    rigid = plus(body.mean, cross(turn, arm))
+    rigid = plus(body.velocity, cross(turn, arm))
     return minus(row(after.velocities, i), rigid), minus(row(after.angular_velocities, i), turn)

@@ -19,7 +19,7 @@ from ..scenes.state import Array
 
 
 class Impulses(NamedTuple):
-    """Impulses on body a of each contact; body b gets the opposite.
+    """Impulses on body a of each contact; body b gets the opposite ones.
 
     normal: along the normal, at least 0, shape (c,); tangential: across it, friction, shape
     (c, 3); rolling: angular impulse of rolling friction, zero between spheres, shape (c, 3).
@@ -36,8 +36,8 @@ class Bodies(NamedTuple):
     start_velocity: at the start of the substep; free_velocity: at its end, without contacts;
     angular_velocity: at the start; velocity_change, angular_change: what impulses add to them;
     displacement: beyond that of free flight; shape (n + 1, 3) each. split: parts of equal mass
-    that a body is split into, one for each active contact, by force; strongest: force of the
-    strongest of them, as a speed; shape (n + 1,).
+    that a body is split into, one for each active contact, weighted by force; strongest: force of
+    the strongest of them, as a speed; shape (n + 1,).
     """
 
     start_velocity: Array
@@ -52,7 +52,7 @@ class Bodies(NamedTuple):
 
 @compiled
 def no_impulses(count: int) -> Impulses:
-    """Zeros."""
+    """Impulses of so many contacts, all zero."""
     return Impulses(
         normal=np.zeros(count), tangential=np.zeros((count, 3)), rolling=np.zeros((count, 3))
     )
@@ -60,7 +60,7 @@ def no_impulses(count: int) -> Impulses:
 
 @compiled
 def copy_impulses(impulses: Impulses) -> Impulses:
-    """Return the same in other memory."""
+    """Impulses in arrays of their own."""
     return Impulses(
         normal=impulses.normal.copy(),
         tangential=impulses.tangential.copy(),
@@ -70,30 +70,30 @@ def copy_impulses(impulses: Impulses) -> Impulses:
 
 @in_place
 def apply_linear(
-    world: World, contacts: Contacts, bodies: Bodies, k: int, impulse: Vector
+    world: World, contacts: Contacts, bodies_out: Bodies, k: int, impulse: Vector
 ) -> None:
-    """Apply an impulse at contact k to velocities."""
+    """Apply an impulse J at contact k to velocities: v_a += J / m_a, v_b -= J / m_b."""
     a, b = contacts.a[k], contacts.b[k]
-    add_to(bodies.velocity_change, a, times(world.inverse_mass[a], impulse))
-    add_to(bodies.velocity_change, b, times(-world.inverse_mass[b], impulse))
+    add_to(bodies_out.velocity_change, a, times(world.inverse_mass[a], impulse))
+    add_to(bodies_out.velocity_change, b, times(-world.inverse_mass[b], impulse))
 
 
 @in_place
 def apply_angular(
-    world: World, contacts: Contacts, law: Law, bodies: Bodies, k: int, impulse: Vector
+    world: World, contacts: Contacts, law: Law, bodies_out: Bodies, k: int, impulse: Vector
 ) -> None:
-    """Apply the torque of the same impulse to angular velocities: it acts at arms -r n and r n."""
+    """Apply the torque of an impulse J at contact k: w -= l n x J / I, for both bodies."""
     a, b = contacts.a[k], contacts.b[k]
     torque = cross(row(contacts.normal, k), impulse)
-    add_to(bodies.angular_change, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
-    add_to(bodies.angular_change, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
+    add_to(bodies_out.angular_change, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
+    add_to(bodies_out.angular_change, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
 
 
 @in_place
 def slip_velocity(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
     """Tangential velocity of surface a on surface b with the impulses so far.
 
-    u = (v_a - v_b) across n - (r_a w_a + r_b w_b) x n.
+    u = (v_a - v_b) across n - (l_a w_a + l_b w_b) x n, l from the centre to the contact point.
     """
     a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
     v_a = plus(row(bodies.free_velocity, a), row(bodies.velocity_change, a))
@@ -106,10 +106,7 @@ def slip_velocity(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vecto
 
 @in_place
 def separation_velocity(contacts: Contacts, bodies: Bodies, k: int) -> float:
-    """Return the normal velocity n . (v_a - v_b) at the end of the substep.
-
-    With the impulses so far.
-    """
+    """Normal velocity n . (v_a - v_b) at the end of the substep, with the impulses so far."""
     a, b = contacts.a[k], contacts.b[k]
     free = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
     change = minus(row(bodies.velocity_change, a), row(bodies.velocity_change, b))
@@ -122,11 +119,11 @@ def start_from(
     contacts: Contacts,
     law: Law,
     group: Indices,
-    given: Impulses,
+    initial: Impulses,
     bodies_out: Bodies,
     impulses_out: Impulses,
 ) -> None:
-    """Warm start: take `given` as the impulses so far, and give the bodies what they make."""
+    """Warm start: set the impulses so far to `initial`, and the bodies' changes to theirs."""
     for k in group:
         for body in (contacts.a[k], contacts.b[k]):
             put(bodies_out.velocity_change, body, (0.0, 0.0, 0.0))
@@ -134,13 +131,13 @@ def start_from(
     for k in group:
         normal = row(contacts.normal, k)
         # the normal has turned since the last substep
-        tangential = across(row(given.tangential, k), normal)
-        impulses_out.normal[k] = given.normal[k]
+        tangential = across(row(initial.tangential, k), normal)
+        impulses_out.normal[k] = initial.normal[k]
         put(impulses_out.tangential, k, tangential)
-        put(impulses_out.rolling, k, row(given.rolling, k))
-        impulse = plus(times(given.normal[k], normal), tangential)
+        put(impulses_out.rolling, k, row(initial.rolling, k))
+        impulse = plus(times(initial.normal[k], normal), tangential)
         apply_linear(world, contacts, bodies_out, k, impulse)
         apply_angular(world, contacts, law, bodies_out, k, tangential)
         a = contacts.a[k]
-        rolling = times(world.inverse_inertia[a], row(given.rolling, k))
+        rolling = times(world.inverse_inertia[a], row(initial.rolling, k))
         add_to(bodies_out.angular_change, a, rolling)

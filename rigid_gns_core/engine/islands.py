@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Islands: spheres that contacts connect in a frame. Surfaces belong to none."""
+"""Islands: spheres that contacts connect in a frame, by union-find. Surfaces belong to none."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..kernels.neighbours import counting_sort, Flags, Indices
 
 
 class Islands(NamedTuple):
-    """Spheres that were touched in a frame and the islands they make.
+    """Spheres that touched something in a frame, and the islands they form.
 
     parent: forest over the spheres, whose roots name the islands, shape (n,); touched: spheres
     with a contact, shape (n,); grounded: spheres that touch a surface, shape (n,).
@@ -49,7 +49,7 @@ def no_islands(count: int) -> Islands:
 
 @in_place
 def root_of(parent: Indices, sphere: int) -> int:
-    """Return the island of a sphere, by the number of one of its spheres."""
+    """Root of the island of a sphere: the index of one of its spheres."""
     while parent[sphere] != sphere:
         parent[sphere] = parent[parent[sphere]]
         sphere = parent[sphere]
@@ -57,30 +57,30 @@ def root_of(parent: Indices, sphere: int) -> int:
 
 
 @in_place
-def connect(islands_out: Islands, one: int, other: int) -> None:
-    """Note a contact between spheres; `other` -1: with a surface."""
-    islands_out.touched[one] = True
-    if other < 0:
-        islands_out.grounded[one] = True
+def connect(islands_out: Islands, a: int, b: int) -> None:
+    """Add a contact of spheres a and b; b -1: of sphere a and a surface."""
+    islands_out.touched[a] = True
+    if b < 0:
+        islands_out.grounded[a] = True
         return
-    islands_out.touched[other] = True
-    first, second = root_of(islands_out.parent, one), root_of(islands_out.parent, other)
+    islands_out.touched[b] = True
+    first, second = root_of(islands_out.parent, a), root_of(islands_out.parent, b)
     islands_out.parent[max(first, second)] = min(first, second)
 
 
 @compiled
 def groups_of(islands: Islands) -> Groups:
-    """Return the islands of touched spheres."""
-    touched, found = np.flatnonzero(islands.touched), 0
+    """Touched spheres by island."""
+    touched, count = np.flatnonzero(islands.touched), 0
     number, label = np.full(len(islands.parent), -1), np.empty(len(touched), np.int64)
     grounded = np.zeros(len(touched), np.bool_)
     for t in range(len(touched)):
         i = touched[t]
         root = root_of(islands.parent, i)
         if number[root] < 0:
-            number[root] = found
-            found += 1
+            number[root] = count
+            count += 1
         label[t] = number[root]
         grounded[label[t]] |= islands.grounded[i]
-    order, start = counting_sort(label, found)
-    return Groups(members=touched[order], start=start, grounded=grounded[:found])
+    order, start = counting_sort(label, count)
+    return Groups(members=touched[order], start=start, grounded=grounded[:count])

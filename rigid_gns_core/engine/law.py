@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laws of one contact alone: coefficients, and where it ends up along its normal.
+"""The law of one contact alone: coefficients, and where it ends up along its normal.
 
-Normal impact is Newton's: it separates with e times the speed of approach. Friction is Coulomb's,
-|tangential impulse| <= mu N; rolling friction takes a torque of at most rho r N. Both are in
-steps.py.
+Normal impact is Newton's: bodies that approach at u separate at e u. Friction is Coulomb's,
+|tangential impulse| <= mu times the normal one, and rolling friction has an angular impulse of at
+most rho r times it: both are in steps.py.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .world import UNIT_GRAVITY, World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
-# approach speeds below this do not bounce: as the teacher, 3 g dt / 240
+# approach speeds below this do not bounce: 3 g dt / 240, that of the teacher
 RESTITUTION_THRESHOLD = 3.0 * UNIT_GRAVITY * 0.1 / 240.0
 
 
@@ -29,8 +29,8 @@ class Law(NamedTuple):
 
     restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres;
     inverse_effective_mass: change of separation velocity by a unit of normal impulse,
-    1 / m_a + 1 / m_b; arm_a, arm_b: from centre to contact point; rotation_a, rotation_b:
-    arm^2 / inertia, what turning adds to it across the normal.
+    1 / m_a + 1 / m_b; arm_a, arm_b: l, from centre to contact point; rotation_a, rotation_b:
+    l^2 / I, what rotation adds to it across the normal.
     """
 
     restitution: Array
@@ -44,12 +44,12 @@ class Law(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What a contact would come to, alone, under what accelerates it now.
+    """Where a contact alone would end up, under its present acceleration.
 
     active: whether the bodies touch at all; separation_velocity: at the end of the substep;
-    flight_time: since the last bounce where they are apart then, else 0; impulse: normal impulse
-    over effective mass; impulse_time: before the end, at which that impulse, acting at once, leads
-    to the same place; remaining: what is left of the substep after the impact.
+    flight_time: since the last bounce where they are apart at the end, else 0; impulse: normal
+    impulse over effective mass; impulse_time: time before the end at which that impulse, acting at
+    once, leads to the same place; remaining: time from the impact to the end of the substep.
     """
 
     active: bool
@@ -62,7 +62,7 @@ class Target(NamedTuple):
 
 @compiled
 def law_of(world: World, contacts: Contacts) -> Law:
-    """Coefficients of contacts: those of a pair are products of its materials."""
+    """Coefficients of contacts: e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too."""
     size = len(contacts.a)
     own = np.empty((8, size))
     law = Law(
@@ -103,58 +103,60 @@ def target_of(
     acceleration: float,
     coupling: float,
 ) -> Target:
-    """Return where one contact alone ends up along its normal, after all bounces of a substep.
+    """Where one contact alone ends up along its normal, after all bounces of a substep.
 
-    A sphere that falls with a bounces with e times the speed of each approach u: its flights take
-    t_k = 2 e^k u / a, k = 1, 2, ..., a geometric series, so that the number of flights within the
-    time T that remains is n = floor(log(1 - T a (1 - e) / (2 e u)) / log(e)), and the last one
-    began 2 e u / a (1 - e^n) / (1 - e) after the impact, at e^(n+1) u. When the approach is slower
-    than `RESTITUTION_THRESHOLD`, or the logarithm's argument is negative, it rests. So small
-    bounces need no small substeps. (Series: any text on mechanics; e.g. Goldsmith, Impact, 1960.)
+    The coupling c moves the impact from its time t0 on the free path to t0 + t, with t the first
+    root of (d + c t0^2 / 2) - (u - c t0) t + (a + c) t^2 / 2 = 0, and gives an approach speed u
+    there. With N = -(a + c) and Newton's restitution, flights take 2 e^k u / N, k = 1, 2, ...,
+    a geometric series: in the time T after the impact there are
+    n = floor(log(1 - T N (1 - e) / (2 e u)) / log(e)) of them, and the last bounce was
+    2 e u / N (1 - e^n) / (1 - e) after the impact, at e^(n+1) u. The contact rests where an
+    approach is slower than `RESTITUTION_THRESHOLD`, or where all flights of the series end within
+    T (the logarithm's argument is not positive). So small bounces need no small substeps.
 
     Args:
         e: Restitution.
         h: Length of the substep.
-        time: Of impact, on the free path.
-        gap: Of a contact that is speculative, else 0.
-        approach_speed: At the time of impact.
-        acceleration: Relative, of free motion along the normal.
-        coupling: Relative acceleration along the normal that other contacts make. It shifts the
-            time of impact, or prevents it: a sphere that others hold does not fall.
+        time: t0, negative where the bodies overlap.
+        gap: d, gap of a speculative contact, else 0.
+        approach_speed: u, on the free path.
+        acceleration: a, relative acceleration of free motion along the normal.
+        coupling: c, relative acceleration along the normal by other contacts: a sphere that others
+            hold does not fall.
     """
     acceleration += coupling
     before = max(time, 0.0)
     gap += 0.5 * coupling * before * before
     closing = approach_speed - coupling * before
     root = closing * closing - 2.0 * acceleration * gap
-    sum_of = closing + math.sqrt(max(root, 1e-24))
+    root_sum = closing + math.sqrt(max(root, 1e-24))
     later, active = 0.0, before == 0 and gap == 0
     if gap != 0:
-        later = 2.0 * gap / (sum_of if sum_of > 1e-12 else 1.0)
+        later = 2.0 * gap / (root_sum if root_sum > 1e-12 else 1.0)
     if not active:
-        active = root >= 0 and sum_of > 1e-12 and before + later <= h
+        active = root >= 0 and root_sum > 1e-12 and before + later <= h
     later = max(later, -before) if active else 0.0
     approach_speed = closing - acceleration * later
     remaining = max(h - before - later, 0.0)
     fall = max(-acceleration, 0.0)
     closing = max(approach_speed, 0.0)
-    late = (before - time) * closing  # how far they went too deep
+    late = (before - time) * closing  # depth that a missed impact has led to
     fallen = closing * remaining + 0.5 * fall * remaining * remaining
     separation, height, flight_time, bounced = 0.0, 0.0, 0.0, False
     if approach_speed > RESTITUTION_THRESHOLD and e > 1e-3:
-        one_less = min(max(1.0 - e, 1e-6), 1.0 - 1e-6)
+        loss = min(max(1.0 - e, 1e-6), 1.0 - 1e-6)
         speed = max(e * approach_speed, 1e-12)
-        left = 1.0 - remaining * fall * one_less / (2.0 * speed)
-        if left > 0:
-            log_e = math.log1p(-one_less)
-            flights = max(math.floor(math.log(max(left, 1e-30)) / log_e), 0.0)
-            most = math.ceil(math.log(RESTITUTION_THRESHOLD / approach_speed) / log_e)
-            bounced = flights < most
+        argument = 1.0 - remaining * fall * loss / (2.0 * speed)
+        if argument > 0:
+            log_e = math.log1p(-loss)
+            flights = max(math.floor(math.log(max(argument, 1e-30)) / log_e), 0.0)
+            most_flights = math.ceil(math.log(RESTITUTION_THRESHOLD / approach_speed) / log_e)
+            bounced = flights < most_flights
             if bounced:
                 damping = math.exp(flights * log_e)
                 flight_time = remaining
                 if flights > 0:
-                    flight_time -= 2.0 * speed / max(fall, 1e-9) * (1.0 - damping) / one_less
+                    flight_time -= 2.0 * speed / max(fall, 1e-9) * (1.0 - damping) / loss
                 last = speed * damping
                 separation = last - fall * flight_time
                 height = last * flight_time - 0.5 * fall * flight_time * flight_time

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user may choose of a model that is loaded."""
+"""Options of the laws."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..files.config import check_least
 
 @dataclass(frozen=True)
 class LawsOptions:
-    """What a user may change of the laws; for measurements rather than for use.
+    """Options of the laws, for measurements rather than for use.
 
     Args:
-        guard: Hold the energy of every island down.
+        guard: Limit the energy of every island.
         sleep: Let islands at rest sleep.
         substeps: K, substeps of a frame in which something may touch.
-        rounds: M, rounds of the contact solver in a substep.
+        rounds: M, iterations of the solver in a substep.
     """
 
     guard: bool = True

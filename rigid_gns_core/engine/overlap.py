@@ -1,39 +1,39 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Overlaps: undone by position alone, so that they give no speed."""
+"""Push-out: overlaps are undone by position alone, so that they give no speed."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .candidates import find_candidates
+from .broad_phase import find_candidates
 from .contacts import Contacts, find_contacts, gap_of
 from .world import World
 from ..kernels.jit import compiled, entry
 from ..kernels.vector import add_to, put, row, times
 from ..scenes.state import Array
 
-# sweeps that push out what still overlaps at the end of a substep
+# most sweeps of push-out at the end of a substep
 _SWEEPS = 4
-# overlaps [radii] that are rounding
+# overlaps [radii] up to which they are rounding
 ROUNDING = 1e-12
-# passes over a start, and overlaps [radii] below which it is left as it is
+# most passes over a start, and overlaps [radii] up to which it is left as it is
 _PASSES, _CLOSE = 500, 1e-6
 
 
 @compiled
 def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
-    """Move overlapping bodies apart along their normals, the centre of mass of a pair kept.
+    """Move overlapping bodies apart along their normals; the centre of mass of a pair stays.
 
-    Each contact of depth d moves its bodies by d w_a / (n_a w_a + n_b w_b) and its like, with w
-    the inverse masses and n the contacts that share a body, weighed by depth.
+    Each contact of depth d moves body a by d w_a / (n_a w_a + n_b w_b), and b by as much with w_b,
+    with w the inverse masses, and n the number of contacts of a body, weighted by depth.
     """
     positions = positions_out
     count, bodies = len(contacts.a), len(positions) + 1
     inverse = world.inverse_mass
     depth, normal = np.empty(count), np.empty((count, 3))
-    worst, load = np.empty(bodies), np.empty(bodies)
+    deepest, load = np.empty(bodies), np.empty(bodies)
     for _ in range(_SWEEPS):
         any_deep = False
         for k in range(count):
@@ -45,16 +45,16 @@ def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
                 put(normal, k, direction)
         if not any_deep:
             return
-        worst[:], load[:] = 1e-30, 0.0
+        deepest[:], load[:] = 1e-30, 0.0
         for k in range(count):
             a, b = contacts.a[k], contacts.b[k]
-            worst[a], worst[b] = max(worst[a], depth[k]), max(worst[b], depth[k])
-        # a body shares its way out between its contacts, by depth: one of no depth has no say
+            deepest[a], deepest[b] = max(deepest[a], depth[k]), max(deepest[b], depth[k])
+        # weighted, so that contacts of no depth change nothing
         for k in range(count):
             if depth[k] > 0:
                 a, b = contacts.a[k], contacts.b[k]
-                load[a] += depth[k] / worst[a]
-                load[b] += depth[k] / worst[b]
+                load[a] += depth[k] / deepest[a]
+                load[b] += depth[k] / deepest[b]
         for k in range(count):
             if depth[k] > 0:
                 a, b = contacts.a[k], contacts.b[k]
@@ -67,12 +67,12 @@ def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
 
 @entry
 def separate(world: World, dt: float, positions_out: Array) -> None:
-    """Make it a start without overlaps: spheres and surfaces as given may hold any.
+    """Undo the overlaps of a start, however deep.
 
     Args:
         world: What does not move.
         dt: Length of a frame.
-        positions_out: Shape (n, 3); moved.
+        positions_out: Centres, shape (n, 3); moved.
     """
     positions = positions_out
     still, everyone = np.zeros_like(positions), np.ones(len(positions), np.bool_)

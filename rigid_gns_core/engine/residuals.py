@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What separates each contact from its law, and what the others make of it, in each iteration."""
+"""Residual of each contact from its law, and its coupling to the others, in each iteration."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ..kernels.neighbours import Indices
 from ..kernels.vector import across, dot, minus, put, row, times
 from ..scenes.state import Array
 
-# contacts with this part of the force of a body's strongest count half
+# contacts with this share of the force of a body's strongest one count half
 _FAINT = 0.01
 
 
 class SolverState(NamedTuple):
     """Contacts that are solved, and what is known of each from iteration to iteration.
 
-    group: which contacts, shape (c,); approach_speed, free_separation: of their free paths;
-    start_coupling: change of separation velocity that the other contacts make at the start;
-    coupling: now; residual: target less separation velocity; active: whether it carries force;
-    weight: how much it counts at a and b, 0 to 1, shape (c, 2); gravity_slip: what gravity does to
-    the slip of a sphere that bounced; momentum: share of the last step that is repeated;
+    group: indices of the contacts, shape (c,); approach_speed, free_separation: of their free
+    paths; start_coupling: change of separation velocity by the other contacts, at the start;
+    coupling: the same now; residual: target minus present separation velocity; active: whether it
+    carries force; weight: how much it counts at a and b, 0 to 1, shape (c, 2); gravity_slip: slip
+    that gravity makes in flight after a bounce; momentum: share of the last step that is repeated;
     previous_normal, previous_tangential: impulses before the last step; target: impulse,
     impulse_time and remaining of the last iteration, shape (c, 3); step: to add, shape (c, 3).
     """
@@ -54,7 +54,7 @@ class SolverState(NamedTuple):
 
 @compiled
 def new_state(group: Indices) -> SolverState:
-    """Nothing is known yet of the contacts of `group`."""
+    """State before the first iteration of the contacts of `group`."""
     size = len(group)
     numbers, vectors = np.zeros((7, size)), np.zeros((4, size, 3))
     return SolverState(
@@ -79,7 +79,7 @@ def new_state(group: Indices) -> SolverState:
 def find_free_motion(
     contacts: Contacts, law: Law, bodies: Bodies, impulses: Impulses, state_out: SolverState
 ) -> None:
-    """Find what free paths bring to each contact, and what the others make of that."""
+    """Find approach and separation on free paths, and the coupling by the impulses so far."""
     for q, k in enumerate(state_out.group):
         a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
         start = minus(row(bodies.start_velocity, a), row(bodies.start_velocity, b))
@@ -111,17 +111,17 @@ def _target(
 def _coupling(
     law: Law, impulses: Impulses, state: SolverState, q: int, separation: float
 ) -> float:
-    """Change of separation velocity, which is `separation` now, that the other contacts make."""
+    """Change of the separation velocity by the other contacts; with all it is `separation`."""
     k = state.group[q]
     own = impulses.normal[k] * law.inverse_effective_mass[k]
     return separation - state.free_separation[q] - own
 
 
 @in_place
-def _minmod(one: float, other: float) -> float:
-    """Return the smaller of two numbers of one sign, else 0."""
-    if one * other > 0:
-        return math.copysign(min(math.fabs(one), math.fabs(other)), one)
+def _minmod(a: float, b: float) -> float:
+    """The smaller of two numbers of one sign, else 0."""
+    if a * b > 0:
+        return math.copysign(min(math.fabs(a), math.fabs(b)), a)
     return 0.0
 
 
@@ -138,8 +138,8 @@ def find_residuals(
 ) -> None:
     """Find the residual of each contact, and into how many parts each body is split.
 
-    The strongest contact of a body counts 1, one of no force nothing, so that contacts that carry
-    nothing change nothing.
+    A contact of force x counts 1.01 x / (x + 0.01 x_max) in a body whose strongest has x_max, so
+    that contacts without force change nothing. The split of a body is their sum, at least 1.
     """
     gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
     least = 1e-9 * UNIT_GRAVITY * nominal_h
@@ -150,7 +150,7 @@ def find_residuals(
     for q, k in enumerate(state.group):
         separation = separation_velocity(contacts, bodies, k)
         state.coupling[q] = _coupling(law, impulses, state, q, separation)
-        # forces that last act all through the substep; those that a blow alone makes do not
+        # what acted at the start too is a force that lasts through the substep, the rest a blow
         lasting = _minmod(state.start_coupling[q], state.coupling[q]) / h if h > 0 else 0.0
         target = _target(contacts, law, state, q, h, lasting)
         put(state.target, q, (target.impulse, target.impulse_time, target.remaining))
@@ -160,7 +160,7 @@ def find_residuals(
         state.residual[q] = target.separation_velocity - separation
         presses = impulses.normal[k] > 0 or state.residual[q] > least
         state.active[q] = target.active and presses
-        # a strength until the strongest of each body is known
+        # weight 0 holds the force until the strongest of each body is known
         own = impulses.normal[k] * law.inverse_effective_mass[k]
         strength = own + math.fabs(state.residual[q])
         state.weight[q, 0] = strength if state.active[q] else 0.0

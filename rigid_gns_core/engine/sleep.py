@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Islands at rest sleep: they cost nothing and do not creep. What may touch them wakes them."""
+"""Sleep: islands at rest cost nothing and do not creep, until something may touch them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .candidates import Candidates, find_candidates
+from .broad_phase import Candidates, find_candidates
 from .islands import groups_of, Islands
 from .spheres import Spheres
 from .world import World
@@ -18,9 +18,10 @@ from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import length, minus, put, row
 from ..scenes.state import Array
 
-# a sphere is quiet below this speed [sqrt(g r)], also at its surface ..
-_SPEED = 1.6e-3
-# .. for so many frames, in which it ends within this part of what it could go at that speed
+# sleep threshold: a sphere is quiet where max(v, r w) is below this [sqrt(g r)]
+_THRESHOLD = 1.6e-3
+# an island may sleep after more than so many quiet frames of all its spheres, if none has moved
+# farther in them than this part of its path at the threshold
 _FRAMES = 5
 _DRIFT = 0.2
 
@@ -28,29 +29,29 @@ _DRIFT = 0.2
 class Sleepers(NamedTuple):
     """Which spheres sleep; shape (n,) each.
 
-    asleep: whether it sleeps; island: number of what it fell asleep with; quiet: frames that it
-    has been quiet; place: where that began, shape (n, 3); limit: speed below which it is quiet;
-    names: how many islands have fallen asleep, shape (1,).
+    asleep: whether it sleeps; island: number of the island it fell asleep in; quiet: frames that
+    it has been quiet; place: where that began, shape (n, 3); threshold: speed below which it is
+    quiet; islands: how many have fallen asleep so far, shape (1,).
     """
 
     asleep: Flags
     island: Indices
     quiet: Indices
     place: Array
-    limit: Array
-    names: Indices
+    threshold: Array
+    islands: Indices
 
 
 def all_awake(radius: Array, gravity: float) -> Sleepers:
-    """Nothing sleeps; without gravity nothing ever will."""
+    """Sleepers of a start: none. Without gravity the threshold is 0, and none ever will be."""
     count = len(radius)
     return Sleepers(
         asleep=np.zeros(count, np.bool_),
         island=np.full(count, -1),
         quiet=np.zeros(count, np.int64),
         place=np.zeros((count, 3)),
-        limit=_SPEED * np.sqrt(gravity * radius),
-        names=np.zeros(1, np.int64),
+        threshold=_THRESHOLD * np.sqrt(gravity * radius),
+        islands=np.zeros(1, np.int64),
     )
 
 
@@ -58,24 +59,24 @@ def all_awake(radius: Array, gravity: float) -> Sleepers:
 def wake(
     world: World, positions: Array, velocities: Array, dt: float, sleepers_out: Sleepers
 ) -> tuple[Candidates, Flags]:
-    """Candidates of the frame to come, and who is awake in it.
+    """Candidates of the next frame, and who is awake in it.
 
-    A sleeper wakes with all its island where a sphere that is awake might touch it.
+    A sphere that is awake and might touch a sleeper wakes its island.
     """
     sleepers = sleepers_out
     while True:
         awake = ~sleepers.asleep
         candidates = find_candidates(world, positions, velocities, dt, awake, positions)
-        called = np.zeros(sleepers.names[0], np.bool_)
+        woken = np.zeros(sleepers.islands[0], np.bool_)
         for k in range(len(candidates.a)):
             if candidates.plane[k] < 0:
                 for i in (candidates.a[k], candidates.b[k]):
                     if sleepers.asleep[i]:
-                        called[sleepers.island[i]] = True
-        if not called.any():
+                        woken[sleepers.island[i]] = True
+        if not woken.any():
             return candidates, awake
         for i in range(len(awake)):
-            if sleepers.asleep[i] and called[sleepers.island[i]]:
+            if sleepers.asleep[i] and woken[sleepers.island[i]]:
                 sleepers.asleep[i] = False
 
 
@@ -83,7 +84,7 @@ def wake(
 def put_to_sleep(
     radius: Array, islands: Islands, dt: float, after_out: Spheres, sleepers_out: Sleepers
 ) -> None:
-    """Put islands to sleep that have been quiet; they get no velocity."""
+    """Put quiet islands on surfaces to sleep; their velocities become zero."""
     sleepers, after = sleepers_out, after_out
     count = len(sleepers.asleep)
     ready = np.zeros(count, np.bool_)
@@ -93,7 +94,7 @@ def put_to_sleep(
             continue
         speed = length(row(after.velocities, i))
         surface = radius[i] * length(row(after.angular_velocities, i))
-        if max(speed, surface) >= sleepers.limit[i]:
+        if max(speed, surface) >= sleepers.threshold[i]:
             sleepers.quiet[i] = 0
             continue
         if sleepers.quiet[i] == 0:
@@ -102,7 +103,7 @@ def put_to_sleep(
         if sleepers.quiet[i] <= _FRAMES:
             continue
         drift = length(minus(row(after.positions, i), row(sleepers.place, i)))
-        if drift < _DRIFT * sleepers.limit[i] * _FRAMES * dt:
+        if drift < _DRIFT * sleepers.threshold[i] * _FRAMES * dt:
             ready[i] = islands.touched[i]
         else:
             sleepers.quiet[i] = 0
@@ -116,7 +117,7 @@ def put_to_sleep(
         for i in members:
             if not sleepers.asleep[i]:
                 sleepers.asleep[i] = True
-                sleepers.island[i] = sleepers.names[0]
+                sleepers.island[i] = sleepers.islands[0]
                 put(after.velocities, i, (0.0, 0.0, 0.0))
                 put(after.angular_velocities, i, (0.0, 0.0, 0.0))
-        sleepers.names[0] += 1
+        sleepers.islands[0] += 1

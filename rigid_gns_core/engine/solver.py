@@ -3,8 +3,8 @@
 
 """Impulses of all contacts of a substep, by damped Jacobi iterations with momentum.
 
-Each iteration compares every contact with its law under what the others do to it now (residual),
-and takes the step that would satisfy it if its bodies were split among their active contacts:
+Each iteration compares every contact with its law under its coupling to the others (residual),
+and takes the step that would satisfy the law if bodies were split among their active contacts:
 
     d lambda = momentum (lambda - lambda_before) + residual / (n_a / m_a + n_b / m_b),
 
@@ -30,7 +30,7 @@ from ..kernels.neighbours import Indices
 from ..kernels.vector import add_to, plus, put, row, times
 from ..scenes.state import Array
 
-# share of a step that the next one repeats: halves the iterations of piles
+# largest momentum, the share of a step that the next one repeats: halves the iterations of piles
 MOMENTUM = 0.5
 
 
@@ -49,21 +49,22 @@ def solve(
     bodies_out: Bodies,
     impulses_out: Impulses,
 ) -> Array:
-    """Solve some contacts of a substep; returns the speed by which the last step changed each.
+    """Solve a group of contacts; returns the speed by which the last step changed each.
 
     Args:
         world: What does not move.
-        contacts: All of the substep.
+        contacts: All contacts of the substep.
         law: Their coefficients.
-        group: Those to solve; no other contact may have one of their moving bodies.
-        start: Impulses to start from, those of the last substep where contacts persist.
-        lasting: Impulses of forces that last, where they are not those to start from.
-        h: Length of the substep; 0 for one that only mends what the last one missed.
-        nominal_h: Length of a substep as such, to which speeds are compared.
-        iterations: The most.
-        tolerance: Speed; an iteration that changes every contact by less is the last. 0: go on.
-        bodies_out: Changes of those that the group has are written.
-        impulses_out: Those of the group are written.
+        group: Indices of those to solve; no other contact may share a moving body with them.
+        start: Impulses of the first iteration.
+        lasting: Impulses of the last substep, from which forces that last are told from blows.
+        h: Length of the substep; 0 for a correction of collisions that the last one missed.
+        nominal_h: Length of a regular substep, for thresholds of speed.
+        iterations: Most iterations.
+        tolerance: An iteration that changes every contact by less than this speed is the last; 0:
+            all are made.
+        bodies_out: Changes of the bodies of the group are written.
+        impulses_out: Impulses of the group are written.
     """
     if len(group) == 0:
         return np.empty(0)
@@ -88,7 +89,7 @@ def solve(
 
 @in_place
 def _set_momentum(contacts: Contacts, bodies: Bodies, state_out: SolverState) -> None:
-    """Set the share of the last step; none for a contact alone, whose step is exact."""
+    """Set the momentum, (1 - 1 / split) / 2: none for a contact alone, whose step is exact."""
     for q, k in enumerate(state_out.group):
         split = max(bodies.split[contacts.a[k]], bodies.split[contacts.b[k]])
         state_out.momentum[q] = MOMENTUM * (1.0 - 1.0 / split)
@@ -113,10 +114,10 @@ def _set_displacement(
     state: SolverState,
     bodies_out: Bodies,
 ) -> None:
-    """Find displacements beyond those of free flight.
+    """Find displacements beyond those of free flight: t J / m.
 
-    What a contact alone would get acts at once, `impulse_time` before the end; what others add to
-    it is spread over the rest of the substep.
+    The impulse of a contact alone acts at once, t = `impulse_time` before the end; what others add
+    to it is spread over the rest of the substep after the impact, with t half of that.
     """
     for k in state.group:
         put(bodies_out.displacement, contacts.a[k], (0.0, 0.0, 0.0))

@@ -24,7 +24,7 @@ class Spheres(NamedTuple):
 
 @compiled
 def copy_spheres(spheres: Spheres) -> Spheres:
-    """Return the same in other memory."""
+    """Spheres in arrays of their own."""
     return Spheres(
         positions=spheres.positions.copy(),
         quaternions=spheres.quaternions.copy(),
@@ -35,7 +35,7 @@ def copy_spheres(spheres: Spheres) -> Spheres:
 
 @in_place
 def is_finite(spheres: Spheres) -> bool:
-    """Whether all values are."""
+    """Whether all values are finite."""
     for i in range(len(spheres.positions)):
         for k in range(3):
             moving = spheres.velocities[i, k] + spheres.angular_velocities[i, k]
@@ -49,7 +49,7 @@ def is_finite(spheres: Spheres) -> bool:
 
 @in_place
 def store(spheres: Spheres, frame: int, frames_out: Spheres) -> None:
-    """Write a state into one of several frames, shapes (frames, n, k)."""
+    """Write a state into one frame of `frames_out`, shapes (frames, n, k)."""
     for i in range(len(spheres.positions)):
         for k in range(3):
             frames_out.positions[frame, i, k] = spheres.positions[i, k]

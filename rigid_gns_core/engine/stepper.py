@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rolls the laws out in the model's units: sleep, frame, energy guard."""
+"""Rolls the laws out in the model's units: frame, energy guard, sleep."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _finish(
     after_out: Spheres,
     sleepers_out: Sleepers,
 ) -> tuple[int, float]:
-    """Guard and sleep; returns the islands that the guard held, and the energy it took."""
+    """Guard and sleep; returns how many islands the guard limited, and the energy it took."""
     acted, removed = 0, 0.0
     if guards:
         acted, removed = limit_energy(world, before, islands, dt, after_out)
@@ -56,10 +56,10 @@ def _advance(
     sleepers_out: Sleepers,
     frames_out: Spheres,
 ) -> tuple[int, WarmStart, int, float]:
-    """Frames into `frames_out`, shapes (frames, n, k), up to one that is not finite.
+    """Write frames into `frames_out`, shapes (frames, n, k), up to one that is not finite.
 
-    Returns how many there are, the warm start, islands that the guard held, and the energy it
-    took. In one call, since the way into compiled code and back costs a fifth of a frame.
+    Returns how many there are, the warm start, how many islands the guard limited, and the energy
+    it took. All in one call, since a call of compiled code costs a fifth of a frame.
     """
     acted, removed = 0, 0.0
     for frame in range(len(frames_out.positions)):
@@ -101,8 +101,8 @@ class EngineStepper(Stepper):
         state: Start.
         dt: Length of a frame.
         substeps: K of a frame.
-        rounds: M, iterations of the contact solver in a substep.
-        guard: Hold the energy of every island down.
+        rounds: M, iterations of the solver in a substep.
+        guard: Limit the energy of every island.
         sleep: Let islands at rest sleep.
     """
 
@@ -144,10 +144,10 @@ class EngineStepper(Stepper):
         return state_at(states, 0)
 
     def advance(self, steps: int) -> Advance:
-        """Advance by so many dt; see `Stepper`."""
+        """Advance by several dt; see `Stepper`."""
         if self.frames == 0:
             separate(self.world, self.dt, self.spheres.positions)
-        made = Spheres(*(np.empty((steps, *values.shape)) for values in self.spheres))
+        states = Spheres(*(np.empty((steps, *values.shape)) for values in self.spheres))
         done, self.warm_start, acted, removed = _advance(
             world=self.world,
             spheres=self.spheres,
@@ -157,14 +157,14 @@ class EngineStepper(Stepper):
             guards=self.guards,
             sleeps=self.sleeps,
             sleepers_out=self.sleepers,
-            frames_out=made,
+            frames_out=states,
         )
         self.frames += done
         self.acted += acted
         self.removed += removed
         if done:
-            self.spheres = Spheres(*(values[done - 1].copy() for values in made))
+            self.spheres = Spheres(*(values[done - 1].copy() for values in states))
         diverged = done < steps
         return Advance(
-            State.unchecked(*(values[:done] for values in made)), _DIVERGED if diverged else ''
+            State.unchecked(*(values[:done] for values in states)), _DIVERGED if diverged else ''
         )

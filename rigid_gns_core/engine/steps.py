@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The steps of an iteration: normal impulses, rolling friction, friction."""
+"""The steps of an iteration: normal impulses, rolling friction, sliding friction."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def step_normal(
     world: World, contacts: Contacts, bodies_out: Bodies, impulses_out: Impulses,
     state_out: SolverState,
 ) -> None:  # fmt: skip
-    """Step normal impulses: they push, and never pull (Signorini: N >= 0)."""
+    """Step normal impulses: they push, and never pull (Signorini's condition: N >= 0)."""
     for q, k in enumerate(state_out.group):
         a, b, old = contacts.a[k], contacts.b[k], impulses_out.normal[k]
-        one = bodies_out.split[a] * world.inverse_mass[a]
-        inverse_mass = one + bodies_out.split[b] * world.inverse_mass[b]
+        inverse_mass_a = bodies_out.split[a] * world.inverse_mass[a]
+        inverse_mass = inverse_mass_a + bodies_out.split[b] * world.inverse_mass[b]
         repeated = state_out.momentum[q] * (old - state_out.previous_normal[q])
         more = repeated + state_out.residual[q] / inverse_mass
         state_out.previous_normal[q] = old
@@ -50,11 +50,11 @@ def step_normal(
 def _slip_and_inverse_mass(
     world: World, contacts: Contacts, law: Law, bodies: Bodies, state: SolverState, q: int
 ) -> tuple[Vector, float]:
-    """Slip that friction acts on, and change of it by a unit of impulse, of bodies split."""
+    """Slip that friction acts on, and its change by a unit of impulse on the split bodies."""
     k = state.group[q]
     a, b = contacts.a[k], contacts.b[k]
-    one = bodies.split[a] * (world.inverse_mass[a] + law.rotation_a[k])
-    inverse_mass = one + bodies.split[b] * (world.inverse_mass[b] + law.rotation_b[k])
+    inverse_mass_a = bodies.split[a] * (world.inverse_mass[a] + law.rotation_a[k])
+    inverse_mass = inverse_mass_a + bodies.split[b] * (world.inverse_mass[b] + law.rotation_b[k])
     slip = minus(slip_velocity(contacts, law, bodies, k), row(state.gravity_slip, q))
     return slip, inverse_mass
 
@@ -70,9 +70,9 @@ def step_rolling(
 ) -> None:
     """Step the angular impulse of rolling friction: at most rho r N, enough to stop the rolling.
 
-    Where the contact sticks, what rolls is the angular momentum about the contact point,
-    L = I w + m r n x v, which friction does not change; where it slips, that about the centre.
-    About the normal it resists spinning, up to the same bound.
+    Where the contact sticks it acts on the angular momentum about the contact point,
+    L = I w + m r n x v, which friction does not change; where it slips, on that about the centre.
+    About the normal it resists spinning, with the same bound.
     """
     for q, k in enumerate(state_out.group):
         put(state_out.step, q, (0.0, 0.0, 0.0))
@@ -111,7 +111,7 @@ def step_friction(
     impulses_out: Impulses,
     state_out: SolverState,
 ) -> None:
-    """Step friction impulses, Coulomb's law: T stops the slip, as far as |T| <= mu N."""
+    """Step friction impulses T, which stop the slip as far as |T| <= mu N (Coulomb's law)."""
     for q, k in enumerate(state_out.group):
         old = row(impulses_out.tangential, k)
         slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, q)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One substep: free flight, contacts, impulses, push-out."""
+"""One substep: narrow phase, solver, free flight, push-out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .candidates import Candidates
+from .broad_phase import Candidates
 from .contacts import Contacts, find_contacts
 from .impulses import Bodies, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
@@ -22,13 +22,13 @@ from ..kernels.neighbours import counting_sort, Flags, Indices
 from ..kernels.vector import put, row
 from ..scenes.state import Array
 
-# islands whose last iteration changed a contact by more than this part of g h have not converged,
-# as after a blow; they get so many more, or fewer where one changes all by less than that part
+# islands whose last iteration changed a contact by more than this [g h] have not converged, as
+# after a blow; they get at most so many more, until one changes no contact by more than that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 1.0, 24, 0.1
 
 
 class Motion(NamedTuple):
-    """Moving state of the bodies that take part: spheres, shapes (m, 3); awake: shape (m,)."""
+    """Moving state of the spheres that take part, shapes (m, 3); awake: shape (m,)."""
 
     positions: Array
     velocities: Array
@@ -38,7 +38,7 @@ class Motion(NamedTuple):
 
 @compiled
 def copy_motion(motion: Motion) -> Motion:
-    """Return the same in other memory."""
+    """Motion in arrays of its own."""
     p, v, w = motion.positions, motion.velocities, motion.angular_velocities
     return Motion(
         positions=p.copy(), velocities=v.copy(), angular_velocities=w.copy(), awake=motion.awake
@@ -71,15 +71,15 @@ def substep(
 
     Args:
         world: What does not move.
-        candidates: What may touch.
-        chosen: Which of them to look at.
-        h: Length; 0 for one that only mends what the last one missed.
-        nominal_h: Length of a substep as such, to which speeds are compared.
-        iterations: Of the solver; contacts on their own need but one.
-        motion_out: Of the spheres; advanced in place.
-        impulses_out: By candidate; those of the last substep, which warm start this one, are
-            overwritten.
-        islands_out: What touched is added.
+        candidates: Pairs that may touch.
+        chosen: Which of them to consider.
+        h: Length; 0 for a correction of collisions that the last one missed.
+        nominal_h: Length of a regular substep, for thresholds of speed.
+        iterations: Iterations of the solver; isolated contacts need but one.
+        motion_out: Motion of the spheres; advanced in place.
+        impulses_out: Impulses by candidate; those of the last substep, which warm start this one,
+            are replaced.
+        islands_out: Contacts are added.
     """
     motion, p = motion_out, motion_out.positions
     v, w = motion_out.velocities, motion_out.angular_velocities
@@ -90,15 +90,15 @@ def substep(
         _fly(world, motion, h)
         _clear(impulses_out)
         return
-    alone, shared = _isolated_and_shared(contacts, count)
+    isolated, shared = _isolated_and_shared(contacts, count)
     law = law_of(world, contacts)
     bodies = _bodies(world, motion, h)
-    found, start = no_impulses(size), no_impulses(size)
+    impulses, start = no_impulses(size), no_impulses(size)
     solve(
         world=world,
         contacts=contacts,
         law=law,
-        group=alone,
+        group=isolated,
         start=start,
         lasting=start,
         h=h,
@@ -106,7 +106,7 @@ def substep(
         iterations=1,
         tolerance=0.0,
         bodies_out=bodies,
-        impulses_out=found,
+        impulses_out=impulses,
     )
     for k in shared:
         _copy(impulses_out, contacts.candidate[k], start, k)
@@ -122,18 +122,18 @@ def substep(
         iterations=iterations,
         tolerance=0.0,
         bodies_out=bodies,
-        impulses_out=found,
+        impulses_out=impulses,
     )
-    again, begin = _unconverged(contacts, shared, change, nominal_h, count)
-    if len(again):
-        first = copy_impulses(found)
+    unconverged, begin = _unconverged(contacts, shared, change, nominal_h, count)
+    if len(unconverged):
+        first = copy_impulses(impulses)
         for island in range(len(begin) - 1):
-            some = again[begin[island] : begin[island + 1]]
+            group = unconverged[begin[island] : begin[island + 1]]
             solve(
                 world=world,
                 contacts=contacts,
                 law=law,
-                group=some,
+                group=group,
                 start=first,
                 lasting=start,
                 h=h,
@@ -141,7 +141,7 @@ def substep(
                 iterations=_EXTRA_ITERATIONS,
                 tolerance=_CONVERGED * UNIT_GRAVITY * nominal_h,
                 bodies_out=bodies,
-                impulses_out=found,
+                impulses_out=impulses,
             )
     _fly(world, motion, h)
     for i in range(count):
@@ -151,8 +151,8 @@ def substep(
             w[i, axis] += bodies.angular_change[i, axis]
     _clear(impulses_out)
     for k in range(size):
-        _copy(found, k, impulses_out, contacts.candidate[k])
-        if contacts.speculative_gap[k] == 0 or found.normal[k] > 0:
+        _copy(impulses, k, impulses_out, contacts.candidate[k])
+        if contacts.speculative_gap[k] == 0 or impulses.normal[k] > 0:
             connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
     push_out(world, contacts, p)
 
@@ -220,9 +220,9 @@ def _isolated_and_shared(contacts: Contacts, count: int) -> tuple[Indices, Indic
 def _unconverged(
     contacts: Contacts, shared: Indices, change: Array, nominal_h: float, count: int
 ) -> tuple[Indices, Indices]:
-    """Contacts of islands that have not converged; where each island begins.
+    """Contacts of islands that have not converged, by island, and where each island begins.
 
-    Island by island, so that none feels what happens elsewhere.
+    By island, so that none depends on what happens elsewhere.
     """
     large = change > _UNCONVERGED * UNIT_GRAVITY * nominal_h
     if not large.any():
@@ -231,15 +231,15 @@ def _unconverged(
     for k in range(len(contacts.a)):
         if contacts.b[k] < count:
             connect(islands, contacts.a[k], contacts.b[k])
-    number, found = np.full(count, -1), 0
+    number, size = np.full(count, -1), 0
     for q in range(len(shared)):
         root = root_of(islands.parent, contacts.a[shared[q]])
         if large[q] and number[root] < 0:
-            number[root] = found
-            found += 1
+            number[root] = size
+            size += 1
     label = np.empty(len(shared), np.int64)
     for q in range(len(shared)):
         label[q] = number[root_of(islands.parent, contacts.a[shared[q]])]
     chosen = label >= 0
-    order, begin = counting_sort(label[chosen], found)
+    order, begin = counting_sort(label[chosen], size)
     return shared[chosen][order], begin

@@ -16,7 +16,7 @@ from ..kernels.vector import put, row
 
 
 class WarmStart(NamedTuple):
-    """Impulses of the last substep, by the key of their candidate, sorted; `known` at all."""
+    """Impulses of the last substep, sorted by keys of their candidates; not `known` at a start."""
 
     key: Indices
     impulses: Impulses
@@ -25,50 +25,50 @@ class WarmStart(NamedTuple):
 
 @entry
 def cold_start() -> WarmStart:
-    """At a start, where impulses are found first."""
+    """Warm start of the first frame of a rollout: no impulses are known."""
     return WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=False)
 
 
 @compiled
 def impulses_of(warm_start: WarmStart, key: Indices) -> Impulses:
-    """Impulses of candidates, zero where they are new."""
-    found = no_impulses(len(key))
+    """Impulses of the candidates of these keys, zero where they are new."""
+    impulses = no_impulses(len(key))
     k = 0
     for i in range(len(key)):
         while k < len(warm_start.key) and warm_start.key[k] < key[i]:
             k += 1
         if k < len(warm_start.key) and warm_start.key[k] == key[i]:
-            found.normal[i] = warm_start.impulses.normal[k]
-            put(found.tangential, i, row(warm_start.impulses.tangential, k))
-            put(found.rolling, i, row(warm_start.impulses.rolling, k))
-    return found
+            impulses.normal[i] = warm_start.impulses.normal[k]
+            put(impulses.tangential, i, row(warm_start.impulses.tangential, k))
+            put(impulses.rolling, i, row(warm_start.impulses.rolling, k))
+    return impulses
 
 
 @compiled
 def active_impulses(key: Indices, impulses: Impulses) -> WarmStart:
-    """Impulses of active contacts."""
-    some = np.flatnonzero(impulses.normal > 0)
-    kept = Impulses(
-        normal=impulses.normal[some],
-        tangential=impulses.tangential[some],
-        rolling=impulses.rolling[some],
+    """Warm start of the contacts that carry force."""
+    active = np.flatnonzero(impulses.normal > 0)
+    carried = Impulses(
+        normal=impulses.normal[active],
+        tangential=impulses.tangential[active],
+        rolling=impulses.rolling[active],
     )
-    return WarmStart(key=key[some], impulses=kept, known=True)
+    return WarmStart(key=key[active], impulses=carried, known=True)
 
 
 @compiled
 def with_sleepers(new: WarmStart, old: WarmStart, awake: Flags, planes: int) -> WarmStart:
-    """Impulses of this frame, and those of sleepers from the frame they fell asleep in."""
+    """Warm start of this frame, with the impulses with which sleepers fell asleep."""
     if awake.all() or len(old.key) == 0:
         return new
     bodies = len(awake) + planes
-    kept = np.flatnonzero(~awake[old.key // bodies])
-    key = np.concatenate((new.key, old.key[kept]))
+    asleep = np.flatnonzero(~awake[old.key // bodies])
+    key = np.concatenate((new.key, old.key[asleep]))
     order = np.argsort(key, kind='mergesort')
-    one, other = new.impulses, old.impulses
+    now, before = new.impulses, old.impulses
     impulses = Impulses(
-        normal=np.concatenate((one.normal, other.normal[kept]))[order],
-        tangential=np.concatenate((one.tangential, other.tangential[kept]))[order],
-        rolling=np.concatenate((one.rolling, other.rolling[kept]))[order],
+        normal=np.concatenate((now.normal, before.normal[asleep]))[order],
+        tangential=np.concatenate((now.tangential, before.tangential[asleep]))[order],
+        rolling=np.concatenate((now.rolling, before.rolling[asleep]))[order],
     )
     return WarmStart(key=key[order], impulses=impulses, known=True)

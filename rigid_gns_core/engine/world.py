@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What does not move, as arrays: spheres, materials, planes and gravity.
+"""What does not change, as arrays: properties of spheres and planes, and gravity.
 
 Body n, one past the last sphere, stands for everything that is fixed: its inverse mass is zero, so
 that a contact with a surface is a contact of two bodies like any other.
@@ -23,7 +23,7 @@ UNIT_GRAVITY = 9.81
 
 
 class World(NamedTuple):
-    """Static properties in the model's units; n spheres, s planes.
+    """Properties in the model's units; n spheres, s planes.
 
     radius, inverse_mass, inverse_inertia (1 / (2/5 m r^2)): of spheres, and of the fixed body (0),
     shape (n + 1,); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
@@ -49,7 +49,7 @@ class World(NamedTuple):
 
 
 def world_of(scene: Scene, count: int) -> World:
-    """Return the world of `count` spheres in `scene`."""
+    """World of `count` spheres in `scene`."""
     radius = scene.per_sphere('radius', count)
     mass = scene.per_sphere('mass', count)
     planes = scene.surfaces
@@ -78,7 +78,7 @@ def world_of(scene: Scene, count: int) -> World:
 
 @compiled
 def world_among(world: World, members: NDArray[np.int64]) -> World:
-    """Return the world of some of the spheres."""
+    """World of these spheres alone."""
     bodies = np.append(members, len(world.restitution))
     return World(
         radius=world.radius[bodies],

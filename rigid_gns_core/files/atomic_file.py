@@ -13,9 +13,10 @@ from pathlib import Path
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a path to write to, which takes the place of `path` at the end.
+    """Write a file whole or not at all: yield a temporary path that replaces `path` at the end.
 
-    Who is stopped before leaves the old file. The folder is made if absent.
+    Where the block raises, or the process is killed in it, the old file stays. The folder is made
+    if absent.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f'.{path.name}.{os.getpid()}.tmp')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Weights on disk: safetensors plus a JSON card beside it. Pickle is never read."""
+"""Trained models on disk: safetensors with a JSON card beside them. Pickle is never read."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ Tensors = dict[str, NDArray[Any]]
 
 
 class Network(Protocol):
-    """What has weights: a torch.nn.Module."""
+    """A network with weights: a torch.nn.Module."""
 
     def state_dict(self) -> Any:
-        """Its tensors by name."""
+        """Tensors by name."""
         ...
 
 
@@ -58,9 +58,9 @@ def tensors_of(network: Network) -> Tensors:
 
 def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]]) -> None:
     """Write safetensors, whole or not at all."""
-    whole = {name: np.asarray(value, order='C') for name, value in tensors.items()}
+    contiguous = {name: np.asarray(value, order='C') for name, value in tensors.items()}
     with whole_file(path) as partial:
-        partial.write_bytes(save(whole))
+        partial.write_bytes(save(contiguous))
 
 
 def load_tensors(path: Path) -> Tensors:
@@ -78,11 +78,11 @@ def load_tensors(path: Path) -> Tensors:
 
 
 def save_model(path: str | Path, network: Network, card: dict[str, Any]) -> None:
-    """Write `path`.safetensors and `path`.json, with each other's mark: see `load_weights`."""
+    """Write weights to `path`.safetensors, and the card with their SHA-256 to `path`.json."""
     weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
     save_tensors(weights, tensors_of(network))
-    marks = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
-    text = json.dumps({**card, **marks}, indent=2, allow_nan=False) + '\n'
+    stamps = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
+    text = json.dumps({**card, **stamps}, indent=2, allow_nan=False) + '\n'
     with whole_file(card_path) as partial:
         partial.write_text(text, encoding='utf-8')
 
@@ -92,12 +92,15 @@ def _sha256(path: Path) -> str:
 
 
 def shipped_networks() -> dict[str, Path]:
-    """Trained models that are shipped: weights by name."""
+    """Paths of the shipped weights, by name of the model."""
     return {path.stem: path for path in sorted(WEIGHTS_FOLDER.glob('*.safetensors'))}
 
 
 def find_model(name: str | Path) -> Path:
-    """Path of a trained model's .safetensors: of a shipped name, or a path (suffix or not).
+    """Path of the .safetensors of a trained model.
+
+    Args:
+        name: A shipped name, or a path with or without the suffix.
 
     Raises:
         CheckpointError: There is no such model; the shipped ones are listed.

@@ -24,7 +24,12 @@ class ConfigError(UserError):
 
 
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T:
-    """Make dataclass `cls` from a mapping; nested dataclasses from nested mappings.
+    """Dataclass `cls` from a mapping; nested dataclasses from nested mappings.
+
+    Args:
+        cls: The dataclass.
+        mapping: Values of its fields.
+        where: Name of the mapping in messages; default: that of the class.
 
     Raises:
         ConfigError: An unknown key (the allowed ones are listed), a missing key, or a wrong type.
@@ -64,7 +69,7 @@ def to_mapping(config: Any) -> dict[str, Any]:
 
 
 def load_yaml(path: str | Path) -> dict[str, Any]:
-    """Read a YAML file that holds one mapping."""
+    """Read a YAML file that holds one mapping; ConfigError where it cannot be read."""
     path = Path(path)
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
@@ -168,7 +173,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             return float(value)
         hint_text = ' (YAML reads 1e-3 as text: write 1.0e-3)' if isinstance(value, str) else ''
         raise ConfigError(f'{where} is {value!r}, expected a number{hint_text}')
-    is_bool = isinstance(value, bool)  # which Python takes for an int
+    is_bool = isinstance(value, bool)  # a subclass of int
     if isinstance(hint, type) and (not isinstance(value, hint) or (is_bool and hint is not bool)):
         raise ConfigError(f'{where} is {value!r}, expected {hint.__name__}')
     return value

@@ -21,7 +21,8 @@ def write_json(path: str | Path, report: Mapping[str, Any]) -> None:
     """Write a report, each number on a line of its own.
 
     Raises:
-        UserError: A value is NaN, or of a type that JSON does not know.
+        ValueError: A value is NaN.
+        UserError: A value is of a type that JSON does not know.
     """
     path = Path(path)
     try:
@@ -41,7 +42,7 @@ def write_compact_json(path: Path, report: Mapping[str, Any], digits: int) -> No
         digits: Significant digits that are kept.
 
     Raises:
-        UserError: A value is NaN.
+        ValueError: A value is NaN.
     """
     text = _laid_out(encode(report, digits), '')
     with whole_file(path) as partial:
@@ -49,13 +50,13 @@ def write_compact_json(path: Path, report: Mapping[str, Any], digits: int) -> No
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
-    """Read what was written here, with infinities as numbers again."""
+    """Read a report that this module wrote; infinities are numbers again."""
     report: dict[str, Any] = _decode(json.loads(Path(path).read_text(encoding='utf-8')))
     return report
 
 
 def encode(value: Any, digits: int | None = None) -> Any:
-    """Return mappings, sequences and NumPy's values as JSON knows them; NaN stays as it is."""
+    """Value of JSON's types: from mappings, sequences and NumPy's values; NaN stays as it is."""
     if isinstance(value, Mapping):
         return {str(key): encode(item, digits) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -80,7 +81,7 @@ def _decode(value: Any) -> Any:
 
 
 def _laid_out(value: Any, indent: str) -> str:
-    """Return a line for each entry of a mapping or a list of mappings; the rest on one line."""
+    """JSON with a line for each entry of a mapping or a list of mappings; the rest on one line."""
     inner = indent + ' '
     if isinstance(value, dict) and value:
         lines = [f'{inner}{json.dumps(k)}: {_laid_out(v, inner)}' for k, v in value.items()]

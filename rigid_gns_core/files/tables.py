@@ -23,9 +23,9 @@ def format_rows(
 
     Args:
         head: Names of the columns.
-        rows: As many cells each.
+        rows: Cells of each row, as many as columns.
         left: Columns aligned left, as words are; -1 is the last. The others are aligned right.
-        markdown: A table of a document, rather than of a terminal.
+        markdown: Lay it out as Markdown, not for a terminal.
     """
     words = {place % len(head) for place in left}
     lines = [head, *rows]
@@ -41,7 +41,7 @@ def format_rows(
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """So many significant digits, as short as can be read; '-' for None, 'inf' for infinity."""
+    """`digits` significant digits without trailing zeros; '-' for None, 'inf' for infinity."""
     if value is None:
         return '-'
     if value == 0 or not np.isfinite(value):
@@ -66,7 +66,7 @@ def summary(entry: Mapping[str, Any] | None, digits: int = 3) -> str:
     Args:
         entry: `count`, `infinite`, `mean` and `std`; where the latter two are infinite,
             `finite_mean` and `finite_std`. None: nothing was measured.
-        digits: Of the mean.
+        digits: Significant digits of the mean.
     """
     if entry is None:
         return '-'

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is chosen of each kind of model before it is trained. No torch in here."""
+"""Configuration of the GNS, and the shapes of its weights. No torch in here."""
 
 from __future__ import annotations
 

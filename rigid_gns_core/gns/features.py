@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From the motion of spheres to what the network reads (thesis sections 3.2.1 to 3.2.3).
+"""Inputs of the network from the motion of spheres (thesis sections 3.2.1 to 3.2.3).
 
 Which bodies are connected is found on the CPU and has no gradient; features are on the device of
 the motion, with gradients through the positions and velocities of the bodies that are connected.
@@ -24,7 +24,7 @@ from ..scenes.scene import Scene
 
 
 class Edges(NamedTuple):
-    """`Graph` as tensors, of one scene or of several side by side.
+    """`Graph` as tensors, of one scene or of a batch.
 
     senders, receivers, reverse: shape (edges,); surface_receivers: shape (surface_edges,);
     surface_points, surface_normals: of the surface of each edge, shape (surface_edges, 3).
@@ -39,7 +39,7 @@ class Edges(NamedTuple):
 
 
 class Features(NamedTuple):
-    """Features, float32, and edges of one graph, or of several side by side.
+    """Features, float32, and edges of one graph, or of a batch.
 
     nodes: shape (n, node_size); edges: r^pp, shape (edges, 4); surface_edges: r^ps,
     shape (surface_edges, 10); motion: current [v, omega], shape (n, 6), the base of accelerations.
@@ -55,8 +55,8 @@ class Features(NamedTuple):
     motion: Tensor
 
 
-class SideBySide:
-    """Scenes side by side: the spheres of all are the nodes of one graph.
+class GraphBatch:
+    """A batch of scenes as one graph: the spheres of all are its nodes.
 
     Args:
         scenes: Surfaces and sphere properties of each.
@@ -87,7 +87,7 @@ class SideBySide:
         """Radius [m] and mass [kg] of each sphere, shape (n, 2)."""
 
     def features(self, motion: Motion) -> Features:
-        """Connect the spheres for the step that starts now, scene by scene, and read features."""
+        """Features for the step that starts now; spheres are connected scene by scene."""
         return features_of(self.config, motion, self.connect(motion), self.properties)
 
     def connect(self, motion: Motion) -> Edges:
@@ -131,12 +131,12 @@ class SideBySide:
 
 
 def features_of(config: GNSConfig, motion: Motion, edges: Edges, properties: Tensor) -> Features:
-    """Features of a graph that is given (thesis section 3.2.2).
+    """Features of a graph with these edges (thesis section 3.2.2).
 
     Args:
         config: The network's.
         motion: What the network sees of the spheres.
-        edges: Who is connected.
+        edges: Connections of the step.
         properties: Radius and mass of each sphere, shape (n, 2).
     """
     positions, velocity = motion.positions, motion.velocities[0]

@@ -33,10 +33,10 @@ class Reach:
     Args:
         connectivity: `epsilon`: gap below `epsilon`. `vmax`: gap below V_max dt. `vi`: gap below
             the larger V_i dt of the two. `swept`: smallest gap during the step of straight
-            relative motion below `margin` (design of the contact model; the fewest edges).
+            relative motion below `margin` (the fewest edges).
         epsilon: Reach of `epsilon` connectivity [m].
-        margin: Added to the reach of all others [m]: covers what V dt leaves out, the
-            g dt^2 / 2 that a resting sphere falls when its support goes.
+        margin: Added to the reach of the other connectivities [m]: covers what V dt leaves out,
+            the g dt^2 / 2 that a resting sphere falls when it loses its support.
         ground_edge: Connect every sphere to the ground at any height: gravity can be learned.
     """
 
@@ -104,7 +104,7 @@ def build_graph(
 def sphere_pairs(
     positions: Array, velocities: Array, radii: Array, dt: float, reach: Reach
 ) -> tuple[Indices, Indices]:
-    """Pairs i < j that a step may bring together, sorted; shapes (pairs,) and (pairs,)."""
+    """Pairs i < j of spheres that are connected, sorted; shapes (pairs,) and (pairs,)."""
     empty = np.zeros(0, dtype=np.int64)
     if len(positions) < 2:
         return empty, empty

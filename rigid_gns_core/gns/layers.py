@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Building blocks that learned simulators share."""
+"""Building blocks of the network: multilayer perceptron and normaliser."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class MLP(nn.Module):
         return share
 
     def finish(self, hidden: Tensor) -> Tensor:
-        """Return outputs from the sum of all parts, shape (..., outputs)."""
+        """Outputs from the sum of all parts, shape (..., outputs)."""
         output: Tensor = self.last(torch.relu(hidden + self.bias))
         return output
 

@@ -15,7 +15,7 @@ from .rotations import rotate_quaternions, rotation_between
 
 
 class Motion(NamedTuple):
-    """What the thesis' GNS sees of the spheres at t_k, float64; of one scene or several.
+    """What the thesis' GNS sees of the spheres at t_k, float64; of one scene or a batch.
 
     Args:
         positions: Centres [m], shape (n, 3).
@@ -39,12 +39,12 @@ class Motion(NamedTuple):
         )
 
     def to(self, device: torch.device) -> Motion:
-        """Return the same on a device."""
+        """Motion on another device."""
         return Motion(*(values.to(device) for values in self))
 
 
 def joined(motions: Sequence[Motion]) -> Motion:
-    """Motions of several scenes side by side, the spheres of one after those of the other."""
+    """Motions of several scenes as one, with the spheres in the order of the scenes."""
     return Motion(
         torch.cat([motion.positions for motion in motions]),
         torch.cat([motion.quaternions for motion in motions]),

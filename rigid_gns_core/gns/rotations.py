@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rotations as tensors, with gradients; the same as those of `scenes.state` on arrays."""
+"""Rotations of tensors, with gradients; `scenes.state` has the same for arrays."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import numpy as np
 import torch
 
-from .features import SideBySide
+from .features import GraphBatch
 from .graph import build_graph, Reach
 from .motion import Motion
 from .network import GNS
@@ -21,9 +21,10 @@ from ..scenes.state import Array, State
 
 
 def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
-    """Mean velocity over the step before `state`, for spheres of which only v is known; (n, 3).
+    """Mean velocities [m/s] over the step before `state`, shape (n, 3).
 
-    In free flight that is v - g dt / 2. A sphere with a contact is taken to move as it does.
+    With the velocity v of the instant: v - g dt / 2 in free flight. A sphere in contact is taken
+    to have moved at v.
     """
     if not len(state):
         return state.velocities
@@ -39,7 +40,7 @@ def backward_velocities(state: State, scene: Scene, dt: float) -> Array:
 class GNSStepper(Stepper):
     """Rolls a GNS out in the model's units. The history starts with copies of the first motion.
 
-    State, features and network are on the network's device; who is connected is found on the CPU.
+    State, features and network are on the network's device; graphs are built on the CPU.
 
     Args:
         network: With its weights.
@@ -54,7 +55,7 @@ class GNSStepper(Stepper):
     ) -> None:
         self.network, self.dt, self.threads = network, dt, threads
         device = network.target_normaliser.mean.device
-        self.graph = SideBySide([scene], [len(state)], network.config, dt, device)
+        self.graph = GraphBatch([scene], [len(state)], network.config, dt, device)
         history = (network.config.history + 1, 1, 1)
         velocity = torch.from_numpy(backward_velocities(state, scene, dt))
         self.motion = Motion(

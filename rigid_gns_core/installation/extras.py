@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What to install where a module is missing: the extra of this package that brings it."""
+"""How to install a missing module: by the extra of this package that requires it."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ CORE = {
 
 
 def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str | None:
-    """Return what makes a module importable; None: this package asks for no such module.
+    """How to install a module; None: this package does not require it.
 
     Args:
-        module: Its name, such as 'torch' or 'matplotlib.figure'.
-        python: Version of the interpreter it is for.
+        module: Name of the module, such as 'torch' or 'matplotlib.figure'.
+        python: Version of the interpreter that lacks it.
     """
     top = module.partition('.')[0]
     if top in CORE:
@@ -50,7 +50,7 @@ def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str |
 
 
 def missing(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
-    """Return the error: `what` needs a module that is not installed, and how to get it."""
+    """The error to raise: `what` needs a module that is not installed, and how to get it."""
     module = error.name or str(error)
     advice = remedy(module)
     text = f'{what} needs {module}, which is not installed'
@@ -58,11 +58,10 @@ def missing(error: ModuleNotFoundError, what: str) -> ModuleNotFoundError:
 
 
 def needed(module: str, what: str) -> Any:
-    """Import a module that an extra brings.
+    """Import a module that `what` needs and that an extra installs.
 
     Raises:
-        ModuleNotFoundError: It is not installed; the message tells that `what` needs it, and how
-            to get it.
+        ModuleNotFoundError: It is not installed; see `missing`.
     """
     try:
         return import_module(module)

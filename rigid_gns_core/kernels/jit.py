@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the engine is compiled; every file of it with compiled functions imports this one."""
+"""How the engine is compiled: decorators, which every file with compiled functions imports."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ compiling = partial(_CODE.compiling, 'the engine', 'about a minute')
 
 
 def compiled(function: Function) -> Function:
-    """Machine code of `function` for the engine's own use: Python itself must not call it."""
-    # a way in from Python for each would take a fifth of the time to compile
+    """Compile a function that only compiled functions call: Python itself must not."""
+    # wrappers for calls from Python would take a fifth of the time to compile
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def in_place(function: Function) -> Function:
-    """Return the same for functions that make no array: nothing counts references in them.
+    """Compile a function that makes no array: as `compiled`, but without reference counting.
 
-    Counting them, atomically and for every array of every tuple, took most of the time.
+    Counting references, atomically and for every array of every tuple, took most of the time.
     """
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
 def entry(function: Function) -> Function:
-    """Compile a function that Python calls; it holds no lock, so that scenes run in threads."""
+    """Compile a function that Python calls; it releases the GIL, so that scenes run in threads."""
     return _CODE.of(function, nogil=True)

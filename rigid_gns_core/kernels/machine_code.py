@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How Numba compiles a package of ours: at install or first use; then it is read from a folder."""
+"""Cache of what Numba compiles of a package, at install or first use."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _dumps: Any = serialize.dumps
 class MachineCode:
     """Machine code of some sources, in a folder named by a hash of all of them.
 
-    Numba's own cache looks at the file of a function only, and would go on with old code of those
-    it calls. It also depends on where the sources are; this one can be copied with them.
+    Numba's own cache checks only the file of a function, and would keep old code of functions
+    that it calls. It also depends on where the sources are; this one can be copied with them.
 
     It is read from beside the sources, and from the user's folder: NUMBA_CACHE_DIR, or else that
     for caches. It is written to NUMBA_CACHE_DIR where that is set, or else to the first of the two
@@ -39,9 +39,9 @@ class MachineCode:
 
     Args:
         name: What the folder's name begins with.
-        sources: Folders of the sources; the code is kept beside the first. Of their files
-            `jit.py` counts, and those that import it.
-        options: Of numba.njit, for all functions.
+        sources: Folders of the sources; the code is kept beside the first. The hash is that of
+            their `jit.py` and of the files that import it.
+        options: Options of numba.njit, for all functions.
     """
 
     def __init__(self, name: str, *sources: Path, **options: Any) -> None:
@@ -49,7 +49,7 @@ class MachineCode:
         paths = [path for folder in sources for path in sorted(folder.glob('*.py'))]
         texts = [(path.name, path.read_bytes()) for path in paths]
         code = b''.join(text for own, text in texts if own == 'jit.py' or b'jit import' in text)
-        self._mark = hashlib.sha256(code + repr(options).encode()).hexdigest()[:16]
+        self._hash = hashlib.sha256(code + repr(options).encode()).hexdigest()[:16]
         self._beside = sources[0] / '__pycache__'
         self._complete = False
 
@@ -60,17 +60,17 @@ class MachineCode:
 
     @contextmanager
     def compiling(self, what: str, wait: str) -> Iterator[None]:
-        """Around a first use of everything: tell who waits, and leave a mark when it is over.
+        """Context of a first use: say that all is compiled, and mark the code complete at the end.
 
         Args:
-            what: Is compiled.
-            wait: How long that takes.
+            what: What is compiled, for the message.
+            wait: How long that takes, for the message.
         """
         if self._exists(_COMPLETE):
             yield
             return
         print(f'rigid_gns: compiling {what}, once; {wait}', file=sys.stderr)
-        self._complete = True  # what is used meanwhile shall not tell it again
+        self._complete = True  # or what is used within the block would begin another first use
         try:
             yield
         except BaseException:
@@ -92,29 +92,29 @@ class MachineCode:
         return cast(Function, dispatcher)
 
     def read(self, name: str) -> bytes | None:
-        """Read what `write` has left; None where there is nothing, or nothing whole."""
+        """Content that `write` stored under a name; None where there is none, or it is damaged."""
         for folder in self._readable():
             try:
                 content = (folder / name).read_bytes()
             except OSError:
                 continue
-            digest, _, kept = content.partition(b'\n')
-            if digest == _digest(kept):
-                return kept
+            digest, _, code = content.partition(b'\n')
+            if digest == _digest(code):
+                return code
             print(f'rigid_gns: {folder / name} is damaged: compiled anew', file=sys.stderr)
         return None
 
-    def write(self, name: str, kept: bytes) -> bool:
-        """Leave a file, whole or not at all; False where no folder can be written."""
+    def write(self, name: str, code: bytes) -> bool:
+        """Store a file, whole or not at all; False where no folder can be written."""
         for folder in self._writable():
-            made = folder / f'{name}.{uuid.uuid4().hex}'
+            partial = folder / f'{name}.{uuid.uuid4().hex}'
             try:
                 folder.mkdir(parents=True, exist_ok=True)
                 try:
-                    made.write_bytes(_digest(kept) + b'\n' + kept)
-                    made.replace(folder / name)
+                    partial.write_bytes(_digest(code) + b'\n' + code)
+                    partial.replace(folder / name)
                 finally:
-                    made.unlink(missing_ok=True)
+                    partial.unlink(missing_ok=True)
             except OSError:
                 continue
             if folder.parents[1] == self._beside:
@@ -133,10 +133,10 @@ class MachineCode:
 
     @cached_property
     def _place(self) -> Path:
-        """Of these sources, for this Python, Numba and CPU; in each folder."""
+        """Subfolder for these sources and this Python, Numba and CPU."""
         codegen = cpu_target.target_context.codegen()
-        made_for = (sys.implementation.cache_tag, numba.__version__, codegen.magic_tuple())
-        return Path(f'{self._name}-{self._mark}', _digest(repr(made_for).encode()).decode()[:16])
+        machine = (sys.implementation.cache_tag, numba.__version__, codegen.magic_tuple())
+        return Path(f'{self._name}-{self._hash}', _digest(repr(machine).encode()).decode()[:16])
 
     def _remove_old(self) -> None:
         for old in self._beside.glob(f'{self._name}-*'):
@@ -145,10 +145,10 @@ class MachineCode:
 
 
 class _Cache(caching.NullCache):
-    """Where Numba looks for the machine code of a function, one file for each signature.
+    """Numba's cache of one function, with a file for each signature.
 
-    Other than Numba's own it has no index, which two processes could spoil, and what is damaged
-    or cannot be written is no error.
+    Unlike Numba's own it has no index, which two processes could corrupt, and it is no error where
+    a file is damaged or cannot be written.
     """
 
     def __init__(self, function: Callable[..., Any], code: MachineCode) -> None:
@@ -157,11 +157,11 @@ class _Cache(caching.NullCache):
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         target.refresh()
-        kept = self._code.read(self._file(signature))
-        if kept is None:
+        content = self._code.read(self._file(signature))
+        if content is None:
             return None
         try:
-            their_signature, code = pickle.loads(kept)  # noqa: S301  # Numba knows no other way
+            their_signature, code = pickle.loads(content)  # noqa: S301  # Numba knows no other way
         except (AttributeError, ImportError):  # of a type that has moved
             return None
         if their_signature != signature:  # another type of the same name
@@ -177,7 +177,7 @@ class _Cache(caching.NullCache):
 
 
 def _users_folder() -> list[Path]:
-    """For the machine code of all packages; empty where there is no home."""
+    """The user's folder for machine code; empty where there is no home."""
     place = _chosen() or os.environ.get('XDG_CACHE_HOME')
     try:
         return [Path(place or Path.home() / '.cache') / 'rigid_gns']

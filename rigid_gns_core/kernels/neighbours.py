@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pairs of spheres within reach of each other: grids whose cells double from level to level.
+"""Pairs of spheres within reach of each other, by a hierarchical grid.
 
-A sphere lives in the grid whose cells are as wide as its reach, and looks for others in its own
-grid and in coarser ones. So one fast sphere has a wide look around, all others keep theirs, and
-the cost grows with the number of spheres and of pairs.
+Cells double in size from level to level. A sphere is in the level whose cells are as wide as its
+reach, and is compared with others of its own level and of coarser ones. So one fast sphere does
+not widen the search of the others, and the cost grows with the number of spheres and of pairs.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from ..scenes.state import Array
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-# fewer spheres are compared one with each other
+# with fewer spheres, all pairs are compared
 _BRUTE = 400
-# levels with fewer spheres are read through instead of looked up cell by cell
+# levels of at most so many spheres are searched whole, not cell by cell
 _FEW = 16
 
 
 class Grid(NamedTuple):
-    """Spheres by level and cell.
+    """Spheres by level and cell; cells are hashed into buckets.
 
     level, cell: of each sphere, shapes (n,) and (n, 3); size: cell width of each level; members:
     spheres sorted by bucket, shape (n,); start: where each bucket begins, shape (buckets + 1,);
@@ -52,7 +52,7 @@ def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
 
 @compiled
 def counting_sort(values: Indices, kinds: int) -> tuple[Indices, Indices]:
-    """Positions sorted by value, and where each value begins."""
+    """Indices in the order of their values (0 to kinds - 1), and where each value begins."""
     start = np.zeros(kinds + 1, np.int64)
     for value in values:
         start[value + 1] += 1
@@ -100,7 +100,7 @@ def make_grid(positions: Array, extent: Array) -> Grid:
 
 @entry
 def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, Indices]:
-    """Pairs i < j no farther apart than their extents together, one of them awake; sorted.
+    """Pairs i < j of spheres whose extents overlap, at least one of them awake; sorted.
 
     Args:
         positions: Centres, shape (n, 3).
@@ -108,15 +108,15 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
         awake: Shape (n,).
     """
     count = len(positions)
-    found = np.empty((max(64, 8 * count), 2), np.int64)
-    pairs = 0
+    pairs = np.empty((max(64, 8 * count), 2), np.int64)
+    size = 0
     if count < _BRUTE:
         return _every_pair(positions, extent, awake)
     grid = make_grid(positions, extent)
     mask = len(grid.start) - 2
     near = np.empty(count, np.int64)
     for i in range(count):
-        some = 0
+        found = 0
         for level in range(grid.level[i], len(grid.size)):
             first, last = grid.level_start[level], grid.level_start[level + 1]
             own = level == grid.level[i]
@@ -124,8 +124,8 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
                 for k in range(first, last):
                     j = grid.by_level[k]
                     if (j > i or not own) and _within(positions, extent, i, j):
-                        near[some] = j
-                        some += 1
+                        near[found] = j
+                        found += 1
                 continue
             cx = math.floor(positions[i, 0] / grid.size[level])
             cy = math.floor(positions[i, 1] / grid.size[level])
@@ -145,24 +145,24 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
                                 and grid.level[j] == level
                                 and _within(positions, extent, i, j)
                             ):
-                                near[some] = j
-                                some += 1
-        for k in range(some):
+                                near[found] = j
+                                found += 1
+        for k in range(found):
             j = near[k]
             if not (awake[i] or awake[j]):
                 continue
-            if pairs == len(found):
-                more = np.empty((2 * pairs, 2), np.int64)
-                more[:pairs] = found
-                found = more
-            found[pairs, 0], found[pairs, 1] = min(i, j), max(i, j)
-            pairs += 1
-    return _sorted(found[:pairs], count)
+            if size == len(pairs):
+                longer = np.empty((2 * size, 2), np.int64)
+                longer[:size] = pairs
+                pairs = longer
+            pairs[size, 0], pairs[size, 1] = min(i, j), max(i, j)
+            size += 1
+    return _sorted(pairs[:size], count)
 
 
 @compiled
 def _every_pair(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, Indices]:
-    """Return the same by looking at all pairs, which is faster for few spheres."""
+    """Pairs as of `find_pairs`, by comparing all, which is faster for few spheres."""
     count = len(positions)
     near = np.empty((count, count), np.bool_)
     start = np.zeros(count + 1, np.int64)
@@ -184,16 +184,16 @@ def _every_pair(positions: Array, extent: Array, awake: Flags) -> tuple[Indices,
 
 @in_place
 def _mark_near(
-    x: Array, y: Array, z: Array, extent: Array, awake: Flags, i: int, near: Flags
+    x: Array, y: Array, z: Array, extent: Array, awake: Flags, i: int, near_out: Flags
 ) -> int:
-    """Which spheres after i are within reach of it; returns how many."""
+    """Mark the spheres after i whose extents overlap its own; returns how many."""
     x_i, y_i, z_i, reach_i, awake_i = x[i], y[i], z[i], extent[i], awake[i]
     found = 0
     for j in range(i + 1, len(x)):
         reach = reach_i + extent[j]
         square = (x[j] - x_i) ** 2 + (y[j] - y_i) ** 2 + (z[j] - z_i) ** 2
-        near[j] = (square <= reach * reach) & (awake_i | awake[j])
-        found += near[j]
+        near_out[j] = (square <= reach * reach) & (awake_i | awake[j])
+        found += near_out[j]
     return found
 
 
@@ -207,10 +207,10 @@ def _within(positions: Array, extent: Array, i: int, j: int) -> bool:
 
 
 @compiled
-def _sorted(found: Indices, count: int) -> tuple[Indices, Indices]:
-    """By the first sphere, then by the second."""
-    order, start = counting_sort(found[:, 0], count)
-    first, second = found[:, 0][order], found[:, 1][order]
+def _sorted(pairs: Indices, count: int) -> tuple[Indices, Indices]:
+    """Pairs sorted by the first sphere, then by the second."""
+    order, start = counting_sort(pairs[:, 0], count)
+    first, second = pairs[:, 0][order], pairs[:, 1][order]
     for i in range(count):
         second[start[i] : start[i + 1]].sort()
     return first, second

@@ -14,7 +14,7 @@ from ..scenes.state import Array
 
 @in_place
 def turn(quaternions: Array, i: int, spin: Vector, time: float) -> None:
-    """Turn quaternion i at an angular velocity for some time, exactly; world frame."""
+    """Turn quaternion i for `time` at an angular velocity in the world frame: q <- exp(w t) q."""
     speed = length(spin)
     if speed == 0:
         return

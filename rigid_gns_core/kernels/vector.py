@@ -21,77 +21,71 @@ def row(array: Array, i: int) -> Vector:
 
 @in_place
 def put(array: Array, i: int, value: Vector) -> None:
-    """Overwrite row i."""
+    """Set row i of an array of shape (n, 3)."""
     array[i, 0], array[i, 1], array[i, 2] = value
 
 
 @in_place
 def add_to(array: Array, i: int, value: Vector) -> None:
-    """Add to row i."""
+    """Add to row i of an array of shape (n, 3)."""
     array[i, 0] += value[0]
     array[i, 1] += value[1]
     array[i, 2] += value[2]
 
 
 @in_place
-def plus(one: Vector, other: Vector) -> Vector:
-    """Sum."""
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+def plus(a: Vector, b: Vector) -> Vector:
+    """Sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @in_place
-def minus(one: Vector, other: Vector) -> Vector:
-    """Difference."""
-    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
+def minus(a: Vector, b: Vector) -> Vector:
+    """Difference a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @in_place
 def times(factor: float, vector: Vector) -> Vector:
-    """Multiple."""
+    """Vector times a factor."""
     return factor * vector[0], factor * vector[1], factor * vector[2]
 
 
 @in_place
-def dot(one: Vector, other: Vector) -> float:
-    """Inner product."""
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+def dot(a: Vector, b: Vector) -> float:
+    """Scalar product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @in_place
-def cross(one: Vector, other: Vector) -> Vector:
-    """Vector product."""
-    return (
-        one[1] * other[2] - one[2] * other[1],
-        one[2] * other[0] - one[0] * other[2],
-        one[0] * other[1] - one[1] * other[0],
-    )
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product a x b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @in_place
 def length(vector: Vector) -> float:
-    """Length."""
+    """Length of a vector."""
     return math.sqrt(dot(vector, vector))
 
 
 @in_place
 def across(vector: Vector, normal: Vector) -> Vector:
-    """Part across a unit normal."""
+    """Part of a vector across a unit normal: v - (v . n) n."""
     return minus(vector, times(dot(vector, normal), normal))
 
 
 @in_place
 def clip(vector: Vector, most: float) -> Vector:
-    """Return the vector, no longer than `most`."""
-    long = length(vector)
-    return times(most / long, vector) if long > most else vector
+    """Vector, shortened where it is longer than `most`."""
+    size = length(vector)
+    return times(most / size, vector) if size > most else vector
 
 
 @in_place
 def solve_symmetric(m: Array, b: Vector) -> Vector:
-    """X of m x = b for a symmetric positive definite matrix, shape (3, 3)."""
+    """Solution x of m x = b, m symmetric and positive definite, shape (3, 3): Cramer's rule."""
     first, second, third = row(m, 0), row(m, 1), row(m, 2)
-    one, two, three = cross(second, third), cross(third, first), cross(first, second)
-    scale = 1.0 / dot(first, one)
-    return plus(
-        plus(times(scale * b[0], one), times(scale * b[1], two)), times(scale * b[2], three)
-    )
+    x, y, z = cross(second, third), cross(third, first), cross(first, second)
+    scale = 1.0 / dot(first, x)
+    return plus(plus(times(scale * b[0], x), times(scale * b[1], y)), times(scale * b[2], z))

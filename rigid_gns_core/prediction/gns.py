@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Materials:
-    """What a model without materials as inputs was trained on; see `Scene`."""
+    """Materials that a model was trained on, where they are no inputs of it; see `Scene`."""
 
     restitution: float
     friction: float
@@ -47,7 +47,7 @@ class GNSSimulator(Simulator):
         name: See `Simulator`.
         threads: CPU threads.
         device: Where features and network are, as torch names it: 'cpu', 'cuda', 'cuda:1', ...
-            Who is connected is found on the CPU in any case.
+            Graphs are built on the CPU in any case.
 
     Raises:
         ModuleNotFoundError: torch is not installed; the message tells how to get it.
@@ -86,7 +86,7 @@ class GNSSimulator(Simulator):
         self.network.eval().to(self.device)
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
-        """Refuse unlike spheres and no gravity; warn of other materials."""
+        """Refuse unequal spheres and a scene without gravity; warn of other materials."""
         if not any(scene.gravity):
             raise UserError('gravity is 0, but the model was trained with gravity; set it')
         for name in ('radius', 'mass'):
@@ -108,7 +108,7 @@ class GNSSimulator(Simulator):
                 )
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
-        """Return a rollout in the model's units."""
+        """Stepper that starts from `state`; scene and state are in the model's units."""
         from ..gns.stepper import GNSStepper
 
         return GNSStepper(self.network, scene, state, self.units.dt, threads=self.threads)
@@ -116,14 +116,14 @@ class GNSSimulator(Simulator):
     def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
         from ..gns.stepper import torch_threads
 
-        # of the process: what each worker sets and lifts in every step would be lifted under the
-        # feet of the others
+        # once for the process: workers that set and reset it in every step would reset it while
+        # others compute
         with torch_threads(self.threads):
             return super()._run(rollouts, steps, workers)
 
 
 def _values(scene: Scene, name: str, count: int) -> Array:
-    """Return a material property of all spheres, and of the surfaces that have it."""
+    """Material property of all spheres, and of all surfaces where they have it."""
     values = scene.per_sphere(name, count)
     if name == 'rolling_friction':
         return values
@@ -131,10 +131,10 @@ def _values(scene: Scene, name: str, count: int) -> Array:
 
 
 def known_device(name: str) -> torch.device:
-    """Return the device of this name.
+    """Device of torch of this name.
 
     Raises:
-        UserError: It is not there, or has no float64.
+        UserError: There is no such device, or it has no float64.
     """
     import torch
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The kinds of models: what each can serve, and how it is rolled out."""
+"""The laws of rigid contact as a simulator."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ class LawsSimulator(Simulator):
         super().__init__(card, LAWS, ModelUnits(radius=1.0, gravity=9.81, dt=0.1))
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
-        """Nothing: the laws hold for all scenes."""
+        """Accept every scene: the laws hold for all."""
 
     def stepper(self, scene: Scene, state: State) -> Stepper:
-        """Return a rollout in the model's units."""
+        """Stepper that starts from `state`; scene and state are in the model's units."""
         from ..engine.stepper import EngineStepper
 
         return EngineStepper(scene, state, self.units.dt, **asdict(self.options))

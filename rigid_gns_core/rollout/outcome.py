@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a rollout left behind: its trajectory, and why it ends before its time."""
+"""Result of a rollout: its trajectory, and why it ended early, if it did."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..scenes.state import State, Trajectory
 
 
 class Outcome(NamedTuple):
-    """A trajectory, NaN from where it diverged on; `error` says so, or is ''."""
+    """A trajectory, NaN from where it diverged; `error` says why and where, or is ''."""
 
     trajectory: Trajectory
     error: str
 
 
 class Recording:
-    """The start and the states that follow, as they come.
+    """Collects the states of a rollout, from its start.
 
     Args:
         start: State at step 0.
@@ -39,7 +39,7 @@ class Recording:
             self._arrays[name][0] = value
 
     def add(self, states: State, error: str) -> None:
-        """Add states that are stacked, possibly none; `error` is why no more follow, or ''."""
+        """Append stacked states, possibly none; `error` is why no more follow, or ''."""
         self.error = error
         if count := len(states):
             for name, values in vars(states).items():
@@ -48,6 +48,6 @@ class Recording:
 
     @property
     def outcome(self) -> Outcome:
-        """What was recorded so far."""
+        """Trajectory so far, NaN in the steps that are missing."""
         where = f' (step {self.done + 1} of {self.steps})' if self.error else ''
         return Outcome(Trajectory(dt=self.dt, **self._arrays), self.error + where)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Load a simulator and roll it out, at any radius and gravity."""
+"""A simulation in progress, in the units of the world."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .stepper import Advance, state_at, Stepper
 from ..scenes.similarity import Similarity
 from ..scenes.state import State
 
-# steps are taken together for about so long, after which Ctrl-C is heard [s]
+# time that a block of steps takes [s]: Ctrl-C is heard between blocks
 _BLOCK = 0.1
 
 
 class Rollout:
-    """A simulation in progress: `state` is now, `step` advances it by `dt` [s].
+    """A simulation in progress: `state` is the present one, `step` advances it by `dt` [s].
 
-    `stepper` is the model's own, with what it tells of itself; `done` is called with
-    the number of steps that were taken.
+    `stepper` is that of the model, in its units; `done`, where it is set, is called with the
+    number of steps after each advance.
     """
 
     def __init__(self, stepper: Stepper, similarity: Similarity, state: State, dt: float) -> None:
@@ -35,7 +35,7 @@ class Rollout:
     def step(self) -> State:
         """Advance by `dt` and return the new state.
 
-        What its velocities are, `Simulator.velocities` says.
+        `Simulator.velocities` says what its velocities are.
 
         Raises:
             FloatingPointError: The rollout diverged; `state` is the last finite one.
@@ -61,7 +61,7 @@ class Rollout:
     def blocks(self, steps: int, seconds: float) -> Iterator[Advance]:
         """Advance by `steps` dt, or to where it diverges, in blocks of about `seconds` each.
 
-        For who has to look up at times, but not after every step.
+        For callers that have something to do at times, but not after every step.
         """
         block, left, error = 1, steps, ''
         while left and not error:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all kinds of models are: rolled out from a start, at any radius and gravity."""
+"""The interface of all models: rollouts from a start, at any radius and gravity."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Simulator(ABC):
     'poses', means over the step before (backward differences, thesis section 3.3).
 
     Args:
-        card: What is known of the model, as JSON takes it.
+        card: Description of the model, of types that JSON knows.
         name: Name for messages and reports.
-        units: Size and time step that it is made for.
+        units: Radius, gravity and time step that it is made for.
     """
 
     velocities: ClassVar[Literal['given', 'poses']]
@@ -41,7 +41,7 @@ class Simulator(ABC):
         self.card, self.name, self.units = card, name, units
 
     def native_dt(self, scene: Scene) -> float:
-        """Return the model's time step for radius and gravity [s]: dt sqrt(r / r_m * g_m / g)."""
+        """Time step [s] at the scene's radius and gravity: dt sqrt(r / r_m * g_m / g)."""
         return self.units.dt * in_units(scene, self.units)[0].time
 
     @abstractmethod
@@ -54,7 +54,7 @@ class Simulator(ABC):
 
     @abstractmethod
     def stepper(self, scene: Scene, state: State) -> Stepper:
-        """Return a rollout in the model's units."""
+        """Stepper that starts from `state`; scene and state are in the model's units."""
 
     def start(
         self,
@@ -113,8 +113,8 @@ class Simulator(ABC):
         """Predict many starts, what-ifs of one scene or scenes of their own, on several cores.
 
         Each trajectory is bit for bit that of `rollout`, whatever the number of workers, and one
-        that diverges leaves the others alone; warnings and errors name the index of its start.
-        Workers are threads, since compiled code, as that of torch, runs beside other threads.
+        that diverges does not affect the others; warnings and errors name the index of its start.
+        Workers are threads, since compiled code and torch run in parallel to other threads.
 
         Args:
             scenes: One for all starts, or one per start.
@@ -131,9 +131,9 @@ class Simulator(ABC):
             raise UserError(f'workers is {workers}, expected at least 1')
         steps, rollouts = _checked(steps), []
         for index, (scene, start) in enumerate(_paired(scenes, starts)):
-            given = vars(start) if isinstance(start, State) else {'positions': start}
+            values = vars(start) if isinstance(start, State) else {'positions': start}
             try:
-                rollouts.append(self._begin(scene, **given))
+                rollouts.append(self._begin(scene, **values))
             except UserError as error:
                 raise UserError(f'start {index}: {error}') from error
             rollouts[-1].done = done
@@ -155,14 +155,16 @@ class Simulator(ABC):
         angular_velocities: ArrayLike | None = None,
         quaternions: ArrayLike | None = None,
     ) -> Rollout:
-        given: dict[str, Any] = {
+        values: dict[str, Any] = {
             'positions': positions,
             'quaternions': quaternions,
             'velocities': velocities,
             'angular_velocities': angular_velocities,
         }
-        state = State(**given)
-        self.check(scene, len(state), stacklevel=4)  # warnings point at who asked for it
+        state = State(**values)
+        self.check(
+            scene, len(state), stacklevel=4
+        )  # warnings point at the caller of the public method
         similarity, similar = in_units(scene, self.units)
         stepper = self.stepper(similar, similarity.to_model(state))
         return Rollout(stepper, similarity, state, self.native_dt(scene))
@@ -183,7 +185,7 @@ def _paired(
         UserError: There are not as many scenes as starts.
     """
     if isinstance(starts, State):
-        raise UserError('starts is one State, expected several; for one there is rollout')
+        raise UserError('starts is one State, expected several; use rollout for one')
     if isinstance(scenes, Scene):
         scenes = [scenes] * len(starts)
     if len(scenes) != len(starts):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a rollout asks of a model: states one after the other, in the model's units."""
+"""What a rollout asks of a model: one state after another, in the model's units."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Stepper(ABC):
 
     @abstractmethod
     def step(self) -> State:
-        """Return the state one model step later.
+        """State one step of the model later.
 
         Raises:
             FloatingPointError: The rollout diverged.
         """
 
     def advance(self, steps: int) -> Advance:
-        """Return the states of the next `steps` steps, at least one; the same as `step` gives."""
+        """States of the next `steps` steps, at least one; those that `step` returns."""
         states, error = [], ''
         for _ in range(steps):
             try:
@@ -45,7 +45,7 @@ class Stepper(ABC):
 
 
 def state_at(states: State, step: int) -> State:
-    """One of states that are stacked."""
+    """State at one step of stacked states."""
     return State.unchecked(
         states.positions[step],
         states.quaternions[step],

@@ -31,7 +31,7 @@ def describe_machine() -> dict[str, Any]:
 
 
 def load_average() -> list[float] | None:
-    """Return how many processes wanted a core over 1, 5 and 15 minutes; None: not known here."""
+    """Mean number of runnable processes over 1, 5 and 15 minutes; None: unknown here."""
     try:
         return [round(load, 2) for load in os.getloadavg()]
     except (AttributeError, OSError):
@@ -47,9 +47,9 @@ def cpu_name() -> str:
 
 
 def resident_bytes(which: str = 'VmRSS') -> int | None:
-    """Memory of this process [bytes]; which 'VmHWM': the most it ever was. None: no Linux.
+    """Memory of this process [bytes], now ('VmRSS') or at its peak ('VmHWM'). None: no Linux.
 
-    Not `ru_maxrss`: a process inherits that of the one which started it.
+    Not `ru_maxrss`, which a process inherits from its parent.
     """
     status = Path('/proc/self/status')
     lines = status.read_text().splitlines() if status.is_file() else []

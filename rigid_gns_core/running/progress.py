@@ -55,7 +55,7 @@ class Progress:
         )
 
     def update(self, count: int = 1, **values: float | str) -> None:
-        """Count `count` more as done; `values` are shown beside, such as `loss=0.1`."""
+        """Count `count` more as done; `values`, such as `loss=0.1`, are shown beside the count."""
         self.done += count
         self._values = ', '.join(
             f'{key} {value:.4g}' if isinstance(value, float) else f'{key} {value}'

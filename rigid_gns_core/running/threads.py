@@ -17,7 +17,7 @@ Result = TypeVar('Result')
 def in_threads(
     function: Callable[[Work], Result], items: Sequence[Work], workers: int
 ) -> list[Result]:
-    """Results in the order of the items, from at most `workers` threads; 1: from this one."""
+    """`function` of each item, in order, by at most `workers` threads; 1: by this thread."""
     workers = min(workers, len(items))
     if workers <= 1:
         return [function(item) for item in items]
@@ -25,7 +25,7 @@ def in_threads(
         futures = [pool.submit(function, item) for item in items]
         try:
             return [future.result() for future in futures]
-        except BaseException:  # also Ctrl-C: what runs ends, what waits does not begin
+        except BaseException:  # also Ctrl-C: running calls finish, waiting ones do not start
             pool.shutdown(cancel_futures=True)
             raise
 

@@ -26,12 +26,12 @@ BACKENDS = ('loky', 'dask')
 
 
 class WorkerDied(RuntimeError):
-    """A process was killed, by the system for want of memory perhaps."""
+    """A worker process was killed, perhaps by the system for lack of memory."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the work.
+    """Where calls run.
 
     Args:
         count: Processes; None: one per usable core. With 1 on this machine, this process.
@@ -54,11 +54,11 @@ class Workers:
 
     @property
     def here(self) -> bool:
-        """Whether the work is done on this machine."""
+        """Whether calls run on this machine."""
         return self.backend == 'loky'
 
     def processes(self, calls: int) -> int:
-        """How many processes so many calls take; -1: all that a cluster has."""
+        """Number of processes for so many calls; -1: all that a cluster has."""
         if not self.here:
             return self.count or -1
         return max(1, min(self.count or usable_cores(), calls))
@@ -66,7 +66,7 @@ class Workers:
     def run(
         self, function: Callable[..., T], calls: Iterable[Sequence[Any]], count: int
     ) -> Iterator[T]:
-        """Results of `function(*call)`, in the order in which they are done.
+        """Results of `function(*call)`, in the order of completion.
 
         On this machine a call is taken from `calls` when a process is free for it.
 
@@ -103,11 +103,11 @@ class Workers:
                 raise WorkerDied(str(error)) from error
             finally:
                 with warnings.catch_warnings():
-                    warnings.simplefilter('ignore')  # that a stopped run was stopped
+                    warnings.simplefilter('ignore')  # joblib's warning that the run was stopped
                     results.close()
 
     def _connected(self) -> contextlib.AbstractContextManager[Any]:
-        """Return the client of a cluster; without an address, the process has one already."""
+        """Connection to the cluster; without an address the process has one already."""
         if self.here:
             return contextlib.nullcontext()
         from distributed import Client
@@ -121,7 +121,7 @@ class Workers:
 
 
 def _leave_with_parent() -> None:
-    """End this process when the one that started it was killed, not only after its work."""
+    """End this process as soon as its parent is gone, not only after its work."""
     parent = os.getppid()
 
     def watch() -> None:

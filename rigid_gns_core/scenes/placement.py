@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Places of the spheres of a start: thrown at random, laid on a floor, in blocks, or as given."""
+"""Where the spheres of a start are: at random, on a floor, in blocks, or at given places."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from ..errors import UserError
 if TYPE_CHECKING:
     from .start import StartRecipe
 
-# a sphere that found no place in so many throws will hardly find one
+# throws after which a sphere is taken to have no place
 _THROWS = 2000
-# spheres that touch are a rounding error apart, or this many radii at most into each other
+# overlap [radii] up to which spheres count as touching
 _TOLERANCE = 1e-6
 # share of the throws onto a floor that touch an earlier sphere, where the gap may be 0
 _TOUCHING = 0.3
@@ -34,7 +34,7 @@ class SamplingError(UserError):
 def place_spheres(
     scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.Generator
 ) -> Array:
-    """Centres [m] as the recipe wants them, shape (n, 3).
+    """Centres [m] by the recipe, shape (n, 3).
 
     Raises:
         SamplingError: See `sample_start`.
@@ -53,7 +53,7 @@ def _scattered(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.G
     positions = np.empty((recipe.spheres, 3))
     cell = 2 * float(radii.max()) + recipe.gap
     near: dict[tuple[int, ...], list[int]] = {}
-    # large ones first: they find no place any more between small ones
+    # large ones first: between small ones they would find no place
     for done, sphere in enumerate(np.argsort(-radii, kind='stable')):
         for place in _throws(scene, low, high, float(radii[sphere]), recipe.gap, rng):
             corner = np.floor(place / cell).astype(int).tolist()
@@ -151,7 +151,7 @@ def _in_blocks(scene: Scene, recipe: StartRecipe, radii: Array, rng: np.random.G
 
 
 def _given(scene: Scene, recipe: StartRecipe, radii: Array) -> Array:
-    """Return the places that the recipe says, shape (n, 3), checked."""
+    """Centres [m] that the recipe gives, checked for overlaps; shape (n, 3)."""
     positions = np.concatenate(
         [*(block.positions for block in recipe.blocks), np.reshape(recipe.at, (-1, 3))]
     )
@@ -180,7 +180,7 @@ def _nearest(positions: Array, radii: Array, place: Array, radius: float) -> flo
     """Least distance [m] between the surface of a sphere and those of others, inf without any."""
     apart = np.linalg.norm(positions - place, axis=1) - radii - radius
     nearest = float(apart.min(initial=np.inf))
-    return 0.0 if abs(nearest) < 1e-9 * radius else nearest  # those that were put to touch
+    return 0.0 if abs(nearest) < 1e-9 * radius else nearest  # placed to touch
 
 
 def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:

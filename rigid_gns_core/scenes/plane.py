@@ -28,7 +28,7 @@ RANGES = {
 
 
 def checked_property(name: str, value: ArrayLike) -> PerSphere:
-    """Return a property as a number, or a tuple of one per sphere; UserError: out of range."""
+    """Property as a number, or as a tuple with one per sphere; UserError where out of range."""
     array = np.asarray(value, dtype=np.float64)
     if array.ndim > 1 or array.size == 0:
         raise UserError(f'{name} has shape {array.shape}, expected a number or one per sphere')
@@ -43,7 +43,7 @@ def checked_property(name: str, value: ArrayLike) -> PerSphere:
 
 
 def checked_vector(name: str, value: ArrayLike) -> Vector:
-    """Three finite numbers; UserError for anything else."""
+    """Vector of three finite numbers; UserError for anything else."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise UserError(f'{name} is {value}, expected three finite numbers')
@@ -62,7 +62,7 @@ def _unit(name: str, value: ArrayLike) -> Vector:
 
 @dataclass(frozen=True)
 class Plane:
-    """A static, bounded plane (thesis section 3.1.2). Spheres live on the side of its normal.
+    """A static, bounded plane (thesis section 3.1.2). Spheres are on the side of its normal.
 
     Args:
         point: Centre p_s [m], world frame.

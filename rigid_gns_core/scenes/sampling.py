@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Seeded start states."""
+"""Start states from a recipe and its seed."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def sample_start(
 ) -> State:
     """Place spheres, and set them in motion where the recipe says so.
 
-    Random places are found by throwing darts: one too near to anything is thrown again.
+    Random places are found by dart throwing: one too near to anything is thrown again.
 
     Args:
         scene: Surfaces to keep clear of, and radii.
         recipe: How many spheres, where, and how fast.
-        rng: Source of the places; None: made from the recipe's seed.
+        rng: Source of all draws; None: a generator with the recipe's seed.
 
     Raises:
-        SamplingError: There is no room, no bound of the region, or a given place is taken; says
-            which and what to change.
+        SamplingError: There is no room, the region has no bound, or a given place is occupied;
+            the message says which, and what to change.
     """
     rng = np.random.default_rng(recipe.seed) if rng is None else rng
     radii = scene.per_sphere('radius', recipe.spheres)

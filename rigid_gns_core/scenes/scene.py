@@ -45,7 +45,7 @@ class Scene:
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
     of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
-    mean where the scene gives one per sphere).
+    mean where the scene has one per sphere).
 
     Raises:
         UserError: A value is out of range.
@@ -60,20 +60,20 @@ class Scene:
     gravity: Vector = (0.0, 0.0, -9.81)
 
     def __post_init__(self) -> None:
-        given = self.surfaces
-        if not isinstance(given, (Plane, list, tuple)):
-            raise UserError(f'surfaces is {given!r}, expected planes; () for none')
-        surfaces = (given,) if isinstance(given, Plane) else tuple(given)
+        planes = self.surfaces
+        if not isinstance(planes, (Plane, list, tuple)):
+            raise UserError(f'surfaces is {planes!r}, expected planes; () for none')
+        surfaces = (planes,) if isinstance(planes, Plane) else tuple(planes)
         for surface in surfaces:
             if not isinstance(surface, Plane):
-                raise UserError(f'surfaces holds {surface!r}, expected only Plane')
+                raise UserError(f'surfaces holds {surface!r}, expected planes only')
         object.__setattr__(self, 'surfaces', surfaces)
         for name in RANGES:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
         gravity = self.gravity
         if np.ndim(gravity) == 0:
             if float(np.asarray(gravity)) < 0:
-                raise UserError(f'gravity is {gravity:g}, expected its size or a vector')
+                raise UserError(f'gravity is {gravity:g}, expected at least 0, or a vector')
             gravity = (0.0, 0.0, -float(np.asarray(gravity)))
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
 

@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Dynamic similarity: any radius and gravity in the units of a model.
+"""Dynamic similarity: any radius and gravity in the units of a model (Froude scaling).
 
-But for materials, motion depends on g dt^2 / r alone. Lengths are measured in radii of the model,
-times so that gravity is the model's, and the frame is turned so that gravity points along -z.
-Materials have no units and carry over.
+But for materials, which have no units and carry over, motion depends on g dt^2 / r alone. With
+the scales of length L = r / r_m and time T = sqrt(L g_m / g), m for the model, and the rotation R
+that turns gravity to -z:
+
+    p_m = R p / L,  v_m = R v T / L,  w_m = R w T,  dt = dt_m T.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from ..errors import UserError
 
 @dataclass(frozen=True)
 class ModelUnits:
-    """Size and time step a model was trained with."""
+    """Radius [m], gravity [m/s^2] and time step [s] that a model was made for."""
 
     radius: float
     gravity: float
@@ -39,8 +41,8 @@ class Similarity:
     """Maps a scene and its states to a model's units and back.
 
     Args:
-        length: Length of the world per length of the model.
-        time: Time of the world per time of the model.
+        length: L, length of the world per length of the model.
+        time: T, time of the world per time of the model.
         rotation: Rows are the model's axes in the world frame, shape (3, 3).
         quaternion: The same rotation, world to model, (x, y, z, w).
     """
@@ -52,9 +54,9 @@ class Similarity:
 
     @classmethod
     def between(cls, scene: Scene, units: ModelUnits) -> Similarity:
-        """Similarity of `scene` to a model. The largest sphere counts as the model's radius.
+        """Similarity of `scene` to a model, whose radius is that of the largest sphere.
 
-        Without gravity there is no time to compare with, and that of the model's gravity is taken.
+        Without gravity, which sets the scale of time, the scene's is taken to be the model's.
         """
         gravity = float(np.linalg.norm(scene.gravity)) or units.gravity
         length = float(np.max(scene.radius)) / units.radius
@@ -62,7 +64,7 @@ class Similarity:
         return cls(length, time, *_upright(scene.up))
 
     def scene(self, scene: Scene) -> Scene:
-        """Return the scene in the model's units."""
+        """Scene in the model's units."""
         surfaces = tuple(
             replace(
                 plane,
@@ -83,7 +85,7 @@ class Similarity:
         )
 
     def to_model(self, state: State) -> State:
-        """Return a state of the world in the model's units."""
+        """State of the world in the model's units."""
         turn = self.rotation.T
         return State(
             positions=state.positions @ turn / self.length,
@@ -93,7 +95,7 @@ class Similarity:
         )
 
     def to_world(self, state: State) -> State:
-        """Return a state of the model in the world's units; inverse of `to_model`."""
+        """State of the model in the world's units; inverse of `to_model`."""
         turn, quaternions = self.rotation, state.quaternions
         if self.quaternion[3] < 1.0:
             back = self.quaternion * [-1.0, -1.0, -1.0, 1.0]
@@ -108,7 +110,7 @@ class Similarity:
 
 @lru_cache(maxsize=64)
 def in_units(scene: Scene, units: ModelUnits) -> tuple[Similarity, Scene]:
-    """Similarity to a model, and the scene in its units; kept, as many rollouts share a scene."""
+    """Similarity to a model, and the scene in its units; cached, as rollouts share scenes."""
     similarity = Similarity.between(scene, units)
     return similarity, similarity.scene(scene)
 

@@ -109,7 +109,7 @@ class StartRecipe:
             )
         if placed and self.layout != 'scattered':
             raise ConfigError(
-                f'layout is {self.layout!r}, but blocks or at say the places; leave one out'
+                f'layout is {self.layout!r}, but blocks or at give the places; leave one out'
             )
         check_range('height', self.height, -np.inf)
         if not self.gap >= 0:

@@ -5,7 +5,7 @@
 
 One place owns names, shapes, units and conventions: SI units, right-handed world frame, z up
 (REP-103), quaternions as (x, y, z, w), angular velocities in the world frame. Arrays are float64;
-networks convert to float32 at their own door.
+networks convert their input to float32.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class State:
     def unchecked(
         cls, positions: Array, quaternions: Array, velocities: Array, angular_velocities: Array
     ) -> State:
-        """Return a state of arrays that are known to be right; they are not copied."""
+        """State of arrays that are known to be valid: neither checked nor copied."""
         state = object.__new__(cls)
         fields = (positions, quaternions, velocities, angular_velocities)
         names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
@@ -94,7 +94,7 @@ class State:
 
 
 def stacked(states: Sequence[State]) -> State:
-    """States one after the other as one: fields of shape (steps, n, k), of none (0, 0, k)."""
+    """Consecutive states as one, fields of shape (steps, n, k); of no states (0, 0, k)."""
     if not states:
         return State.unchecked(*(np.zeros((0, 0, k)) for k in (3, 4, 3, 3)))
     names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
@@ -151,7 +151,7 @@ class Trajectory:
 
     @classmethod
     def from_poses(cls, positions: ArrayLike, quaternions: ArrayLike, dt: float) -> Trajectory:
-        """Make a trajectory from poses alone, with velocities by backward differences.
+        """Trajectory from poses alone, with velocities by backward differences.
 
         Thesis section 3.3: v[k] = (p[k] - p[k-1]) / dt and
         w[k] = 2 Im(log(q[k] * inverse(q[k-1]))) / dt. The first frame repeats the second.
@@ -217,7 +217,7 @@ class Trajectory:
         )
 
     def window(self, start: int, stop: int) -> Trajectory:
-        """Return steps `start` to `stop`, `stop` not included, as a trajectory of its own."""
+        """Steps `start` to `stop`, without `stop`, as a trajectory of its own."""
         part = slice(start, stop)
         return replace(
             self,

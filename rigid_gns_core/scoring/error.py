@@ -90,23 +90,23 @@ def horizon_metrics(
     lost = _first_divergence(predicted, reference, Scene() if scene is None else scene)
     result = {}
     for step in sorted(h for h in set(horizons) if 0 <= h <= reference.steps):
-        one, other = predicted.window(step, step + 1), reference.window(step, step + 1)
+        ours, theirs = predicted.window(step, step + 1), reference.window(step, step + 1)
         if lost is not None and step >= lost:
             names = ('position_error', 'mse', 'velocity_error', 'spin_error', 'rotation_error')
             errors = dict.fromkeys(names, float('inf'))
         else:
-            distance = np.linalg.norm(one.positions - other.positions, axis=2)
+            distance = np.linalg.norm(ours.positions - theirs.positions, axis=2)
             errors = {
                 'position_error': float(distance.mean()),
                 'mse': float(np.mean(distance**2)),
-                **_rate_errors(one, other),
+                **_rate_errors(ours, theirs),
             }
         result[step] = {'time': step * reference.dt, **errors}
     return result
 
 
 def position_mse(predicted: Array, reference: Array) -> float:
-    """Return the thesis' MSE: mean over frames and spheres of |p - p'|^2 [m^2].
+    """MSE of the thesis: mean over frames and spheres of |p - p'|^2 [m^2].
 
     Args:
         predicted: Centres [m], shape (frames, n, 3).
@@ -118,7 +118,7 @@ def position_mse(predicted: Array, reference: Array) -> float:
 
 
 def chamfer(predicted: Array, reference: Array) -> float:
-    """Return the thesis' symmetric Chamfer distance, mean over frames [m^2].
+    """Symmetric Chamfer distance of the thesis, mean over frames [m^2].
 
     In each frame, the mean squared distance of each centre to the nearest centre of the other set,
     summed over both directions.

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Score predictions against a reference: one report, as a table, JSON and a figure."""
+"""A report of the scores of a prediction against a reference, and summaries of reports."""
 
 from __future__ import annotations
 
@@ -124,8 +124,8 @@ def _summarise(mappings: Sequence[Mapping[str, float]]) -> dict[str, Any]:
             'count': len(values),
             'infinite': len(values) - len(finite),
         }
-        whole = ('', 'finite_') if len(finite) == len(values) else ('finite_',)
-        for prefix in whole if len(finite) else ():
+        prefixes = ('', 'finite_') if len(finite) == len(values) else ('finite_',)
+        for prefix in prefixes if len(finite) else ():
             entry[f'{prefix}mean'] = float(finite.mean())
             entry[f'{prefix}std'] = float(finite.std())
         summary[key] = entry

@@ -108,7 +108,7 @@ class Teacher:
         return self._state
 
     def step(self) -> State:
-        """Advance by `dt` and return the state."""
+        """Advance by `dt` and return the state; TeacherError where the teacher is closed."""
         if self._client < 0:
             raise TeacherError('this teacher is closed; make a new one')
         substeps, client = self.settings.substeps, self._client

@@ -25,7 +25,7 @@ from ..scenes.state import Array
 
 @dataclass(frozen=True)
 class Rolling:
-    """What rolling friction leaves of the motion.
+    """Motion after rolling friction.
 
     Args:
         velocities: Linear velocities [m/s], shape (n, 3).
@@ -52,7 +52,9 @@ def resist_rolling(
 
     The torque impulse rho r J opposes the rotation about axes in the surface, and another of that
     size the rotation about the normal; neither reverses it. A sphere that rolls without slip keeps
-    doing so: static friction slows it along, by rho J / (1.4 m), within the friction cone.
+    doing so by static friction F. With I = 2/5 m r^2, and r dw = dv where it rolls:
+
+        dv = -F / m,  r dw = -5/2 (rho J - F) / m,  F = min(rho / 1.4, mu) J.
 
     Args:
         velocities: Linear velocities [m/s], shape (n, 3).
@@ -61,7 +63,7 @@ def resist_rolling(
         normal: Unit normals of the surface at each sphere, shape (n, 3).
         impulse: Normal impulses per mass J / m [m/s], shape (n,).
         rolling_friction: rho, shape (n,).
-        friction: Friction coefficient of sphere and surface, shape (n,).
+        friction: mu of sphere and surface, shape (n,).
         slip_tolerance: Slip that counts as none [m/s], beside a thousandth of the rolling speed.
     """
     spin = np.sum(angular_velocities * normal, axis=-1, keepdims=True) * normal
@@ -91,9 +93,9 @@ def resist_rolling(
 class RollingFriction:
     """Rolling friction in a Bullet world whose first bodies are the surfaces of `scene`.
 
-    Spheres that stand are held by Bullet's own rolling friction, which no update now and then can
-    do. It lets go of them once they roll, and before a blow: Bullet's own acts between spheres
-    too.
+    Spheres at rest are held by Bullet's own rolling friction, since updates at intervals cannot
+    hold them. They are released once they roll, and before an impact, because Bullet's own acts
+    between spheres too.
 
     Args:
         bullet: The pybullet module.
@@ -135,7 +137,7 @@ class RollingFriction:
         self.bullets_own = self.rho * radius / (surface or np.inf)
 
     def let_go(self, time: float) -> None:
-        """Let go of spheres that stand where one may be struck within `time`, or a neighbour."""
+        """Release spheres at rest that may be struck within `time` [s], or whose island may be."""
         held = np.flatnonzero(self._held)
         if not len(held):
             return
@@ -151,24 +153,22 @@ class RollingFriction:
                 for body in bodies
             ]
         )
-        # a blow goes on to neighbours that stand nearer than its way
+        # a blow is passed on to neighbours at rest that are nearer than its path
         tree = cKDTree(centres)
         reach = np.minimum(way.max(), self._radius.max())
         pairs = tree.query_pairs(2.0 * self._radius.max() + way.max(), output_type='ndarray')
-        one, other = pairs[:, 0], pairs[:, 1]
-        gap = np.linalg.norm(centres[one] - centres[other], axis=-1)
-        gap -= self._radius[one] + self._radius[other]
-        both = self._held[one] & self._held[other]
-        near = gap <= np.where(both, reach, way[one] + way[other])
-        graph = coo_array(
-            (np.ones(near.sum()), (one[near], other[near])), shape=2 * (len(bodies),)
-        )
+        a, b = pairs[:, 0], pairs[:, 1]
+        gap = np.linalg.norm(centres[a] - centres[b], axis=-1)
+        gap -= self._radius[a] + self._radius[b]
+        both = self._held[a] & self._held[b]
+        near = gap <= np.where(both, reach, way[a] + way[b])
+        graph = coo_array((np.ones(near.sum()), (a[near], b[near])), shape=2 * (len(bodies),))
         _, island = connected_components(graph, directed=False)
         struck = held[np.isin(island[held], island[way > 0])]
         self._hold(struck, np.zeros(len(struck), dtype=bool))
 
     def collect(self) -> None:
-        """Add the normal forces that surfaces had on spheres in the substep just done."""
+        """Add the normal forces of surfaces on spheres in the last substep."""
         forces, surfaces = self._forces, self._surfaces
         for contact in self._bullet.getContactPoints(physicsClientId=self._client) or ():
             # contact: .., body A, body B, .., normal on B towards A, distance, normal force, ..

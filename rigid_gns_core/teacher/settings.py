@@ -11,7 +11,7 @@ from ..errors import UserError
 
 
 class TeacherError(UserError):
-    """Bullet cannot simulate what was asked for."""
+    """Bullet cannot simulate this scene, or not with these settings."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class TeacherSettings:
         bounce_threshold: Approach speeds below this many times g times the substep do not bounce,
             so that piles come to rest.
         contact_erp: Part of a penetration that is removed in a substep, by position alone.
-        rolling_updates: Times per `dt` that rolling friction acts on spheres that roll; 0:
-            Bullet's own, up to the square root of 2 too strong, at twice the speed.
+        rolling_updates: Times per `dt` that rolling friction acts on spheres that roll; 0: that of
+            Bullet, up to the square root of 2 too strong, at twice the speed.
     """
 
     substeps: int = 240

@@ -28,7 +28,7 @@ from ..scenes.state import Trajectory
 if TYPE_CHECKING:
     from .learner import Learner
 
-# time steps that differ by less are one
+# relative difference up to which time steps count as equal
 _SAME_STEP = 1e-3
 
 
@@ -37,9 +37,9 @@ class StartingPoint:
     """A checkpoint to start from.
 
     Args:
-        name: Of the model, for the card of what becomes of it.
-        kind: Of the model.
-        config: Of its network.
+        name: Name of the model, for the card of the trained one.
+        kind: Kind of the model.
+        config: Configuration of its network.
         units: Radius, gravity and time step that it was trained with.
         tensors: Its weights, with normalisers.
     """
@@ -52,7 +52,7 @@ class StartingPoint:
 
     @classmethod
     def of(cls, name: str | Path) -> StartingPoint:
-        """Return a shipped model by name, or any by path.
+        """Starting point from a shipped model by name, or from any by path.
 
         Raises:
             CheckpointError: There is no such model, its files are damaged, or it has no weights.
@@ -72,7 +72,7 @@ class StartingPoint:
         )
 
     def records(self, records: Sequence[Record]) -> list[Record]:
-        """Return records in the checkpoint's units; tracked ones from frame 1 on.
+        """Records in the checkpoint's units; tracked ones from frame 1 on.
 
         Raises:
             UserError: A record's time step is not that of the model for its radius and gravity,
@@ -81,7 +81,7 @@ class StartingPoint:
         return [self._record(record) for record in records]
 
     def load(self, learner: Learner[Any]) -> None:
-        """Put the weights into a learner; not into one that has begun, as a resumed run has.
+        """Put the weights into a learner, unless it has trained already, as in a resumed run.
 
         Raises:
             CheckpointError: The recipe's network is another one.
@@ -124,7 +124,7 @@ class StartingPoint:
             [similarity.to_model(state) for state in record.trajectory], self.units.dt
         )
         scene = similarity.scene(record.scene)
-        # what is the model's by construction should be exactly so, whatever the rounding
+        # equal to the model's by construction: without rounding errors
         radius = np.asarray(scene.radius)
         if np.ptp(radius) <= 1e-9 * radius.max():
             scene = replace(scene, radius=self.units.radius)
@@ -133,21 +133,21 @@ class StartingPoint:
 
 
 def _from_frame_1(record: Record) -> Record:
-    """Return a tracked record from frame 1 on, with the velocity of the instant there.
+    """Tracked record from frame 1 on, with the velocity of the instant there.
 
-    Backward differences repeat in frame 0 the mean velocity of the step after it, which a window
-    from there would be asked for. In frame 1 they are those of the step before, by whose end a
-    sphere that flies is g dt / 2 faster.
+    Backward differences repeat in frame 0 the mean velocity of the step after it, which is the
+    target of a window from there. In frame 1 they are the mean of the step before, at the end of
+    which a sphere in flight is g dt / 2 faster.
     """
-    whole, fall = record.trajectory, np.asarray(record.scene.gravity, dtype=np.float64)
-    if whole.steps < 2:
+    tracked, fall = record.trajectory, np.asarray(record.scene.gravity, dtype=np.float64)
+    if tracked.steps < 2:
         raise UserError(
-            f'record {record.name!r} has {whole.steps} step, expected at least 2; import it with '
-            '--min-steps 2 or more'
+            f'record {record.name!r} has {tracked.steps} step, expected at least 2; import it '
+            'with --min-steps 2 or more'
         )
-    bent = np.diff(whole.positions[:3], 2, axis=0)[0]
-    flies = np.linalg.norm(bent - fall * whole.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
-    trajectory = whole.window(1, len(whole))
+    bent = np.diff(tracked.positions[:3], 2, axis=0)[0]
+    flies = np.linalg.norm(bent - fall * tracked.dt**2, axis=-1) < np.linalg.norm(bent, axis=-1)
+    trajectory = tracked.window(1, len(tracked))
     velocities = trajectory.velocities.copy()
-    velocities[0] += flies[:, None] * 0.5 * whole.dt * fall
+    velocities[0] += flies[:, None] * 0.5 * tracked.dt * fall
     return replace(record, trajectory=replace(trajectory, velocities=velocities))

@@ -109,7 +109,7 @@ class Learner(ABC, Generic[N]):
         """Loss of a step: a resumed run draws the same."""
 
     def advance(self) -> float:
-        """One optimiser step; returns the loss.
+        """Take one optimiser step; returns the loss.
 
         Raises:
             FloatingPointError: The loss is not finite.
@@ -165,7 +165,7 @@ class Learner(ABC, Generic[N]):
         return {name: value.cpu() for name, value in tensors.items()}
 
     def load_state(self, tensors: dict[str, Tensor]) -> None:
-        """Go on from `state()`.
+        """Restore what `state` returned.
 
         Raises:
             CheckpointError: The tensors are not of this network.

@@ -35,16 +35,16 @@ from ..scoring import chamfer
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
 SAVE_EVERY = 60.0
-"""So much may be lost where a run is killed [s]."""
+"""Time between saved states, the most that a killed run loses [s]."""
 
 
 class Trainer:
-    """Trains in a folder; `run` goes on from what an earlier run left there.
+    """Trains in a folder; `run` resumes an earlier run of it.
 
     Args:
         config: The recipe.
         records: Training trajectories that the kind of model can learn from.
-        validation: Held-out trajectories; how well they are met chooses the best checkpoint.
+        validation: Held-out trajectories; the error of their rollouts chooses the best checkpoint.
         folder: Holds `best` (weights and card), the run's state, its recipe and its log.
         origin: Where the data came from, kept in the card.
         device: Where the network is trained; None: the CPU.
@@ -97,7 +97,7 @@ class Trainer:
                     self._save_state()
             self._save_state()
             if stop:
-                progress.line(f'stopped; the same command goes on from {self.folder}')
+                progress.line(f'stopped; the same command resumes from {self.folder}')
                 raise KeyboardInterrupt
         return self.best
 
@@ -112,7 +112,7 @@ class Trainer:
         return float(np.mean(scores))
 
     def card(self, score: float | None) -> dict[str, Any]:
-        """Return what a checkpoint says of itself."""
+        """Card of a checkpoint with this validation score [radii]."""
         return {
             'kind': self.learner.kind,
             'config': to_mapping(self.learner.model),
@@ -227,7 +227,7 @@ def _long_enough(records: Sequence[Record], config: GNSTrainConfig) -> list[Reco
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns train`; its options are in train_command.py."""
+    """Run `rigid-gns train`; its options are in commands/train.py."""
     config = load_recipe(arguments.config)
     changes = {name: getattr(arguments, name) for name in ('steps', 'seed')}
     config = replace(config, **{k: v for k, v in changes.items() if v is not None})

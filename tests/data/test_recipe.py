@@ -89,7 +89,7 @@ def test_shipped_recipes_draw_spheres_that_are_apart(name: str) -> None:
         assert np.all(state.velocities == 0)
 
 
-def test_recipes_of_before_draw_what_they_drew() -> None:
+def test_old_recipes_draw_what_they_drew() -> None:
     """Values of the code as it was before radii, layouts and speeds could be drawn."""
     found = {}
     for name in ('thesis', 'smoke'):

@@ -68,7 +68,7 @@ def fill(folder: Path, indices: tuple[int, ...]) -> None:
         write_record(record_path(folder, index), make_record(index))
 
 
-def test_all_that_made_a_trajectory_travels_with_it(tmp_path: Path) -> None:
+def test_a_record_holds_all_that_made_its_trajectory(tmp_path: Path) -> None:
     record = make_record()
     back = read_record(write_record(tmp_path / 'new' / 'a.h5', record))
     assert np.array_equal(back.trajectory.positions, record.trajectory.positions)

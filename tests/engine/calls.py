@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from rigid_gns_core.engine.candidates import find_candidates
+from rigid_gns_core.engine.broad_phase import find_candidates
 from rigid_gns_core.engine.contacts import find_contacts, gap_of
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
@@ -88,11 +88,11 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
 
 
 @njit
-def islands(count, one, other):
-    """Islands of contacts between spheres; `other` -1: with a surface."""
+def islands(count, a, b):
+    """Islands of contacts of spheres a and b; b -1: with a surface."""
     made = no_islands(count)
-    for k in range(len(one)):
-        connect(made, one[k], other[k])
+    for k in range(len(a)):
+        connect(made, a[k], b[k])
     return made
 
 

@@ -86,7 +86,7 @@ def test_a_sleeper_wakes_with_its_island_where_one_awake_may_touch_it():
     whole = all_awake(np.ones(4), G)
     for name in ('asleep', 'island'):
         getattr(whole, name)[:3] = getattr(sleepers, name)
-    whole.names[0] = sleepers.names[0]
+    whole.islands[0] = sleepers.islands[0]
     world, velocities = world_of(Scene(), 4), np.zeros((4, 3))
     # 7 m to go at v: the reach is v dt + g dt^2, and a hundredth of the radii
     velocities[3, 0] = 68.0
@@ -101,7 +101,7 @@ def test_woken_spheres_wake_those_that_they_may_touch():
     sleepers = all_awake(np.ones(4), G)
     sleepers.asleep[:3] = True
     sleepers.island[:3] = [0, 1, 2]
-    sleepers.names[0] = 3
+    sleepers.islands[0] = 3
     positions = np.array([[0.0, 0, 1], [2.05, 0, 1], [9.0, 0, 1], [-2.05, 0, 1]])
     awake = calls.woken(world_of(Scene(), 4), positions, np.zeros((4, 3)), DT, sleepers)
     assert awake.tolist() == [True, True, False, True]
@@ -176,6 +176,6 @@ def test_a_woken_pile_keeps_its_support():
     for _ in range(25):
         state = moving.step()
         assert np.linalg.norm(state.velocities[:4], axis=1).max() < 1e-3
-    assert moving.sleepers.names[0] > 1  # woken on the way ..
+    assert moving.sleepers.islands[0] > 1  # woken on the way ..
     assert moving.sleepers.asleep[:4].all()  # .. and asleep again
     assert np.abs(state.positions[:4] - positions[:4]).max() < 1e-3

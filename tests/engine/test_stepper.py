@@ -20,7 +20,7 @@ from rigid_gns_core.prediction.laws import LawsSimulator
         ({'substeps': 0}, 'substeps is 0, expected at least 1'),
     ],
 )
-def test_options_that_cannot_be_are_named(options, message):
+def test_wrong_options_are_named(options, message):
     with pytest.raises(ValueError, match=message):
         load_simulator(**options)
 

@@ -45,7 +45,7 @@ def test_impulses_are_found_by_key_and_zero_where_new(seed):
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_sleepers_keep_theirs(seed):
+def test_sleepers_keep_their_impulses(seed):
     rng = np.random.default_rng(seed)
     count, planes = 10, 2
     bodies = count + planes
@@ -58,7 +58,7 @@ def test_sleepers_keep_theirs(seed):
     assert by_key(merged) == asleep | by_key(new)
 
 
-def test_nothing_is_known_at_a_start():
+def test_a_start_has_no_impulses():
     start = cold_start()
     assert not start.known and len(start.key) == 0
 

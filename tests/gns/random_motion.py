@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.gns.features import Features, SideBySide
+from rigid_gns_core.gns.features import Features, GraphBatch
 from rigid_gns_core.gns.motion import joined, Motion
 from rigid_gns_core.scenes.scene import Scene
 import torch
@@ -29,5 +29,5 @@ def random_motion(seed: int, count: int = 20, history: int = 2) -> Motion:
 def features(config: GNSConfig, scene: Scene, *motions: Motion) -> Features:
     """Features of the next step of 0.1 s, of motions in the same scene side by side."""
     counts = [len(motion.positions) for motion in motions]
-    scenes = SideBySide([scene] * len(motions), counts, config, 0.1, torch.device('cpu'))
+    scenes = GraphBatch([scene] * len(motions), counts, config, 0.1, torch.device('cpu'))
     return scenes.features(joined(motions))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.gns.features import features_of, SideBySide
+from rigid_gns_core.gns.features import features_of, GraphBatch
 from rigid_gns_core.gns.graph import build_graph
 from rigid_gns_core.gns.motion import joined
 from rigid_gns_core.gns.rotations import rotation_between
@@ -64,14 +64,14 @@ def expected_features(config, motion, scene):
 
 
 @pytest.mark.parametrize('switch', SWITCHES, ids=str)
-def test_features_of_scenes_side_by_side_follow_the_thesis(switch):
+def test_features_of_a_batch_of_scenes_follow_the_thesis(switch):
     config = replace(MODEL, **switch)
     scenes = [replace(SCENE, mass=2.0), Scene(surfaces=()), SCENE]
     counts = [40, 3, 9]
     motions = [random_motion(s, n, config.history) for s, n in enumerate(counts)]
-    side_by_side = SideBySide(scenes, counts, config, DT, CPU)
-    found = side_by_side.features(joined(motions))
-    assert side_by_side.owner.tolist() == [0] * 40 + [1] * 3 + [2] * 9
+    batch = GraphBatch(scenes, counts, config, DT, CPU)
+    found = batch.features(joined(motions))
+    assert batch.owner.tolist() == [0] * 40 + [1] * 3 + [2] * 9
     expected, graphs = zip(
         *(expected_features(config, m, s) for m, s in zip(motions, scenes, strict=True)),
         strict=True,
@@ -97,7 +97,7 @@ def test_features_of_scenes_side_by_side_follow_the_thesis(switch):
 def test_gradients_of_features_are_those_of_finite_differences():
     config = replace(MODEL, mask_pose=False)
     motion = random_motion(3, count=8)
-    edges = SideBySide([SCENE], [8], config, DT, CPU).connect(motion)
+    edges = GraphBatch([SCENE], [8], config, DT, CPU).connect(motion)
     rng = np.random.default_rng(0)
     weights = None
 

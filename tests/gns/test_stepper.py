@@ -132,13 +132,13 @@ def test_threads_are_set_for_the_step_only(start):
     assert seen == [2, 2, 2]
 
 
-def test_nothing_is_made_away_from_the_device(gns, start):
+def test_every_tensor_is_on_the_device(gns, start):
     rollout = gns.start(SCENE, start.positions)
     with torch.device('meta'):  # what does not say where it belongs lands there, and fails
         rollout.step()
 
 
-def test_one_that_diverges_says_so(gns):
+def test_a_rollout_that_diverges_says_so(gns):
     lost = State(positions=[[0.0, 0, 5], [9.0, 0, 5]], velocities=[[1e13, 0, 0], [0, 0, 0]])
     with pytest.raises(FloatingPointError, match='diverged'):
         gns.start(Scene(surfaces=(Plane(),), **MATERIAL), **vars(lost)).step()
@@ -157,7 +157,7 @@ def test_no_steps_and_no_spheres(gns):
         ('cuda', 'finds 0 CUDA devices here; leave device'),
     ],
 )
-def test_a_device_that_cannot_be_had_is_named(device, message, monkeypatch):
+def test_an_absent_device_is_named(device, message, monkeypatch):
     monkeypatch.setattr(torch.cuda, 'is_available', lambda: False)
     with pytest.raises(ValueError, match=message):
         load_simulator('gns', device=device)

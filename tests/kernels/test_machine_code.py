@@ -113,7 +113,7 @@ def test_installed_code_is_read_whatever_the_user_chooses(place: Path, tmp_path:
     assert not (tmp_path / 'chosen').exists()
 
 
-def test_where_nothing_can_be_written_a_line_says_what_to_set(place: Path) -> None:
+def test_without_a_writable_folder_a_line_says_what_to_set(place: Path) -> None:
     bar(place)
     for _ in range(2):
         output, errors = run(place)

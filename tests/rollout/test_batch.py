@@ -49,7 +49,7 @@ def assert_same_bytes(found, expected):
 
 
 @pytest.mark.parametrize('workers', [1, 2, 5, None])
-def test_each_is_the_rollout_alone(simulator, workers):
+def test_each_trajectory_is_that_of_a_rollout_alone(simulator, workers):
     starts = [start(seed) for seed in range(6)]
     batch = simulator.rollout_batch(SCENE, starts, steps=25, workers=workers)
     assert len(batch) == 6
@@ -84,7 +84,7 @@ def test_threads_of_the_thesis_network_change_nothing():
         assert_same_bytes(trajectory, alone(simulator, SCENE, state, 10))
 
 
-def test_one_that_diverges_leaves_the_others_alone():
+def test_a_rollout_that_diverges_does_not_change_the_others():
     simulator = load_simulator('gns')
     starts = [start(seed) for seed in range(3)]
     far = State(positions=[[0.0, 0, 5], [9.0, 0, 5]], velocities=[[1e13, 0, 0], [0, 0, 0]])
@@ -119,7 +119,7 @@ def test_nothing_to_predict(simulator):
         (Scene(mass=(1.0, 1.0)), [start(0, 2), start(1, 3)], 'start 1: mass is given for 2 sph'),
     ],
 )
-def test_the_offender_is_named(simulator, scenes, starts, message):
+def test_wrong_starts_are_named(simulator, scenes, starts, message):
     with warnings.catch_warnings():
         warnings.simplefilter('ignore')  # default materials
         with pytest.raises(ValueError, match=message):
@@ -138,7 +138,7 @@ def test_items_run_beside_each_other():
     assert in_threads(lambda item: (meet.wait(30), 2 * item)[1], [1, 2, 3], 3) == [2, 4, 6]
 
 
-def test_what_waits_does_not_begin_after_an_error():
+def test_waiting_items_do_not_begin_after_an_error():
     begun = []
 
     def work(item):

@@ -155,7 +155,7 @@ def test_spheres_of_several_sizes_are_refused(gns):
         gns.rollout(Scene(mass=(1.0, 1.0)), start(3))
 
 
-def test_a_material_it_was_not_trained_on_is_said(gns):
+def test_a_material_that_the_model_was_not_trained_on_brings_a_warning(gns):
     with pytest.warns(UserWarning, match='restitution of the scene is 0.3.*trained at'):
         gns.rollout(Scene(**{**MATERIAL, 'restitution': 0.3}), start(1), steps=1)
     with warnings.catch_warnings():
@@ -171,7 +171,7 @@ def test_no_gravity():
     np.testing.assert_allclose(flight.positions[-1, 0], [1.0, 2, 3], rtol=1e-12)
 
 
-def test_divergence_is_said_and_marked():
+def test_divergence_brings_a_warning_and_is_marked():
     simulator = load_simulator('gns')
     simulator.network.decoder.last.weight.data *= 1e6
     with pytest.warns(UserWarning, match='diverged'):

@@ -18,12 +18,12 @@ from rigid_gns_core.running.workers import Workers
 
 
 @pytest.mark.parametrize('workers', [Workers(1), Workers(2)])
-def test_calls_run_wherever(workers: Workers) -> None:
+def test_calls_run_on_every_backend(workers: Workers) -> None:
     calls = [(number, 2) for number in range(5)]
     assert sorted(workers.run(operator.pow, iter(calls), 5)) == [0, 1, 4, 9, 16]
 
 
-def test_a_wrong_choice_is_refused() -> None:
+def test_wrong_workers_are_refused() -> None:
     with pytest.raises(ValueError, match='workers is 0, expected at least 1'):
         Workers(0)
     with pytest.raises(ValueError, match="backend is 'threads', allowed: loky, dask"):
@@ -62,7 +62,7 @@ def test_a_dask_cluster_takes_cells_and_trajectories(tmp_path: Path) -> None:
             assert one.get(key) == other.get(key)
 
 
-def test_no_cluster_is_needed_to_import_this() -> None:
+def test_importing_workers_needs_no_cluster() -> None:
     code = (
         'import sys, rigid_gns_core.data.generate, rigid_gns_core.running.workers\n'
         "print({'joblib', 'distributed', 'dask'} & set(sys.modules))"

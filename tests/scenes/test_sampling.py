@@ -113,12 +113,12 @@ def test_the_scenes_of_figure_14_are_what_they_say() -> None:
         ({'spheres': 40, 'layout': 'blocks', 'length_x': 3.0, 'length_y': 3.0}, 'larger box'),
     ],
 )
-def test_places_that_are_taken_are_said(start: dict[str, object], message: str) -> None:
+def test_occupied_places_are_named(start: dict[str, object], message: str) -> None:
     with pytest.raises(SamplingError, match=message):
         sample_start(Scene(), StartRecipe(**start))  # type: ignore[arg-type]
 
 
-def test_layouts_that_do_not_go_with_the_scene_are_said() -> None:
+def test_layouts_that_do_not_fit_the_scene_are_named() -> None:
     start = StartRecipe(spheres=3, layout='blocks', length_x=20.0, length_y=20.0)
     with pytest.raises(
         SamplingError, match=r'blocks need equal radii, but these go from 0.5 to 1'
@@ -165,7 +165,7 @@ def test_a_block_out_of_range_is_refused(block: dict[str, object], message: str)
         (Scene(surfaces=Plane.box(2.1, 5.0)), 'no room for a sphere of radius 1 m .* along x'),
     ],
 )
-def test_too_little_room_is_said(scene: Scene, message: str) -> None:
+def test_too_little_room_is_named(scene: Scene, message: str) -> None:
     with pytest.raises(SamplingError, match=message):
         sample_start(scene, StartRecipe(spheres=300, height=(0.0, 20.0)))
 

@@ -90,7 +90,7 @@ def test_bad_planes(arguments: dict, message: str) -> None:
         ({'restitution': -0.1}, 'restitution is -0.1'),
         ({'friction': np.nan}, 'friction is nan'),
         ({'rolling_friction': [[1.0]]}, 'rolling_friction has shape'),
-        ({'surfaces': ('ground',)}, 'expected only Plane'),
+        ({'surfaces': ('ground',)}, 'expected planes only'),
         ({'gravity': (0.0, 1.0)}, 'gravity is .* three finite numbers'),
     ],
 )

@@ -26,7 +26,7 @@ def some_state(count=5):
     'gravity',
     [(0.0, 0.0, -9.81), (0.0, 0.0, -1.62), (3.0, -2.0, -9.0), (0.0, 0.0, 9.81), (9.81, 0.0, 0.0)],
 )
-def test_there_and_back(gravity):
+def test_to_world_is_the_inverse_of_to_model(gravity):
     scene = Scene(radius=0.02, gravity=gravity)
     similarity = Similarity.between(scene, UNITS)
     state = some_state()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_gns_core.gns.config import GNSConfig
-from rigid_gns_core.gns.features import SideBySide
+from rigid_gns_core.gns.features import GraphBatch
 from rigid_gns_core.gns.network import GNS
 from rigid_gns_core.gns.stepper import GNSStepper
 from rigid_gns_core.scenes.scene import Plane, Scene
@@ -130,7 +130,7 @@ def test_one_step_is_the_loss_of_the_thesis(corrects):
     for draw in draws:
         own = sources[draw.source]
         motion = draw.shifts(own.motion(draw.step, MODEL.history, draw.known))
-        graph = SideBySide([SCENE], [own.count], MODEL, DT, torch.device('cpu')).features(motion)
+        graph = GraphBatch([SCENE], [own.count], MODEL, DT, torch.device('cpu')).features(motion)
         there = draw.step + 1
         velocity, spin = own.velocities[there], own.angular_velocities[there]
         if corrects:

@@ -110,7 +110,7 @@ def test_training_on_the_cpu_by_name_is_the_default(steps):
 
 
 @pytest.mark.parametrize('steps', [1, 2])
-def test_nothing_is_made_away_from_the_device(steps):
+def test_every_tensor_is_on_the_device(steps):
     learner = GNSLearner(replace(TRAINING, closed_loop_steps=steps), sources(), UNITS)
     expected = learner.loss_at(0)
     with torch.device('meta'):  # what does not say where it belongs lands there, and fails

@@ -98,14 +98,14 @@ def test_no_window_is_told_what_it_has_to_predict(point: StartingPoint) -> None:
     assert np.abs(source.velocities[0] - source.velocities[1])[:, 2].min() > 9.0
 
 
-def test_a_record_of_one_step_tells_nothing(point: StartingPoint) -> None:
+def test_a_record_of_one_step_is_refused(point: StartingPoint) -> None:
     whole = tracked()
     short = replace(whole, trajectory=whole.trajectory.window(0, 2))
     with pytest.raises(ValueError, match='has 1 step, expected at least 2; import it with'):
         point.records([short])
 
 
-def test_what_cannot_be_started_is_named(point: StartingPoint) -> None:
+def test_models_and_records_that_do_not_fit_are_named(point: StartingPoint) -> None:
     slow = replace(tracked(), trajectory=replace(tracked().trajectory, dt=0.2))
     with pytest.raises(ValueError, match=r"'flight' has a time step of 0.2 s, .* 0.1 s .*--dt"):
         point.records([slow])

@@ -4,7 +4,7 @@
 """Windows rolled out with gradients: each step starts from what was predicted.
 
 One-step training sees only states near those of the teacher (thesis section 3.3); over several
-steps the network is asked to mend what it did itself.
+steps the network learns to correct its own errors.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ...gns.features import Features
 from ...gns.motion import Motion
 from ...gns.network import GNS
 
-# radii from the truth beyond which a sphere is lost to chaos and teaches nothing any more
+# distance from the truth [radii] from which a sphere is lost to chaos and left out of the loss
 LOST = 0.5
 
 
@@ -39,10 +39,10 @@ class Batch(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What a step of all windows gave.
+    """Result of a step of all windows.
 
-    batch: what went in; output: of the network, normalised, shape (n, 6); counted: the spheres
-    that count, shape (n,).
+    batch: input; output: of the network, normalised, shape (n, 6); counted: spheres that are not
+    lost, shape (n,).
     """
 
     batch: Batch
@@ -51,7 +51,7 @@ class Frame(NamedTuple):
 
 
 def batch_of(windows: Windows, step: int, motion: Motion, corrects_target: bool) -> Batch:
-    """Step of the windows, counted from 0, that starts with this motion."""
+    """Batch of a step of the windows, counted from 0, that starts with this motion."""
     graph, target = windows.graph, windows.targets[step]
     if corrects_target:
         velocity = (windows.positions[step] - motion.positions) / graph.dt
@@ -63,8 +63,8 @@ def batch_of(windows: Windows, step: int, motion: Motion, corrects_target: bool)
 def roll_out(network: GNS, windows: Windows, corrects_target: bool) -> Iterator[Frame]:
     """Yield steps of all windows in closed loop, with gradients through features and integration.
 
-    The graph is built anew in each step, from poses without gradient. A sphere counts until a step
-    starts with it lost.
+    The graph is built anew in each step, from poses without gradient. A sphere that is lost at the
+    start of a step no longer counts.
 
     Raises:
         FloatingPointError: A predicted position is not finite.
@@ -92,7 +92,7 @@ def roll_out(network: GNS, windows: Windows, corrects_target: bool) -> Iterator[
 
 
 def near(positions: Tensor, truth: Tensor, radius: Tensor) -> Tensor:
-    """Whether spheres are where they are to be, but for `LOST` radii; shape (n,)."""
+    """Whether spheres are within `LOST` radii of the truth; shape (n,)."""
     distance: Tensor = (positions - truth).detach().norm(dim=1)
     return distance < LOST * radius
 

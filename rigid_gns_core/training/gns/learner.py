@@ -23,7 +23,7 @@ from ...gns.config import GNSConfig
 from ...gns.network import GNS
 from ...scenes.similarity import ModelUnits
 
-# windows whose statistics normalise features, and a step number no training step has
+# windows whose statistics normalise features, and their step number, which no training step has
 _STATISTICS_WINDOWS, _STATISTICS_STEP = 256, 2**31
 
 
@@ -127,7 +127,7 @@ class GNSLearner(Learner[GNS]):
         return error + gain
 
     def draw(self, step: int, size: int, noise: Noise) -> list[Draw]:
-        """Return the windows of a step: a resumed run draws the same ones."""
+        """Draws of the windows of a step, which follow from the seed and the step alone."""
         config = self.config
         return draw_windows(
             self.sources,
@@ -142,7 +142,7 @@ class GNSLearner(Learner[GNS]):
         )
 
     def largest_at(self, step: int) -> float:
-        """Most spheres of a trajectory that is drawn in a step (curriculum)."""
+        """Largest number of spheres of the trajectories that a step draws from (curriculum)."""
         grown = self.config.curriculum * self.config.steps
         if step >= grown:
             return np.inf
@@ -150,14 +150,14 @@ class GNSLearner(Learner[GNS]):
         return min(counts) + (max(counts) - min(counts)) * step / grown
 
     def windows(self, draws: Sequence[Draw], steps: int) -> Windows:
-        """Windows that were drawn, of so many steps."""
+        """Windows of these draws, of so many steps."""
         corrects = self.config.noise.corrects_target
         return stack_windows(self.sources, draws, self.config.model, steps, corrects, self.device)
 
     def loss_terms(self, draws: Sequence[Draw]) -> tuple[Tensor, Tensor]:
         """L2 on normalised targets, and lambda times the energy gain (section 3.3).
 
-        Both are means over the steps of the windows; spheres that are lost count no more.
+        Both are means over the steps of the windows; lost spheres are left out of the first.
         """
         config, network = self.config, self.network
         windows = self.windows(draws, config.closed_loop_steps)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ...errors import UserError
 from ...gns.config import GNSConfig
-from ...gns.features import SideBySide
+from ...gns.features import GraphBatch
 from ...gns.motion import difference, joined, Motion
 from ...gns.rotations import rotate_quaternions
 from ...gns.stepper import backward_velocities
@@ -24,7 +24,7 @@ from ...scenes.state import Array, Trajectory
 
 
 class Shifts(NamedTuple):
-    """Noise of one window: what is added to its `Motion`, with the shapes of that.
+    """Noise of one window, in the shapes of the `Motion` that it is added to.
 
     rotations: as rotation vectors [rad], shape (n, 3).
     """
@@ -35,7 +35,7 @@ class Shifts(NamedTuple):
     angular_velocities: Array
 
     def __call__(self, motion: Motion) -> Motion:
-        """Return the motion with this noise."""
+        """Motion with this noise added."""
         positions, rotations, velocities, angular_velocities = map(torch.from_numpy, self)
         return Motion(
             motion.positions + positions,
@@ -46,10 +46,11 @@ class Shifts(NamedTuple):
 
 
 class Draw(NamedTuple):
-    """One window as it was drawn; with the trajectories, all that a batch is made of.
+    """Draw of one window; a batch follows from draws and trajectories.
 
-    source: index of the trajectory; step: k; known: previous velocities to be seen, None for all;
-    shifts: noise, None for none; angle: by which it is turned about gravity [rad], None for none.
+    source: index of the trajectory; step: k; known: number of previous velocities that are seen,
+    None for all; shifts: noise, None for none; angle: by which it is turned about gravity [rad],
+    None for none.
     """
 
     source: int
@@ -66,10 +67,10 @@ class Noise:
     Args:
         std: Standard deviation [radii, radians, radii/s, rad/s] on positions, rotations,
             velocities and angular velocities.
-        corrects_target: Ask for the velocity that leads from the noisy pose to the true next one,
-            so that errors of position are mended, not kept. The thesis leaves the target
-            unchanged. In closed loop the pose is the predicted one, and only positions are mended:
-            a network cannot see how far a sphere has turned.
+        corrects_target: The target velocity leads from the noisy pose to the true next one, so
+            that errors of position are corrected, not kept. The thesis leaves the target
+            unchanged. In closed loop the pose is the predicted one, and only positions are
+            corrected: a network cannot see how far a sphere has turned.
     """
 
     std: float = 0.01
@@ -107,7 +108,7 @@ class Source:
 
     @classmethod
     def of(cls, trajectory: Trajectory, scene: Scene) -> Source:
-        """Differences of poses only (thesis section 3.3), but for the first frame."""
+        """Source with differences of poses (thesis section 3.3), but for the first frame."""
         poses = Trajectory.from_poses(trajectory.positions, trajectory.quaternions, trajectory.dt)
         velocities = poses.velocities.copy()
         angular_velocities = poses.angular_velocities.copy()
@@ -140,8 +141,8 @@ class Source:
     def motion(self, step: int, history: int, known: int | None = None) -> Motion:
         """Motion at `step` with `history` previous velocities.
 
-        Where the trajectory (or `known`, the number of previous velocities to be seen) ends, the
-        oldest one repeats, as in a rollout that starts here.
+        Before the first frame, or beyond `known` previous velocities, the oldest one repeats, as
+        in a rollout that starts here.
         """
         oldest = max(step - (history if known is None else min(known, history)), 0)
         index = np.maximum(np.arange(step, step - history - 1, -1), oldest)
@@ -206,7 +207,7 @@ def draw_windows(
 
 
 class Windows(NamedTuple):
-    """Windows of K steps, side by side; n spheres in all.
+    """A batch of windows of K steps; n spheres in all.
 
     start: with noise; positions: true ones after each step [m], shape (K, n, 3); targets: [v,
     omega] of each step [m/s, rad/s], shape (K, n, 6); graph: of the windows' scenes; angles: by
@@ -216,7 +217,7 @@ class Windows(NamedTuple):
     start: Motion
     positions: Tensor
     targets: Tensor
-    graph: SideBySide
+    graph: GraphBatch
     angles: Tensor | None
 
 
@@ -228,7 +229,7 @@ def stack_windows(
     corrects_target: bool,
     device: torch.device,
 ) -> Windows:
-    """Windows that were drawn, side by side on a device."""
+    """Batch of the windows of these draws, on a device."""
     starts, positions, targets = [], [], []
     for draw in draws:
         source, there = sources[draw.source], draw.step + 1
@@ -246,17 +247,17 @@ def stack_windows(
         starts.append(motion)
         positions.append(following)
         targets.append(target)
-    own = [sources[draw.source] for draw in draws]
+    drawn = [sources[draw.source] for draw in draws]
     angles = [draw.angle for draw in draws if draw.angle is not None]
     return Windows(
         start=joined(starts).to(device),
         positions=torch.cat(positions, dim=1).to(device),
         targets=torch.cat(targets, dim=1).to(device),
-        graph=SideBySide(
-            [source.scene for source in own],
-            [source.count for source in own],
+        graph=GraphBatch(
+            [source.scene for source in drawn],
+            [source.count for source in drawn],
             config,
-            own[0].dt,
+            drawn[0].dt,
             device,
         ),
         angles=torch.tensor(angles, dtype=torch.float32, device=device) if angles else None,

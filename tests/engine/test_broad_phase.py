@@ -153,5 +153,5 @@ def test_a_plate_holds_what_crosses_it_in_a_substep(gap):
 
 
 @pytest.mark.parametrize('wall', [WALL, PLATE], ids=['wall', 'plate'])
-def test_candidates_follow_a_blow_in_the_last_substep(wall):
+def test_the_broad_phase_is_repeated_after_a_blow_in_the_last_substep(wall):
     assert struck(wall, 0.9, 0.3, 20.0, 2) < -1.0 + 1e-3

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which spheres and planes might touch in a frame, whatever happens to them in it."""
+"""Broad phase: pairs of bodies that might touch in a frame, whatever contacts do to them in it."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ from ..scenes.state import Array
 
 
 class Candidates(NamedTuple):
-    """Pairs of bodies, by the first one; m of them.
+    """Candidate pairs of bodies, sorted by their keys; m of them, shape (m,) each.
 
-    a: sphere, shape (m,); b: the other sphere, a < b, or n for a plane, shape (m,); plane: number
-    of the plane, -1 for pairs, shape (m,); side: side of the plane that the sphere is on, -1
-    behind a plate (a plane with an end on all sides), else 1, shape (m,); key: a number that a
-    pair keeps from frame to frame; they are sorted by it, shape (m,).
+    a: sphere; b: the other sphere, a < b, or n for a plane; plane: index of the plane, -1 for two
+    spheres; side: of the plane that the sphere is on, -1 behind a plate (a plane that ends on all
+    sides), else 1; key: number of the pair, the same in all frames.
     """
 
     a: Indices
@@ -35,7 +34,7 @@ class Candidates(NamedTuple):
 
 @in_place
 def reach_of(speed: float, gravity: float, dt: float) -> float:
-    """How far a sphere may get in a frame: it can be deflected to any direction."""
+    """How far a sphere may get in a frame, in any direction: v dt + g dt^2."""
     return speed * dt + gravity * dt**2
 
 
@@ -43,18 +42,18 @@ def reach_of(speed: float, gravity: float, dt: float) -> float:
 def find_candidates(
     world: World, positions: Array, velocities: Array, dt: float, awake: Flags, before: Array
 ) -> Candidates:
-    """All contacts that this frame may bring.
+    """All pairs that may touch in a frame.
 
-    One that is struck may get faster; what it then reaches is found when it outruns its reach.
+    A sphere that is struck may outrun its reach: `frame.advance` then looks for pairs again.
 
     Args:
         world: What does not move.
         positions: Centres, shape (n, 3).
         velocities: Shape (n, 3).
         dt: Length of the frame.
-        awake: Spheres that take part, a pair needs one; shape (n,).
-        before: Centres when the frame began, shape (n, 3): a sphere that a substep took through a
-            plate is still on the side it was.
+        awake: Spheres that are awake, at least one of a pair; shape (n,).
+        before: Centres at the start of the frame, shape (n, 3): a sphere that a substep took
+            through a plate keeps the side it was on.
     """
     count, planes = len(positions), len(world.point)
     weight = length((world.gravity[0], world.gravity[1], world.gravity[2]))
@@ -81,11 +80,11 @@ def _mark_near_plane(
     near_out: Flags,
     side_out: Array,
 ) -> None:
-    """Which spheres may get to a plane, shape (n, s), and on which side of it they were before."""
+    """Mark spheres that may reach a plane, and the side of it that they were on before."""
     axes, half = world.axes[plane], world.half[plane]
     point, plate = row(world.point, plane), world.plate[plane]
-    one, two, up = row(axes, 0), row(axes, 1), row(axes, 2)
-    half_one, half_two = half[0], half[1]
+    x_axis, y_axis, up = row(axes, 0), row(axes, 1), row(axes, 2)
+    half_x, half_y = half[0], half[1]
     for i in range(len(positions)):
         offset, reach = minus(row(positions, i), point), extent[i]
         height = dot(up, offset)
@@ -95,14 +94,14 @@ def _mark_near_plane(
                 side_out[i, plane] = -1.0
         if height <= reach and awake[i]:
             beyond = max(
-                math.fabs(dot(one, offset)) - half_one, math.fabs(dot(two, offset)) - half_two
+                math.fabs(dot(x_axis, offset)) - half_x, math.fabs(dot(y_axis, offset)) - half_y
             )
             near_out[i, plane] = beyond <= reach
 
 
 @compiled
 def _merged(first: Indices, second: Indices, near: Flags, sides: Array) -> Candidates:
-    """Pairs and planes of each sphere, one after the other."""
+    """Candidates in the order of their keys: of each sphere the spheres, then the planes."""
     count, planes = near.shape
     size, pair, k = len(first) + near.sum(), 0, 0
     a, b = np.empty(size, np.int64), np.empty(size, np.int64)
@@ -113,9 +112,9 @@ def _merged(first: Indices, second: Indices, near: Flags, sides: Array) -> Candi
             key[k] = i * (count + planes) + b[k]
             pair += 1
             k += 1
-        for other in range(planes):
-            if near[i, other]:
-                a[k], b[k], plane[k], side[k] = i, count, other, sides[i, other]
-                key[k] = i * (count + planes) + count + other
+        for surface in range(planes):
+            if near[i, surface]:
+                a[k], b[k], plane[k], side[k] = i, count, surface, sides[i, surface]
+                key[k] = i * (count + planes) + count + surface
                 k += 1
     return Candidates(a=a, b=b, plane=plane, side=side, key=key)
