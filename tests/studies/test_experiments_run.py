@@ -117,7 +117,8 @@ def test_a_failing_cell_does_not_stop_the_others(
     shutil.copytree(done / 'data', tmp_path / 'data')
     assert main(command(tmp_path, str(wrong))) == 1
     output = capsys.readouterr()
-    assert 'failed: endless, seed 0: UserError: no training trajectory has 99 steps' in output.out
+    failed = 'UserError: no training trajectory has 99 steps'
+    assert f'failed: endless, seed 0: rigid_gns_core.errors.{failed}' in output.out
     assert 'Not run yet: endless.' in output.out
 
 
