@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
-from rigid_gns_core.commands.source import add_source, read_comparison
+from rigid_gns_core.commands.comparison_arguments import add_source, read_comparison
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.show import write_report
 

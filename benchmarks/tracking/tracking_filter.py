@@ -55,7 +55,7 @@ def gaps(truth: Truth) -> Array:
         apart = np.linalg.norm(places[:, None] - places, axis=-1) - 2.0 * truth.radius
         np.fill_diagonal(apart, np.inf)
         local = np.einsum('nkc,kdc->nkd', places[:, None] - surfaces.points, surfaces.axes)
-        inside = (np.abs(local[..., :2]) <= surfaces.halves).all(axis=-1)
+        inside = (np.abs(local[..., :2]) <= surfaces.half_lengths).all(axis=-1)
         beside = np.where(inside, np.abs(local[..., 2] - truth.radius), np.inf)
         found.append(np.minimum(np.abs(apart).min(axis=1), beside.min(axis=1)))
     return np.array(found)

@@ -16,14 +16,14 @@ from ..files.strict_json import write_json
 from ..prediction.load import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
+from ..studies.benchmark.accuracy import assess, floor_of
 from ..studies.benchmark.busy_core import measure_busy_core
-from ..studies.benchmark.fresh import first_prediction, memory_per_sphere
-from ..studies.benchmark.judge import floor_of, result
-from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, Field, NOTES, Peer, warm_up
-from ..studies.benchmark.race import BLOCK, race, timing
-from ..studies.benchmark.report import COMPARED, format_processes, format_scaling, format_scene
+from ..studies.benchmark.fresh_process import first_prediction, memory_per_sphere
+from ..studies.benchmark.interleaved import BLOCK, run_interleaved, timing
+from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, NOTES, Peer, PeerSet, warm_up
 from ..studies.benchmark.scaling import COUNTS, measure_scaling, QUICK_COUNTS
 from ..studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
+from ..studies.benchmark.tables import COMPARED, format_processes, format_scaling, format_scene
 from ..studies.chaos_floor import References
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
@@ -92,16 +92,16 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f'--repeats is {repeats}, expected at least 1')
     scenes = bench_scenes(arguments.scenes, quick=quick)
     with threadpool_limits(limits=1):
-        field = all_peers(
+        peer_set = all_peers(
             arguments.peers, quick=quick, bullet_iterations=arguments.bullet_iterations
         )
-        for family, why in field.absent.items():
+        for family, why in peer_set.absent.items():
             print(f'{family} is absent: {why}\n')
-        report = _head(arguments, field, repeats)
+        report = _head(arguments, peer_set, repeats)
         references = _references(arguments, report)
-        warm_up(field.peers)
+        warm_up(peer_set.peers)
         for scene in scenes:
-            entry = _run_scene(scene, field, references, repeats)
+            entry = _run_scene(scene, peer_set, references, repeats)
             report['scenes'].append(entry)
             print(f'{format_scene(entry, report["reference"])}\n', flush=True)
             if arguments.figures is not None:
@@ -110,10 +110,10 @@ def run(arguments: argparse.Namespace) -> int:
             report['scaling'] = _run_scaling(repeats, quick)
             print(f'{format_scaling(report["scaling"])}\n', flush=True)
         if not arguments.no_processes:
-            report['processes'] = _run_processes(field, scenes, repeats, quick)
+            report['processes'] = _run_processes(peer_set, scenes, repeats, quick)
             print(f'{format_processes(report["processes"])}\n')
     report['load_average']['end'] = load_average()
-    for name, text in field.notes.items():
+    for name, text in peer_set.notes.items():
         print(f'{name}: {text}')
     if arguments.json is not None:
         write_json(arguments.json, report)
@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str, Any]:
+def _head(arguments: argparse.Namespace, peer_set: PeerSet, repeats: int) -> dict[str, Any]:
     load = load_average()
     if load is not None and load[0] > 0.5:
         print(
@@ -136,9 +136,9 @@ def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str
         'machine': describe_machine(),
         'load_average': {'start': load},
         'reference': None,
-        'absent': field.absent,
-        'notes': field.notes,
-        'peers': {peer.name: peer.settings for peer in field.peers},
+        'absent': peer_set.absent,
+        'notes': peer_set.notes,
+        'peers': {peer.name: peer.settings for peer in peer_set.peers},
         'scenes': [],
         'scaling': None,
         'processes': None,
@@ -162,27 +162,27 @@ def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> Refere
 
 
 def _run_scene(
-    scene: BenchScene, field: Field, references: References | None, repeats: int
+    scene: BenchScene, peer_set: PeerSet, references: References | None, repeats: int
 ) -> dict[str, Any]:
     with Progress(repeats + 1, scene.name, unit='run') as progress:
         runs = None if references is None else scene.references(references)
         progress.update()
-        lanes = race(scene, field.peers, repeats, progress.update)
+        records = run_interleaved(scene, peer_set.peers, repeats, progress.update)
     reference = None if runs is None else runs[0].positions
-    timings = {lane.peer.name: timing(lane) for lane in lanes}
+    timings = {record.peer.name: timing(record) for record in records}
     own = timings.get(COMPARED)
     peers = []
-    for lane in lanes:
-        times = timings[lane.peer.name]
+    for record in records:
+        times = timings[record.peer.name]
         ratio = None
         if own is not None and times is not None:
             ratio = own['frames_per_second'] / times['frames_per_second']
         peers.append(
             {
-                'name': lane.peer.name,
-                'family': lane.peer.family,
-                'label': lane.peer.label,
-                **result(scene, lane, reference),
+                'name': record.peer.name,
+                'family': record.peer.family,
+                'label': record.peer.label,
+                **assess(scene, record, reference),
                 'timing': times,
                 # how many times as fast as this one the shipped model is
                 'compared': ratio,
@@ -207,9 +207,9 @@ def _run_scaling(repeats: int, quick: bool) -> dict[str, Any]:
 
 
 def _run_processes(
-    field: Field, scenes: tuple[BenchScene, ...], repeats: int, quick: bool
+    peer_set: PeerSet, scenes: tuple[BenchScene, ...], repeats: int, quick: bool
 ) -> dict[str, Any]:
-    peers: list[Peer] = [peer for peer in field.peers if peer.name in BUSY]
+    peers: list[Peer] = [peer for peer in peer_set.peers if peer.name in BUSY]
     scene = scenes[0] if scenes else bench_scenes(['box'], quick=quick)[0]
     with Progress(2 + len(peers), 'processes', unit='measurement') as progress:
         first = first_prediction(1 if quick else max(3, repeats))

@@ -14,14 +14,14 @@ from ..errors import UserError
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
 from ..running.interrupt import end_on_sigterm
+from ..studies.thesis.aggregate import make_table
 from ..studies.thesis.budget import Budget, load_budget
 from ..studies.thesis.cell import Cell, cells_of, DIGITS, Store
 from ..studies.thesis.chart import write_chart
-from ..studies.thesis.measure import METRICS
-from ..studies.thesis.study import Experiment, load_experiment, shipped_experiments
-from ..studies.thesis.table import make_table
-from ..studies.thesis.text import format_table, write_page
-from ..studies.thesis.work import Folders, run_cells
+from ..studies.thesis.experiments import Experiment, load_experiment, shipped_experiments
+from ..studies.thesis.metrics import METRICS
+from ..studies.thesis.runner import Folders, run_cells
+from ..studies.thesis.tables import format_table, write_page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ from ..studies.hard_cases.case import Case
 from ..studies.hard_cases.cases import DRIFT, ENERGY_RISE, hard_cases
 from ..studies.hard_cases.checks import TEACHER_ENERGY_RISE
 from ..studies.hard_cases.engines import load_engine, run_cases, TEACHER
-from ..studies.hard_cases.report import format_summary, format_table
+from ..studies.hard_cases.table import format_summary, format_table
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .source import add_source, read_comparison
+from .comparison_arguments import add_source, read_comparison
 from ..errors import UserError
 from ..show.report.page import MAX_FRAMES, write_report
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .comparison import Comparison
 from ..bags.reader import read_bag
-from ..bags.topics import find_topics, holds_predictions, listing
+from ..bags.topics import find_topics, holds_predictions, list_topics
 from ..errors import UserError
 from ..messages.poses import decode_float64
 from ..recordings.scoring.evaluate import score_bag
@@ -40,7 +40,7 @@ def read_bag_comparison(
             f'{path}: there are no predicted poses in this bag to report on; play it to a '
             'simulator that records (playback_launch.py), or make records of it with `rigid-gns '
             'import`, predict from one (docs/tutorial.md), and report on that with --reference. '
-            f'The bag holds {listing(bag)}'
+            f'The bag holds {list_topics(bag)}'
         )
     scored = score_bag(bag, scene=scene, tracked=tracked, predicted=predicted)
     topics = find_topics(bag, tracked, predicted)

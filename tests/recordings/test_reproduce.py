@@ -141,7 +141,7 @@ def test_missing_frames_are_told(tmp_path, model):
     del topic.messages[1]
     bag.topics['/tracked_poses'] = type(topic)(
         topic.name, topic.type_name, np.delete(topic.times, 1), topic.messages,
-        np.delete(topic.places, 1),
+        np.delete(topic.indices, 1),
     )  # fmt: skip
     result = reproduce(bag, find_topics(bag))
     assert (result.same, result.unknown) == (0, 18)

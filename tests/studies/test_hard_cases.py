@@ -18,7 +18,7 @@ from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.studies.hard_cases import Case, Engine, hard_cases, measure_laws, run_cases
 from rigid_gns_core.studies.hard_cases.cases import QUICK_STEPS
 from rigid_gns_core.studies.hard_cases.checks import failures, measure_errors
-from rigid_gns_core.studies.hard_cases.report import format_summary, format_table
+from rigid_gns_core.studies.hard_cases.table import format_summary, format_table
 
 CASES = {case.name: case for case in hard_cases(quick=True)}
 DT = 0.1

@@ -245,7 +245,7 @@ def test_ids_are_never_used_twice() -> None:
     assert target.ids == tuple(range(COUNT + 1, 2 * COUNT + 1))
 
 
-def test_a_tracker_begun_anew_is_followed() -> None:
+def test_a_restarted_tracker_is_followed() -> None:
     target = window()
     feed(target, [frame(100 + index) for index in range(6)])
     for index in range(RESTART_FRAMES - 1):

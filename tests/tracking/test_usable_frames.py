@@ -42,7 +42,7 @@ def recorded(rng: np.random.Generator) -> tuple[list[PoseArrayFrame], np.ndarray
         elif trouble < 0.07:
             sent = stamp + 50 * DT
         elif trouble < 0.09:
-            stamp = sent = int(rng.integers(2)) * DT + stamp // 2  # begun anew
+            stamp = sent = int(rng.integers(2)) * DT + stamp // 2  # restarted
         elif trouble < 0.11:
             stamp, now = stamp + 20 * DT, now + 20 * DT  # a pause
         one = frame(sent, frame_id='other' if trouble > 0.98 else 'world')

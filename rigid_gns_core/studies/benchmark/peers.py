@@ -68,7 +68,7 @@ class Peer:
 
 
 @dataclass(frozen=True)
-class Field:
+class PeerSet:
     """All who take part.
 
     Args:
@@ -97,7 +97,7 @@ def all_peers(
     *,
     quick: bool = False,
     bullet_iterations: int = BULLET_ITERATIONS,
-) -> Field:
+) -> PeerSet:
     """Return the peers, family by family.
 
     Args:
@@ -124,7 +124,7 @@ def all_peers(
             peers += makers[family]()
         except ModuleNotFoundError as error:
             absent[family] = str(error)
-    return Field(tuple(peers), absent, {name: NOTES[name] for name in makers if name in wanted})
+    return PeerSet(tuple(peers), absent, {name: NOTES[name] for name in makers if name in wanted})
 
 
 def warm_up(peers: Iterable[Peer]) -> None:

@@ -44,7 +44,7 @@ def measure_scaling(
     simulator: Simulator,
     counts: Sequence[int],
     repeats: int,
-    tell: Callable[[int], None] | None = None,
+    on_run: Callable[[int], None] | None = None,
 ) -> dict[str, Any]:
     """Seconds per step for each number of spheres; in each repeat all numbers in turn.
 
@@ -63,8 +63,8 @@ def measure_scaling(
                     begin = time.perf_counter()
                 rollout.step()
             seconds[count].append((time.perf_counter() - begin) / STEPS)
-            if tell is not None:
-                tell(count)
+            if on_run is not None:
+                on_run(count)
     rows: list[dict[str, Any]] = []
     for count, values in seconds.items():
         low, middle, high = np.percentile(values, [10, 50, 90]).tolist()

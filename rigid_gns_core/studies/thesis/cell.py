@@ -16,7 +16,7 @@ import subprocess
 from typing import Any
 
 from .budget import Budget
-from .study import Experiment, Kind, SETS, Variant
+from .experiments import Experiment, Kind, SETS, Variant
 from ...data.generate import resolve
 from ...data.recipe import load_recipe, recipe_hash
 from ...errors import UserError

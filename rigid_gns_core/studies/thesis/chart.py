@@ -11,8 +11,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .points import Panel, panels_of, Point, printed_numbers
-from .text import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
+from .panels import Panel, panels_of, Point, printed_numbers
+from .tables import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
 from ..axes import clean_axes, GRID, INK
 from ...scoring.table import LAWS
 

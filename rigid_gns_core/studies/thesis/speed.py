@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .cell import Cell
-from .measure import describe
+from .metrics import describe
 from ...data.common_scene import common_scene
 from ...data.records import Record
 from ...files.config import to_mapping

@@ -124,7 +124,7 @@ def test_a_bag_that_failed_is_told_at_the_end(
     simulated: Simulated, tmp_path: Path, log: Callable[[], str]
 ) -> None:
     setup = simulated(record=str(tmp_path / 'bag'))
-    setup.node.simulation.channels.bag._error = 'no space left'  # as the recording thread sets it
+    setup.node.simulation.topics.bag._error = 'no space left'  # as the recording thread sets it
     setup.node.close()
     assert 'INCOMPLETE: no space left' in log()
 

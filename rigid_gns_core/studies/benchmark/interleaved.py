@@ -22,7 +22,7 @@ BLOCK = 5
 
 
 @dataclass
-class Lane:
+class PeerRecord:
     """One peer in one scene.
 
     Args:
@@ -41,9 +41,12 @@ class Lane:
     stopped: str | None = None
 
 
-def race(
-    scene: BenchScene, peers: Sequence[Peer], repeats: int, tell: Callable[[], None] = lambda: None
-) -> list[Lane]:
+def run_interleaved(
+    scene: BenchScene,
+    peers: Sequence[Peer],
+    repeats: int,
+    on_repeat: Callable[[], None] = lambda: None,
+) -> list[PeerRecord]:
     """Run the whole scene `repeats` times, in each all peers in turns of `BLOCK` frames.
 
     In a turn all peers go through the same frames, so a peer's repeat is beside those of the
@@ -53,35 +56,37 @@ def race(
         scene: What is simulated.
         peers: By whom.
         repeats: How often.
-        tell: Called after each repeat.
+        on_repeat: Called after each repeat.
     """
-    lanes = [Lane(peer) for peer in peers]
+    records = [PeerRecord(peer) for peer in peers]
     for repeat in range(repeats):
-        runs = {index: run for index, lane in enumerate(lanes) if (run := _begin(lane, scene))}
+        runs = {
+            index: run for index, record in enumerate(records) if (run := _begin(record, scene))
+        }
         try:
             for first in range(0, scene.frames, BLOCK):
                 count = min(BLOCK, scene.frames - first)
                 # who is first in a turn finds other caches than who is last: not always the same
-                order = sorted(runs, key=lambda index: (index + repeat + first) % len(lanes))
+                order = sorted(runs, key=lambda index: (index + repeat + first) % len(records))
                 for index in order:
-                    if not _advance(lanes[index], runs[index], count, keep=repeat == 0):
+                    if not _advance(records[index], runs[index], count, keep=repeat == 0):
                         runs.pop(index).close()
         finally:
             for run in runs.values():
                 run.close()
-        tell()
-    return lanes
+        on_repeat()
+    return records
 
 
-def timing(lane: Lane) -> dict[str, Any] | None:
-    """Seconds per frame of a lane; None where it did not take a frame.
+def timing(record: PeerRecord) -> dict[str, Any] | None:
+    """Seconds per frame of a record; None where it did not take a frame.
 
     Returns:
         `seconds_per_frame` with `median`, `p10` and `p90` over repeats [s], each repeat the mean
         of its frames; `frames_per_second` of the median; `latency` with `p50`, `p99` and `worst`
         of all single frames [s], and how many they are, `frames`.
     """
-    repeats = [seconds for seconds in lane.seconds if seconds]
+    repeats = [seconds for seconds in record.seconds if seconds]
     if not repeats:
         return None
     means = [float(np.mean(seconds)) for seconds in repeats]
@@ -95,21 +100,21 @@ def timing(lane: Lane) -> dict[str, Any] | None:
     }
 
 
-def _begin(lane: Lane, scene: BenchScene) -> Run | None:
-    if lane.refused is not None:
+def _begin(record: PeerRecord, scene: BenchScene) -> Run | None:
+    if record.refused is not None:
         return None
     try:
-        run = lane.peer.start(scene.scene, scene.start)
+        run = record.peer.start(scene.scene, scene.start)
     except UserError as error:
-        lane.refused = str(error)
+        record.refused = str(error)
         return None
-    if not lane.seconds:
-        lane.positions.append(scene.start.positions)
-    lane.seconds.append([])
+    if not record.seconds:
+        record.positions.append(scene.start.positions)
+    record.seconds.append([])
     return run
 
 
-def _advance(lane: Lane, run: Run, frames: int, *, keep: bool) -> bool:
+def _advance(record: PeerRecord, run: Run, frames: int, *, keep: bool) -> bool:
     """Take some frames; False: it blew up."""
     clock = time.perf_counter
     for _ in range(frames):
@@ -118,12 +123,12 @@ def _advance(lane: Lane, run: Run, frames: int, *, keep: bool) -> bool:
             positions = run.advance()
             after = clock()
         except FloatingPointError as error:
-            lane.stopped = str(error)
+            record.stopped = str(error)
             return False
-        lane.seconds[-1].append(after - before)
+        record.seconds[-1].append(after - before)
         if keep:
-            lane.positions.append(positions)
+            record.positions.append(positions)
         if not np.isfinite(positions).all():
-            lane.stopped = 'a position is not finite'
+            record.stopped = 'a position is not finite'
             return False
     return True

@@ -12,7 +12,7 @@ import numpy as np
 
 from .budget import Budget
 from .cell import Cell, cells_of, Store, teacher_cells
-from .study import Experiment, SETS, Variant
+from .experiments import Experiment, SETS, Variant
 from ..chaos_floor import over_floor
 
 Result = Mapping[str, Any]

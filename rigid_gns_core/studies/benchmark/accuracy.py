@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .race import Lane
+from .interleaved import PeerRecord
 from .scenes import BenchScene, FRAME
 from ..chaos_floor import worst
 from ...scenes.scene import Scene
@@ -44,15 +44,15 @@ def position_errors(positions: Array, reference: Array) -> dict[str, float]:
     return errors
 
 
-def faults(scene: BenchScene, lane: Lane) -> tuple[list[str], list[str]]:
-    """Return what went wrong in a lane: what makes it count as unstable, and what does not.
+def faults(scene: BenchScene, record: PeerRecord) -> tuple[list[str], list[str]]:
+    """Return what went wrong in a record: what makes it count as unstable, and what does not.
 
     Unstable: it stopped, its energy rose, or spheres are behind a surface at the end. Those whose
     centres were behind one and came back are told, no more.
     """
-    if lane.stopped is not None:
-        return [lane.stopped], []
-    positions, count = np.stack(lane.positions), len(scene.start)
+    if record.stopped is not None:
+        return [record.stopped], []
+    positions, count = np.stack(record.positions), len(scene.start)
     through = passed_through(positions, scene.scene.radius, scene.scene.surfaces)
     lost = np.zeros(count, dtype=bool)
     for plane in scene.scene.surfaces:
@@ -105,19 +105,19 @@ def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float | None] | Non
     return worst([position_errors(other, reference) for other in others])
 
 
-def result(scene: BenchScene, lane: Lane, reference: Array | None) -> dict[str, Any]:
-    """Status, faults and errors of a lane.
+def assess(scene: BenchScene, record: PeerRecord, reference: Array | None) -> dict[str, Any]:
+    """Status, faults and errors of a record.
 
     Returns:
         `status` is 'ok', 'unstable' or 'refused', `faults` (see `faults`) or why, `errors` (see
         `position_errors`) or None where there is no reference or nothing was simulated.
     """
-    if lane.refused is not None:
-        return {'status': 'refused', 'faults': [lane.refused], 'errors': None}
-    grave, slight = faults(scene, lane)
+    if record.refused is not None:
+        return {'status': 'refused', 'faults': [record.refused], 'errors': None}
+    grave, slight = faults(scene, record)
     errors = None
     if reference is not None:
-        errors = position_errors(np.stack(lane.positions), reference)
+        errors = position_errors(np.stack(record.positions), reference)
     status = 'unstable' if grave else 'ok'
     return {'status': status, 'faults': grave + slight, 'errors': errors}
 

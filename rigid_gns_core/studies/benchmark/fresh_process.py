@@ -3,8 +3,8 @@
 
 """What a fresh process costs: time to its first prediction, memory.
 
-`python -m rigid_gns_core.studies.benchmark.fresh first` or `... memory SPHERES` is that process;
-it prints one line of JSON.
+`python -m rigid_gns_core.studies.benchmark.fresh_process first` or `... memory SPHERES` is that
+process; it prints one line of JSON.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
-from .study import SETS
-from .table import MEDIANS
+from .aggregate import MEDIANS
+from .experiments import SETS
 
 _TRUTH = {'poses': 'ours, by differences of poses', 'given': "ours, by Bullet's own velocities"}
 

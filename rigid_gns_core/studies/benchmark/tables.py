@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .judge import HORIZONS
+from .accuracy import HORIZONS
 from ...files.tables import format_rows, number
 
 COMPARED = 'laws 8'

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .study import shipped_experiments
+from .experiments import shipped_experiments
 from ...files.config import ConfigError
 from ...files.strict_json import read_json
 from ...files.tables import format_rows, mean_std, number

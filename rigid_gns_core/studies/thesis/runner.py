@@ -18,8 +18,8 @@ import warnings
 
 from .budget import Budget
 from .cell import Cell, commit, Store
-from .measure import columns, describe, floor_of, least_floors, measure, Values
-from .sets import make_sets, references, training_set
+from .data_sets import make_sets, references, training_set
+from .metrics import columns, describe, floor_of, least_floors, measure, Values
 from .speed import measure_speed
 from ...data.common_scene import fingerprint
 from ...data.records import Record
