@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starts the tracker, playing the shipped record, and the simulator: `make demo` without report."""
+"""Starts the tracker with the shipped record, and the simulator: `make demo` without report."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription

@@ -63,7 +63,9 @@ def generate_launch_description() -> LaunchDescription:
                 'topic', default_value='/tracked_poses', description='topic of tracked poses in it'
             ),
             DeclareLaunchArgument(
-                'rate', default_value='1.0', description='playback speed, relative to the recording'
+                'rate',
+                default_value='1.0',
+                description='playback speed, relative to the recording',
             ),
             DeclareLaunchArgument(
                 'delay', default_value='5.0', description='time before playback starts [s]'

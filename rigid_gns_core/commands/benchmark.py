@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns benchmark`: speed against error of all peers, side by side in one run."""
+"""`rigid-gns benchmark`: speed against error of all peers, in one run."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ BUSY = ('laws 8', 'GNS', 'Bullet 24')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns benchmark`."""
-    parser.add_argument('--quick', action='store_true', help='seconds: few spheres and settings')
+    """Add the options of `rigid-gns benchmark`."""
+    parser.add_argument('--quick', action='store_true', help='few spheres and settings: seconds')
     scenes = parser.add_argument(
-        '--scenes', nargs='*', metavar='NAME', help='only these, or none (default: all)'
+        '--scenes', nargs='*', metavar='NAME', help='only these scenes, or none (default: all)'
     )
     peers = parser.add_argument(
-        '--peers', nargs='+', metavar='FAMILY', help=f'only these: {", ".join(NOTES)}'
+        '--peers', nargs='+', metavar='FAMILY', help=f'only these families: {", ".join(NOTES)}'
     )
     completes(scenes, SCENES)
     completes(peers, NOTES)
-    parser.add_argument('--repeats', type=int, metavar='N', help='of all (default: 5; quick: 2)')
+    parser.add_argument('--repeats', type=int, metavar='N', help='repeats (default: 5; quick: 2)')
     parser.add_argument(
         '--reference-substeps',
         type=int,
         metavar='N',
-        help='of the teacher that errors are against, even (default: '
+        help='substeps of the teacher that is the reference, even (default: '
         f'{REFERENCE_SUBSTEPS}; quick: {QUICK_REFERENCE_SUBSTEPS})',
     )
     parser.add_argument(
@@ -58,16 +58,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=BULLET_ITERATIONS,
         metavar='N',
-        help=f"most iterations of Bullet's solver (default: {BULLET_ITERATIONS})",
+        help=f"iterations of Bullet's solver (default: {BULLET_ITERATIONS})",
     )
-    parser.add_argument('--cache', type=Path, metavar='DIR', help='keep references in this folder')
-    parser.add_argument('--no-scaling', action='store_true', help='not up to 100 000 spheres')
+    parser.add_argument(
+        '--cache', type=Path, metavar='DIR', help='cache references in this folder'
+    )
+    parser.add_argument('--no-scaling', action='store_true', help='no scaling to 100 000 spheres')
     parser.add_argument(
         '--no-processes', action='store_true', help='no fresh processes, no memory, no busy core'
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
-        '--figures', type=Path, metavar='DIR', help='one chart per scene, PNG, SVG'
+        '--figures', type=Path, metavar='DIR', help='write a chart per scene (PNG, SVG) here'
     )
     parser.epilog = '\n'.join(
         [
@@ -83,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns benchmark`; prints tables and returns 0."""
+    """Run `rigid-gns benchmark`, which prints tables; the exit code."""
     from threadpoolctl import threadpool_limits
 
     quick = arguments.quick
@@ -125,7 +127,8 @@ def _head(arguments: argparse.Namespace, peer_set: PeerSet, repeats: int) -> dic
     load = load_average()
     if load is not None and load[0] > 0.5:
         print(
-            f'the machine is busy (load average {load[0]:g}): times will say so', file=sys.stderr
+            f'the machine is busy (load average {load[0]:g}): times will be longer',
+            file=sys.stderr,
         )
     return {
         'quick': arguments.quick,
@@ -146,7 +149,7 @@ def _head(arguments: argparse.Namespace, peer_set: PeerSet, repeats: int) -> dic
 
 
 def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> References | None:
-    """Return the teacher at the substeps asked for, and those that tell its floor."""
+    """References at the chosen substeps; None without pybullet."""
     substeps = arguments.reference_substeps
     if substeps is None:
         substeps = QUICK_REFERENCE_SUBSTEPS if arguments.quick else REFERENCE_SUBSTEPS
@@ -184,7 +187,7 @@ def _run_scene(
                 'label': record.peer.label,
                 **assess(scene, record, reference),
                 'timing': times,
-                # how many times as fast as this one the shipped model is
+                # speed of the shipped model relative to this peer's
                 'compared': ratio,
             }
         )

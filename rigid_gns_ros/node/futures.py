@@ -81,7 +81,7 @@ class Futures:
             self._diagnostics.future_superseded()
 
     def _begin(self) -> Job | None:
-        """Job from the newest frame; None: there is no start, or the message would be too large."""
+        """Job from the newest frame; None: no start, or the message would be too large."""
         window = self._window
         if not window.full:
             return None  # the tracker paused, and there are too few frames again

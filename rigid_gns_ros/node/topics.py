@@ -123,7 +123,7 @@ class NodeTopics:
         self._record(publisher.topic_name, cdr, self._node.get_clock().now().nanoseconds)
 
     def received(self, cdr: bytes, time_ns: int) -> None:
-        """Record an accepted message of tracked_poses, received at `time_ns` of the node's clock."""
+        """Record an accepted message of tracked_poses, received at `time_ns` (node's clock)."""
         self._record(self.tracked.topic_name, cdr, time_ns)
 
     def drain(self) -> None:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All peers through one scene in turns, so that what else the machine does meets all alike."""
+"""Interleaved runs of all peers, so that other load on the machine affects all of them alike."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from ...errors import UserError
 from ...scenes.state import Array
 
 BLOCK = 5
-"""Frames that a peer takes before it is the next one's turn."""
+"""Frames that a peer takes in its turn."""
 
 
 @dataclass
 class PeerRecord:
-    """One peer in one scene.
+    """Times and positions of one peer in one scene.
 
     Args:
-        peer: Who.
-        seconds: Wall clock of each frame, one list for each repeat [s].
-        positions: Centres of each frame of the first repeat [m], the start included, shape (n, 3)
-            each; ends where it blew up.
-        refused: Why it does not take the scene, or None.
-        stopped: The error with which it blew up, or None.
+        peer: The peer.
+        seconds: Wall-clock time of each frame [s], a list for each repeat.
+        positions: Centres at the start and after each frame of the first repeat [m], shape (n, 3)
+            each; ends where the peer diverged.
+        refused: Why it does not support the scene; None: it does.
+        stopped: The error with which it diverged; None: it did not.
     """
 
     peer: Peer
@@ -47,15 +47,15 @@ def run_interleaved(
     repeats: int,
     on_repeat: Callable[[], None] = lambda: None,
 ) -> list[PeerRecord]:
-    """Run the whole scene `repeats` times, in each all peers in turns of `BLOCK` frames.
+    """Run the whole scene `repeats` times, with the peers in turns of `BLOCK` frames.
 
-    In a turn all peers go through the same frames, so a peer's repeat is beside those of the
-    others within seconds. What begins a scene is not timed, its first frame is.
+    Within a turn all peers simulate the same frames, so that they are timed within seconds of each
+    other. Setting up a scene is not timed; its first frame is.
 
     Args:
-        scene: What is simulated.
-        peers: By whom.
-        repeats: How often.
+        scene: Scene to simulate.
+        peers: Peers to run.
+        repeats: Number of repeats.
         on_repeat: Called after each repeat.
     """
     records = [PeerRecord(peer) for peer in peers]
@@ -66,7 +66,7 @@ def run_interleaved(
         try:
             for first in range(0, scene.frames, BLOCK):
                 count = min(BLOCK, scene.frames - first)
-                # who is first in a turn finds other caches than who is last: not always the same
+                # the order varies, as the first peer of a turn finds other caches than the last
                 order = sorted(runs, key=lambda index: (index + repeat + first) % len(records))
                 for index in order:
                     if not _advance(records[index], runs[index], count, keep=repeat == 0):
@@ -79,12 +79,12 @@ def run_interleaved(
 
 
 def timing(record: PeerRecord) -> dict[str, Any] | None:
-    """Seconds per frame of a record; None where it did not take a frame.
+    """Timing of a peer; None where it took no frame.
 
     Returns:
-        `seconds_per_frame` with `median`, `p10` and `p90` over repeats [s], each repeat the mean
-        of its frames; `frames_per_second` of the median; `latency` with `p50`, `p99` and `worst`
-        of all single frames [s], and how many they are, `frames`.
+        `seconds_per_frame` with `median`, `p10` and `p90` over the means of repeats [s];
+        `frames_per_second` of the median; `latency` with `p50`, `p99` and `worst` of single frames
+        [s], and their number `frames`.
     """
     repeats = [seconds for seconds in record.seconds if seconds]
     if not repeats:
@@ -115,7 +115,7 @@ def _begin(record: PeerRecord, scene: BenchScene) -> Run | None:
 
 
 def _advance(record: PeerRecord, run: Run, frames: int, *, keep: bool) -> bool:
-    """Take some frames; False: it blew up."""
+    """Advance a peer by some frames; False: it diverged."""
     clock = time.perf_counter
     for _ in range(frames):
         try:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the cells that have no result yet, side by side or on a cluster."""
+"""Runs cells without a result, in parallel processes or on a cluster."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from ...scoring import LAW_KEYS
 from ...scoring.evaluate import Velocities
 
 LOG = 'output.txt'
-# a cluster's worker may have threads, but seeds and standard error are of the process
+# a cluster's worker may have threads, but seeds and standard error belong to the process
 _ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Folders:
-    """Where things lie.
+    """Folders of a study.
 
     Args:
-        data: Data sets, which are made where they are absent.
-        runs: Checkpoints of cells that are being trained.
-        out: Results.
+        data: Folder of the data sets, which are generated where absent.
+        runs: Folder of the checkpoints.
+        out: Folder of the results.
     """
 
     data: Path
@@ -52,10 +52,10 @@ class Folders:
 def run_cells(
     cells: Sequence[Cell], budget: Budget, folders: Folders, store: Store, workers: Workers
 ) -> list[str]:
-    """Run what is missing; returns a line for each cell that failed.
+    """Run the cells without a result; a line for each cell that failed.
 
-    A cell that was stopped goes on from its last checkpoint. Where this machine trains on a GPU,
-    cells run one at a time. Timings run one at a time, after all else, in this process.
+    A cell that was stopped resumes from its last checkpoint. On a GPU of this machine, cells run
+    one at a time. Timings run one at a time, after all others, in this process.
     """
     missing = [cell for cell in cells if store.find(cell) is None]
     if not missing:
@@ -76,7 +76,7 @@ def run_cells(
             calls = (
                 (cell, folders.data, folders.runs, not alone)
                 for cell in group
-                if store.find(cell) is None  # still: others may work on the same folder
+                if store.find(cell) is None  # again: others may work on the same folder
             )
             for cell, result in by.run(run_cell, calls, len(group)):
                 if 'error' in result:
@@ -93,22 +93,22 @@ def run_cells(
 def run_cell(
     cell: Cell, data: Path, runs: Path, quiet: bool = False
 ) -> tuple[Cell, dict[str, Any]]:
-    """Do the work of a cell; what was trained before is not trained again.
+    """Run one cell, resuming an earlier training.
 
     Args:
-        cell: What to do.
-        data: Folder of the data sets, see `sets.make_sets`.
-        runs: Folder of checkpoints, one for each cell.
-        quiet: Write progress into `output.txt` of the run's folder, not to standard error.
+        cell: The cell.
+        data: Folder of the data sets, see `data_sets.make_sets`.
+        runs: Folder of checkpoints, with a folder for each cell.
+        quiet: Whether to write progress to `output.txt` in that folder instead of standard error.
 
     Returns:
-        The cell, and its result with `seconds`, those of earlier processes included; or `error`
-        with a traceback, so that others go on.
+        The cell, and its result, whose `seconds` include earlier processes; or `error` with a
+        traceback, so that other cells continue.
     """
     import torch
 
     with _ONE_AT_A_TIME:
-        torch.set_num_threads(1)  # cells run side by side
+        torch.set_num_threads(1)  # cells run in parallel
         begin = time.monotonic()
         folder = runs / (cell.training_key if cell.kind == 'train' else cell.key)
         try:
@@ -127,13 +127,13 @@ def run_cell(
 
 
 class Tally:
-    """How long a cell was trained and by which commits, over all processes that worked on it.
+    """Training time and commits of a cell, summed over all processes that trained it.
 
-    A context manager around the training, which keeps it beside the checkpoints.
+    A context manager around the training, which writes them beside the checkpoints.
 
     Args:
-        folder: Of the checkpoints.
-        step: Where this process begins. Earlier ones count if they came further than they began.
+        folder: Folder of the checkpoints.
+        step: First step of this process; earlier processes count if they made progress.
     """
 
     def __init__(self, folder: Path, step: int) -> None:
@@ -152,24 +152,24 @@ class Tally:
 
     @property
     def seconds(self) -> float:
-        """Training of this process [s]."""
+        """Training time of this process [s]."""
         return time.monotonic() - self._begin
 
     @property
     def earlier(self) -> float:
-        """Training of the processes before this one [s]."""
+        """Training time of earlier processes [s]."""
         return float(sum(run['seconds'] or 0.0 for run in self._earlier))
 
     @property
     def counted_from_step(self) -> int:
-        """Step from which on seconds are known: 0, unless a process was killed before."""
+        """First step of known training time: 0, unless a process was killed."""
         runs = [*self._earlier, self._own]
         killed = [after for run, after in pairwise(runs) if run['seconds'] is None]
         return int((killed or runs[:1])[-1]['from_step'])
 
     @property
     def commits(self) -> list[str]:
-        """Those of all processes, in order, each once."""
+        """Commits of all processes, in order, each once."""
         runs = [*self._earlier, self._own]
         return list(dict.fromkeys(run['commit'] for run in runs if run['commit']))
 
@@ -186,7 +186,7 @@ def _on_gpu(budget: Budget) -> bool:
 
 
 def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
-    """Train, then roll out on the test set and on the scenes unlike the training set."""
+    """Train, then roll out on the test set and on the unseen scenes."""
     from ...prediction.load import load_simulator
     from ...training.distributed import find_device
     from ...training.train import Trainer
@@ -200,7 +200,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     try:
         with tally:
             trainer.run()
-    except FloatingPointError as error:  # a result too: this variant cannot be trained so
+    except FloatingPointError as error:  # a result too: this variant cannot be trained
         failed = str(error)
     result: dict[str, Any] = {
         'training': {
@@ -231,7 +231,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
         rows: dict[int, list[Values]] = {steps: [] for steps in lengths}
         for record in held_out:
             with warnings.catch_warnings():
-                warnings.simplefilter('ignore')  # a divergence is counted, not told
+                warnings.simplefilter('ignore')  # divergences are counted
                 start = vars(record.trajectory[0])
                 predicted = simulator.rollout(record.scene, steps=lengths[-1], **start)
             for steps in lengths:
@@ -242,7 +242,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
 
 
 def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
-    """Laws of the reference by both kinds of velocities, and the floor of chaos."""
+    """Laws of the reference for both kinds of velocities, and the floor of chaos."""
     held_out = references(cell.budget, data, cell.name)
     others = [references(cell.budget, data, cell.name, ending) for ending in ('half', 'twice')]
     result: dict[str, Any] = {'laws': {}, 'floor': {}}
@@ -261,7 +261,7 @@ def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
 
 
 def _laws(record: Record, steps: int, velocities: Velocities) -> Values:
-    """Of the reference itself, which has no error."""
+    """Laws of the reference itself."""
     values = measure(record.trajectory, record, steps, velocities)
     return {key: values[key] for key in (*LAW_KEYS, 'escaped', 'diverged_at')}
 
