@@ -94,7 +94,7 @@ def test_what_is_not_a_bag_is_named(tmp_path):
         read_bag(tmp_path)
 
 
-def test_a_folder_with_missing_parts_says_so(tmp_path, write_bag):
+def test_missing_parts_of_a_folder_are_reported(tmp_path, write_bag):
     write_bag(tmp_path / 'bag')
     path = tmp_path / 'bag' / 'metadata.yaml'
     text = path.read_text().replace('- bag_0.mcap', '- bag_0.mcap\n  - bag_1.mcap')

@@ -26,7 +26,7 @@ from rigid_gns_core.studies.benchmark.scaling import bouncing_box, fitted_expone
 from rigid_gns_core.studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
 
 
-def test_scenes_are_what_they_say() -> None:
+def test_scenes_match_their_descriptions() -> None:
     scenes = {scene.name: scene for scene in bench_scenes()}
     assert list(scenes) == list(SCENES)
     counts = {name: len(scene.start) for name, scene in scenes.items()}
@@ -181,7 +181,7 @@ def test_the_busy_process_ends_with_the_context() -> None:
         os.kill(number, 0)
 
 
-def test_a_process_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_process_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fresh_process, '__name__', 'rigid_gns_core.no_such')
     with pytest.raises(OSError, match='a process to measure failed'):
         fresh_process.memory_per_sphere(1)

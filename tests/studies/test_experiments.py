@@ -210,7 +210,7 @@ def test_the_cells_that_were_kept_are_found() -> None:
     assert kept and kept <= found
 
 
-def test_what_diverged_rollouts_have_is_as_the_page_says() -> None:
+def test_metrics_of_diverged_rollouts_are_as_documented() -> None:
     """In all cells that were kept: whole-rollout metrics are infinite, the others are not."""
     lost = 0
     for path in KEPT.glob('train_*.json'):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who is who in the poses of a tracker that names nothing, loses, invents, delays and repeats."""
+"""Data association of poses that are shuffled, lost, false, late or repeated."""
 
 from __future__ import annotations
 
@@ -259,7 +259,7 @@ def test_a_restarted_tracker_is_followed() -> None:
 
 
 @pytest.mark.parametrize('noise', [1e-4, 1e-3, 1e-2])
-def test_noise_is_told_from_the_poses(noise: float) -> None:
+def test_noise_is_estimated_from_the_poses(noise: float) -> None:
     target = window()
     feed(target, [frame(index, poses(0.1 * index, noise)) for index in range(40)])
     # 1200 third differences, of which neighbours are correlated

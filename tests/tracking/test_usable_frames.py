@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One rule for usable frames: a recording is decided as a node decides on arrival."""
+"""Usable frames: a recording is judged by the same rules as frames on arrival in the node."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics says of the simulator node."""
+"""/diagnostics of the simulator node."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The whole future on predicted_trajectory, and what is drawn of it."""
+"""Trajectories on predicted_trajectory, and their markers."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def test_a_scene_without_gravity_has_none_to_turn() -> None:
     assert with_gravity_along(Scene(gravity=0.0), (0.0, 0.0, 0.0)) == Scene(gravity=0.0)
 
 
-def test_the_scene_that_is_told_has_the_turned_gravity(
+def test_the_published_scene_has_the_turned_gravity(
     simulated: Simulated, log: Callable[[], str]
 ) -> None:
     setup = simulated(gravity_direction=[0.0, 2.0, 0.0])

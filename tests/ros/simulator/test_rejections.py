@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked frames that the simulator node refuses, or takes for a new beginning."""
+"""Tracked frames that the simulator node refuses, or takes for a restart."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def test_diverged_restarts_beyond_the_bound(
     assert [start['reason'] for start in starts(close())] == ['first', 'diverged'][: 1 + again]
 
 
-def test_first_tells_the_error_and_runs_on(
+def test_first_reports_the_error_and_runs_on(
     recorded: Callable[..., tuple[Any, Any]], falling: Falling, expected: Rollout
 ) -> None:
     setup, close = recorded(start='first')
@@ -103,7 +103,7 @@ def test_first_tells_the_error_and_runs_on(
     assert [start['reason'] for start in starts(close())] == ['first']
 
 
-def test_first_fits_no_frame_before_somebody_asks_for_the_error(
+def test_first_fits_frames_only_on_demand(
     simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A fit takes milliseconds, in which a prediction would have to wait."""
