@@ -304,7 +304,7 @@ def test_a_frame_that_cannot_be_taken_changes_nothing(monkeypatch: pytest.Monkey
     def fail(*_: Any) -> None:
         raise ValueError('not thought of')
 
-    monkeypatch.setattr(Tracks, 'after', fail)
+    monkeypatch.setattr(Tracks, 'updated', fail)
     with pytest.raises(ValueError, match='not thought of'):
         feed(target, [frame(5)])
     assert (target.window_ns, target.lead_ns) == before[:2]
