@@ -109,8 +109,8 @@ def assess(scene: BenchScene, record: PeerRecord, reference: Array | None) -> di
     """Status, faults and errors of a peer.
 
     Returns:
-        `status`: 'ok', 'unstable' or 'refused'; `faults`: see `faults`, or why it refused;
-        `errors`: see `position_errors`, None without a reference or a simulation.
+        `status` ('ok', 'unstable' or 'refused'), `faults` (see `faults`, or why it refused) and
+        `errors` (see `position_errors`; None without a reference or a simulation).
     """
     if record.refused is not None:
         return {'status': 'refused', 'faults': [record.refused], 'errors': None}

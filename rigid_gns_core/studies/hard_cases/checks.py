@@ -39,12 +39,12 @@ def measure_laws(
             that energies are of backward differences of the poses, except at the start.
 
     Returns:
-        `diverged_at`: the step, or None; `finite`; `inside`; `escaped`: number of spheres that
-            went
-        through a surface; `deepest` and `final_depth`: deepest penetration in the second half and
-        in the last frame [diameters]; `energy_rise` and `push_out`: see `energy_rise`; `drift`:
-        over the second half [r], or None where nothing should rest; `final_speed`: of the fastest
-        sphere [m/s]. Measures of a whole rollout are infinite where it diverged.
+        Measures by name. `diverged_at` is the step or None, `escaped` the number of spheres that
+        went through a surface, `deepest` and `final_depth` the deepest penetration in the second
+        half and in the last frame [diameters], `drift` that over the second half [r] or None where
+        nothing should rest, `final_speed` that of the fastest sphere [m/s]; `finite` and `inside`
+        are verdicts, `energy_rise` and `push_out` those of the function `energy_rise`. Measures of
+        a whole rollout are infinite where it diverged.
 
     Raises:
             UserError: The trajectory has other numbers of spheres or steps than the case.

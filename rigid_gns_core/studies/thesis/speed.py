@@ -31,8 +31,9 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
     shared.
 
     Returns:
-        `values`: `frames_per_second`, `seconds_per_frame`, `edges` (between spheres, counted once)
-        and `surface_edges`, a mean over the frames of each record; `cpu` and `load`.
+        Means over the frames of each record in `values`, of `frames_per_second`,
+        `seconds_per_frame`, `edges` (between spheres, counted once) and `surface_edges`; `cpu` and
+        `load`.
     """
     import torch
 
