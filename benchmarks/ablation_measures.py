@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a change of the model or of a scene costs in time, and what it brings in accuracy."""
+"""Measures the cost in time and the gain in accuracy of a change to the model or a scene."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HORIZON = 30  # steps at which errors are taken
 
 
 def advance(rollout: Rollout, steps: int) -> float:
-    """Make steps; returns how long they took [ms]."""
+    """Advance a rollout; the time that it took [ms]."""
     begin = time.perf_counter()
     for _ in range(steps):
         rollout.step()
@@ -37,9 +37,9 @@ class Bench:
     """Measures changes of the laws.
 
     Args:
-        starts: See `make_starts`.
-        records: Bullet's, for errors; none: no such errors.
-        repeats: Turns of each of the two.
+        starts: Starts by name, see `make_starts`.
+        records: Bullet's records for errors; empty: no errors.
+        repeats: Number of turns of each side.
         block: Steps of a turn.
     """
 
@@ -53,12 +53,12 @@ class Bench:
         self.bullet_error = cache(self._bullet_error)
 
     def measure(self, name: str, change: Change) -> dict[str, Any]:
-        """Return times, difference and errors of a change, from the start of that name."""
+        """Times, difference and errors of a change, from the start `name`."""
         sides = {'usual': USUAL, 'other': change}
         times = {key: np.zeros(self.repeats + 1) for key in sides}
         rollouts: dict[str, Rollout] = {}
         for turn in range(self.repeats + 1):
-            # each is first in every other turn
+            # the sides alternate in being first
             for key in list(sides)[:: -1 if turn % 2 else 1]:
                 if not (change.goes_on and turn):
                     rollouts[key] = self._ready(name, sides[key], change.goes_on)
@@ -86,14 +86,14 @@ class Bench:
         return simulator.start(change.scene(scene, len(state)), **vars(state))
 
     def _before(self, name: str) -> State:
-        """Return the state of a start after its first steps, as the model makes them."""
+        """State after the first steps from a start, by the unchanged model."""
         start = self.starts[name]
         rollout = self._begin(USUAL, start.scene, start.state)
         advance(rollout, start.skip)
         return rollout.state
 
     def _ready(self, name: str, change: Change, goes_on: bool) -> Rollout:
-        """Return a rollout to be timed; what its first step does once is behind it."""
+        """Rollout to be timed, after its first step, which has one-time costs."""
         start = self.starts[name]
         state, steps = (start.state, start.skip) if goes_on else (self.before(name), 1)
         rollout = self._begin(change, start.scene, state)

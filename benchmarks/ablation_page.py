@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The table and the page that show the comparison: docs/only_what_is_needed.md."""
+"""The page docs/only_what_is_needed.md and its table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from ablation_measures import HORIZON
 from rigid_gns_core.files.tables import format_rows, number
 
-# what the page says of each row
+# text of each row, before its numbers
 TEXTS = {
     'sleep, box that came to rest': (
         'Spheres at rest sleep until something comes near: none of their contacts is solved.'
@@ -40,7 +40,7 @@ TEXTS = {
 
 
 def format_table(report: dict[str, Any]) -> str:
-    """Markdown: one line per row."""
+    """Markdown table with a line for each row."""
     has_errors = report['records'] > 0
     head = ['what', 'spheres', 'as it is', 'ms', 'changed', 'ms', 'times as long', 'differs [m]']
     head += ['error [m]', 'error, changed [m]'] if has_errors else []
@@ -63,7 +63,7 @@ def paragraph(name: str, row: dict[str, Any], scene: str) -> str:
 
 
 def page(report: dict[str, Any]) -> str:
-    """docs/only_what_is_needed.md."""
+    """Text of docs/only_what_is_needed.md."""
     about = report['machine']
     body = '\n'.join(
         paragraph(name, row, report['starts'][row['start']])

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scenes of the comparison, and how far each is simulated before anything is measured."""
+"""The starts of the comparison, and the steps before anything is measured."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rigid_gns_core.scenes.state import Array, State
 
 @dataclass(frozen=True)
 class Start:
-    """Where a row begins.
+    """Start of a row.
 
     Args:
-        text: What it is, on the page.
+        text: Description on the page.
         scene: Surfaces and sphere properties.
-        state: Start of the simulation.
-        skip: Steps that are made before anything is measured.
+        state: State at time 0.
+        skip: Steps before anything is measured.
     """
 
     text: str
@@ -40,7 +40,7 @@ def _lattice(spheres: int, pitch: float, height: tuple[float, float]) -> Array:
 
 
 def make_starts(quick: bool) -> dict[str, Start]:
-    """Return starts by name; quick ones are smaller."""
+    """Starts by name; smaller ones if `quick`."""
     spheres, piled = (40, 12) if quick else (154, 64)
     moving, settled, settled_pile = (30, 30, 100) if quick else (60, 300, 400)
     scene, recipe = load_start('box_154')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is left out of the model or of a scene, or is always done: the rows of the comparison."""
+"""The rows of the comparison: what is left out of the model or a scene, or always done."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ PER_SPHERE = ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
 
 @dataclass(frozen=True, eq=False)  # by identity, so that what was measured is kept by change
 class Change:
-    """What differs from the model as it is.
+    """A change to the model or the scene.
 
     Args:
-        usual, other: What the model does as it is, and with the change.
-        options: Of the model, see `LawsOptions`.
-        scene: The scene to simulate, from the one as it is and the number of spheres.
-        goes_on: Turns follow each other instead of beginning anew, for what builds up in time.
+        usual, other: Descriptions of the model without and with the change.
+        options: Options of the model, see `LawsOptions`.
+        scene: Changes a scene, given the number of spheres.
+        goes_on: Whether turns continue each other instead of restarting, for effects that build
+            up.
     """
 
     usual: str = ''

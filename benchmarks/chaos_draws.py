@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a model's errors in a chaotic scene are drawn from the same urn as Bullet's own.
+"""Whether a model's errors in a chaotic scene have the same distribution as Bullet's own.
 
     python benchmarks/chaos_draws.py --model laws \
         --reference data/ood/ood_a.h5 data/ood/ood_b.h5 --json docs/model/chaos_draws.json
@@ -47,7 +47,7 @@ def moved(start: State, draw: int) -> State:
 
 
 def settings_of(record: Record) -> TeacherSettings:
-    """Return how the teacher made a record."""
+    """Settings with which the teacher made a record."""
     known = {field.name for field in fields(TeacherSettings)}
     return TeacherSettings(**{k: v for k, v in record.teacher.items() if k in known})
 
@@ -59,7 +59,7 @@ def bullet(record: Record, start: State, settings: TeacherSettings) -> Trajector
 
 
 def model(simulator: Simulator, record: Record, start: State) -> Trajectory:
-    """Return the model's rollout."""
+    """Rollout of a model from a start, as long as the record."""
     given = (start.positions, start.velocities, start.angular_velocities)
     steps = record.trajectory.steps
     return simulator.rollout(record.scene, *given, steps=steps, quaternions=start.quaternions)
@@ -68,7 +68,7 @@ def model(simulator: Simulator, record: Record, start: State) -> Trajectory:
 def draws(
     record: Record, simulators: dict[str, Simulator], count: int
 ) -> dict[str, Callable[[], Trajectory]]:
-    """Return what is to be drawn, by 'engine: start'."""
+    """Functions that make the draws, by 'engine: start'."""
     start, settings = record.trajectory[0], settings_of(record)
     found: dict[str, Callable[[], Trajectory]] = {
         f'Bullet: {name}': lambda other=other: bullet(record, start, other)

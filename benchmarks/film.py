@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A GIF of the replay in a report, side by side, as a headless Chromium shows it.
+"""Makes a GIF of the replay in a report with a headless Chromium.
 
     python benchmarks/film.py ood_c.h5 --reference bullet_c.h5 --out docs/images/rollout.gif
 
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
-from rigid_gns_core.commands.source import add_source, read_comparison
+from rigid_gns_core.commands.comparison_arguments import add_source, read_comparison
 from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.show import write_report
 
@@ -49,7 +49,7 @@ SEEK = """time => {
 
 
 def take(page: Any, times: np.ndarray) -> list[Image.Image]:
-    """Return a picture of the page for each time [s]."""
+    """Pictures of the page at times [s], shape (m,)."""
     pictures = []
     with Progress(len(times), 'film', unit='frame') as progress:
         for time in times:
@@ -61,7 +61,7 @@ def take(page: Any, times: np.ndarray) -> list[Image.Image]:
 
 
 def write_gif(path: Path, pictures: list[Image.Image], fps: float) -> None:
-    """One palette for all pictures, of a few of them, so that colours do not flicker."""
+    """Write pictures with one common palette, so that colours do not flicker."""
     some = np.concatenate([np.asarray(p) for p in pictures[:: max(1, len(pictures) // 6)]])
     palette = Image.fromarray(some).quantize(128, dither=Image.Dither.NONE)
     first, *rest = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]

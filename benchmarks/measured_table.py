@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The table of errors in README.md, made from the JSON files under docs/model.
+"""Table of errors in README.md, from the JSON files in docs/model.
 
 docs/model/README.md has the commands that make them.
 """
@@ -30,7 +30,7 @@ ROWS = {
 
 
 def table() -> str:
-    """Return the Markdown table: the laws, the GNS, Bullet against itself."""
+    """Markdown table of the laws, the GNS, and Bullet against itself."""
     found = read_json(FOLDER / 'laws_test.json')['summary']
     models = found['models']
     sides = (models['laws']['test'], models['gns']['test'], found['floor']['test'])

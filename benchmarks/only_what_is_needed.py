@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What each thing that a scene may need costs, and what it brings: docs/only_what_is_needed.md.
+"""Cost and gain of each feature that a scene may need: docs/only_what_is_needed.md.
 
     python benchmarks/only_what_is_needed.py --data data/test
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hashes of rollouts by the laws: to see that a change of code changes no prediction, to the bit.
+"""Hashes of rollouts by the laws, to check that a change of code changes no bit of a prediction.
 
     python benchmarks/rollout_hashes.py --out before.json      # on one commit
     python benchmarks/rollout_hashes.py --against before.json  # on another; exit 1: differ
@@ -20,14 +20,9 @@ import sys
 import warnings
 
 import numpy as np
-
-try:
-    from rigid_gns_core.studies.benchmark.scenes import bench_scenes
-    from rigid_gns_core.studies.hard_cases.cases import hard_cases
-except ModuleNotFoundError:  # before the core had folders by stage
-    from rigid_gns_core.studies.benchmark.scenes import bench_scenes
-    from rigid_gns_core.studies.hard_cases.cases import hard_cases
 from rigid_gns_core import load_simulator, Scene, State
+from rigid_gns_core.studies.benchmark.scenes import bench_scenes
+from rigid_gns_core.studies.hard_cases.cases import hard_cases
 
 STEPS = 200
 
@@ -42,10 +37,7 @@ def starts() -> Iterator[tuple[str, Scene, State]]:
 
 def hashes() -> dict[str, str]:
     """SHA-256 of each rollout: positions, quaternions, velocities and angular velocities."""
-    try:
-        simulator = load_simulator('laws')
-    except ValueError:  # before they had a name of their own
-        simulator = load_simulator('contact', network=False)
+    simulator = load_simulator('laws')
     found = {}
     for name, scene, start in starts():
         with warnings.catch_warnings():

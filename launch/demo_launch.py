@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tracker that plays the shipped record, and the simulator: `make demo` without its report."""
+"""Starts the tracker with the shipped record, and the simulator: `make demo` without report."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
@@ -20,11 +20,11 @@ def generate_launch_description() -> LaunchDescription:
     params_file = PathJoinSubstitution([share, 'config', 'simulator.yaml'])
     defaults = {'params_file': params_file, 'scene': 'box_154'}
     descriptions = {
-        'params_file': 'YAML file of parameters of the simulator',
+        'params_file': "YAML file of the simulator's parameters",
         'namespace': 'namespace of both nodes and their topics',
         'model': "name or path of the model; empty: the parameter file's",
-        'scene': 'shipped scene or YAML file, of the simulator and of a live tracker',
-        'record': 'folder of the bag to make; must not exist; empty: do not record',
+        'scene': 'shipped scene or YAML file, for the simulator and a live tracker',
+        'record': 'folder of the bag to write; must not exist; empty: no recording',
     }
     live = ParameterValue(LaunchConfiguration('live'), value_type=bool)
     scene = ParameterValue(LaunchConfiguration('scene'), value_type=str)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked poses of a bag, as if they came now, and the simulator on the bag's time.
+"""Plays the tracked poses of a bag to the simulator, on simulated time.
 
 ros2 launch rigid_gns_ros playback_launch.py bag:=my_bag scene:=my_scene.yaml
 """
@@ -26,11 +26,11 @@ def generate_launch_description() -> LaunchDescription:
     share = FindPackageShare('rigid_gns_ros')
     defaults = {'params_file': PathJoinSubstitution([share, 'config', 'simulator.yaml'])}
     descriptions = {
-        'params_file': 'YAML file of parameters of the simulator',
+        'params_file': "YAML file of the simulator's parameters",
         'namespace': 'namespace of the simulator and its topics',
         'model': "name or path of the model; empty: the parameter file's",
         'scene': "name of a shipped scene, or a YAML file; empty: the parameter file's",
-        'record': 'folder of the bag to make; must not exist; empty: do not record',
+        'record': 'folder of the bag to write; must not exist; empty: no recording',
     }
     topic = LaunchConfiguration('topic')
     play = ExecuteProcess(
@@ -45,7 +45,7 @@ def generate_launch_description() -> LaunchDescription:
             '100',
             '--rate',
             LaunchConfiguration('rate'),
-            '--delay',  # until the simulator has loaded its model
+            '--delay',  # the simulator loads its model first
             LaunchConfiguration('delay'),
         ],
         output='screen',
@@ -60,13 +60,15 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument('bag', description='folder of the bag to play'),
             DeclareLaunchArgument(
-                'topic', default_value='/tracked_poses', description='its topic of tracked poses'
+                'topic', default_value='/tracked_poses', description='topic of tracked poses in it'
             ),
             DeclareLaunchArgument(
-                'rate', default_value='1.0', description='how many times faster than recorded'
+                'rate',
+                default_value='1.0',
+                description='playback speed, relative to the recording',
             ),
             DeclareLaunchArgument(
-                'delay', default_value='5.0', description='time before it plays [s]'
+                'delay', default_value='5.0', description='time before playback starts [s]'
             ),
             *(
                 DeclareLaunchArgument(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator node. `ros2 launch rigid_gns_ros simulator_launch.py scene:=my_scene.yaml`."""
+"""Starts the simulator: `ros2 launch rigid_gns_ros simulator_launch.py scene:=my_scene.yaml`."""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -10,11 +10,11 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-# given on the command line, these win over the parameter file
+# launch arguments that override the parameter file
 PARAMETERS = {
     'model': 'name or path of the model',
     'scene': 'name of a shipped scene, or a YAML file',
-    'record': 'folder of the bag to make; must not exist',
+    'record': 'folder of the bag to write; must not exist',
 }
 
 

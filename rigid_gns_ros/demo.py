@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`make demo`: tracker and simulator as two processes, a recorded bag, and its evaluation."""
+"""`make demo`: tracker and simulator in two processes, a recorded bag, and its evaluation."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from typing import NoReturn
 
 from rigid_gns_core.commands import cli
 
-LOG_TAIL = 25  # lines shown of a process that failed
+LOG_TAIL = 25  # lines of the log shown when a process failed
 POLL = 0.1  # [s]
-# left over from other set-ups, they would choose another middleware or reach other machines
+# from other set-ups these would choose another middleware or reach other machines
 FOREIGN = ('RMW_IMPLEMENTATION', 'ROS_LOCALHOST_ONLY', 'ROS_STATIC_PEERS', 'ROS_NAMESPACE')
 
 
 class DemoError(RuntimeError):
-    """A process of the demonstration failed."""
+    """A process of the demo failed."""
 
 
 class NodeProcess:
-    """A node of this package in a process and a session of its own.
+    """A node of this package in a process and session of its own.
 
     Args:
         module: Module with the node's `main`.
-        folder: Where its log goes.
-        parameters: ROS parameters.
+        folder: Folder of its log.
+        parameters: ROS parameters by name.
         environment: Environment variables.
     """
 
@@ -47,7 +47,7 @@ class NodeProcess:
         for name, value in parameters.items():
             command += ['-p', f'{name}:={value}']
         with self.log.open('wb') as log:
-            # a session of its own: Ctrl-C must reach this program only, which then stops the nodes
+            # a session of its own: Ctrl-C must reach only this program, which then stops the nodes
             self._process = subprocess.Popen(
                 command,
                 stdout=log,
@@ -57,12 +57,16 @@ class NodeProcess:
             )
 
     def check(self) -> None:
-        """Raise DemoError where the process has ended."""
+        """Check that the process runs; DemoError: it has ended."""
         if self._process.poll() is not None:
             raise self._failure(f'ended with exit code {self._process.returncode}')
 
     def wait_for(self, text: str, timeout: float) -> None:
-        """Wait until the log holds `text`, at most `timeout` [s]."""
+        """Wait until the log holds `text`.
+
+        Raises:
+            DemoError: The process has ended, or `timeout` [s] is over.
+        """
         end = time.monotonic() + timeout
         while text not in self.log.read_text(errors='replace'):
             self.check()
@@ -71,10 +75,10 @@ class NodeProcess:
             time.sleep(POLL)
 
     def stop(self) -> None:
-        """Stop it as Ctrl-C does, and harder where that does not help.
+        """Stop the process by SIGINT, then SIGTERM, then SIGKILL.
 
         Raises:
-            DemoError: It did not end by itself with exit code 0.
+            DemoError: It did not end with exit code 0.
         """
         for number, patience in ((signal.SIGINT, 20.0), (signal.SIGTERM, 5.0)):
             if self._process.poll() is None:
@@ -90,7 +94,7 @@ class NodeProcess:
         raise self._failure('did not stop on SIGINT and SIGTERM and was killed')
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill the process, if it runs."""
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
@@ -102,11 +106,11 @@ class NodeProcess:
 
 
 def run_demo(folder: Path, duration: float) -> int:
-    """Run both nodes for `duration` [s] and evaluate what was recorded.
+    """Run both nodes and evaluate the recorded bag.
 
     Args:
-        folder: Folder to make for bag, report, figure and logs.
-        duration: How long to predict [s].
+        folder: Folder to create for bag, report, figure and logs.
+        duration: Time to predict [s].
 
     Returns:
         The exit code of evaluation and report.
@@ -148,14 +152,14 @@ def run_demo(folder: Path, duration: float) -> int:
     code = cli.evaluate(
         [str(bag), '--json', str(folder / 'report.json'), '--figure', str(folder / 'report.png')]
     )
-    # the replay, to be opened in any browser
+    # the replay, for any browser
     return code or cli.main(['report', str(bag), '--out', str(folder / 'report.html')])
 
 
 def node_environment(folder: Path) -> dict[str, str]:
-    """Environment in which nodes find each other on this machine, and nobody else."""
+    """Environment variables with which nodes discover only each other, on this machine."""
     environment = {name: value for name, value in os.environ.items() if name not in FOREIGN}
-    # two demonstrations at once rarely meet, and tests use 50 and more
+    # two demos at once rarely share a domain; tests use domains from 50 on
     environment['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 49)
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['ROS_LOG_DIR'] = str(folder.resolve() / 'ros_log')
@@ -167,15 +171,15 @@ def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit code: 0 done, 1 a process failed, 2 bad input, 130 stopped."""
+    """Exit code of the demo: 0 done, 1 a process failed, 2 bad input, 130 interrupted."""
     parser = argparse.ArgumentParser(
         prog='demo',
         description='Tracker, simulator, bag and report, in one go.',
         allow_abbrev=False,
     )
-    parser.add_argument('--seconds', type=float, default=20.0, help='how long to predict')
+    parser.add_argument('--seconds', type=float, default=20.0, help='time to predict [s]')
     parser.add_argument(
-        '--out', type=Path, help='folder to make (default: demo_output/ and the time)'
+        '--out', type=Path, help='folder to create (default: demo_output/ and the time)'
     )
     arguments = parser.parse_args(argv)
     if not arguments.seconds > 0:

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Declare the parameters of a node as `rigid_gns_core.forecasts.parameters` has them."""
+"""Declares node parameters from the tables in `rigid_gns_core/forecasts/node_parameters.py`."""
 
 from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.forecasts.parameters import ParameterSpec, Value
+from rigid_gns_core.forecasts.node_parameters import ParameterSpec, Value
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -16,10 +16,13 @@ if TYPE_CHECKING:
 
 
 def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
-    """Declare all parameters of a table and return their values.
+    """Declare all parameters of a table.
+
+    Returns:
+        Their values by name.
 
     Raises:
-        UserError: A value given at start has the wrong type, is out of range or is not allowed.
+        UserError: An initial value has the wrong type, is out of range or is not allowed.
     """
     from rcl_interfaces.msg import SetParametersResult
     from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`ros2 run rigid_gns_ros simulator`: tracked poses in, predicted poses out, in real time."""
+"""`ros2 run rigid_gns_ros simulator`: predicts tracked poses in real time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def main() -> int:
-    """Run the node until a signal comes; returns the exit code."""
+    """Run the node until a signal; the exit code."""
     return run_node('simulator', _load)
 
 

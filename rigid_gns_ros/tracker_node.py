@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def main() -> int:
-    """Run the node until its record ends or a signal comes; returns the exit code."""
+    """Run the node until its record ends or a signal; the exit code."""
     return run_node('tracker', _load)
 
 

@@ -28,7 +28,7 @@ import warnings
 
 import pytest
 from rigid_gns_core.commands import cli
-from rigid_gns_core.forecasts.parameters import SIMULATOR, TRACKER
+from rigid_gns_core.forecasts.node_parameters import SIMULATOR, TRACKER
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is left of a bag whose recorder was killed, at any moment.
+"""What a bag still holds after its recorder was killed at a random time.
 
     python benchmarks/bags/bag_kills.py --kills 100 --node-kills 10 \
         --json docs/model/bag_kills.json
@@ -32,6 +32,7 @@ import time
 import numpy as np
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.writer import BagWriter, FLUSH_PERIOD
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.running.machine import cpu_name
@@ -48,7 +49,7 @@ NOTE = struct.Struct('<qq')  # messages handed over on the slowest topic, time o
 
 @dataclass
 class Kill:
-    """What one kill left; `loss_s` is None where nothing had been handed to the writer."""
+    """Result of one kill; `loss_s` is None where no message had been passed to the writer."""
 
     after_s: float
     split: bool
@@ -63,7 +64,7 @@ class Kill:
 
 
 def poses(number: int) -> np.ndarray:
-    """Spheres that fly; no two messages are alike, and the reader can tell them all."""
+    """Spheres in flight, with different poses in every message, shape (SPHERES, 7)."""
     found = np.zeros((SPHERES, 7))
     found[:, 0], found[:, 6] = 3.0 * np.arange(SPHERES), 1.0
     found[:, 1], found[:, 2] = 0.01 * number, 1e4 - 4.905 * (number / RATE) ** 2
@@ -101,7 +102,7 @@ def record(folder: Path, notes: Path, split: bool) -> None:
 
 
 def kill_recorder(folder: Path, after: float, split: bool) -> Kill:
-    """Start a recorder, kill it `after` [s] of recording, and read its bag."""
+    """Start a recorder, kill it after `after` [s], and read its bag."""
     folder.mkdir()
     notes, bag = folder / 'notes', folder / 'bag'
     notes.write_bytes(bytes(NOTE.size))
@@ -119,17 +120,17 @@ def kill_recorder(folder: Path, after: float, split: bool) -> Kill:
 
 
 def look_at(folder: Path, kill: Kill, last_ns: int) -> Kill:
-    """Fill in what can be read of a bag whose last message was handed over at `last_ns`."""
+    """Complete the result from a bag whose last message was passed to the writer at `last_ns`."""
     kill.files = len(list(folder.glob('*.mcap')))
     if not kill.files and not kill.written:
         kill.read = True  # killed before there was a file
         return kill
     try:
         bag = read_bag(folder)
-    except ValueError as error:
+    except UserError as error:
         kill.error = str(error).replace(str(folder), 'BAG')
         return kill
-    kill.read = bool(bag.warnings)  # a torn bag that is not told as one is not read rightly
+    kill.read = bool(bag.warnings)  # reading is wrong if it does not warn of the truncation
     topics = [bag.topics[name] for name in bag.topics if not name.endswith('/scene')]
     kill.messages = min((len(topic) for topic in topics), default=0)
     codec = PoseArrayCodec('world', SPHERES)
@@ -156,7 +157,7 @@ def codec_stamp(message: bytes) -> int:
 
 
 def evaluates(folder: Path) -> bool:
-    """Whether `evaluate` scores a torn bag and says that it is one."""
+    """Whether `evaluate` scores a truncated bag and notes the truncation."""
     # here: the recorder starts faster without
     from rigid_gns_core.recordings.scoring.evaluate import score_bag
 
@@ -165,7 +166,7 @@ def evaluates(folder: Path) -> bool:
 
 
 def kill_node(folder: Path, after: float) -> Kill:
-    """Kill the simulator `after` [s] of predicting what the tracker sends."""
+    """Kill the simulator node after `after` [s] of predictions."""
     from rigid_gns_ros.demo import node_environment, NodeProcess
 
     folder.mkdir()
@@ -193,7 +194,7 @@ def kill_node(folder: Path, after: float) -> Kill:
 
 
 def summary(kills: list[Kill]) -> dict[str, object]:
-    """Numbers of all kills, and those that lost most."""
+    """Statistics of all kills, and each of them."""
     losses = np.array([kill.loss_s for kill in kills if kill.loss_s is not None])
     late = [kill for kill in kills if kill.evaluated is not None]
     return {
@@ -231,7 +232,7 @@ def main() -> int:
     rng = np.random.default_rng(arguments.seed)
     moments = rng.uniform(0.0, LONGEST, arguments.kills)
     report: dict[str, object] = {
-        'command': 'python benchmarks/' + ' '.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        'command': ' '.join(['python benchmarks/bags/bag_kills.py', *sys.argv[1:]]),
         'machine': {'cpu': cpu_name(), 'cores': os.cpu_count(), 'load_before': os.getloadavg()[0]},
         'spheres': SPHERES,
         'rate_hz': RATE,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of tracked poses whose truth is known, as this project's tracker and recorder make them."""
+"""Bags of tracked poses with a known truth, as this project's tracker and recorder make them."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ STAMP = 1_700_000_000_000_000_000
 TOPIC = '/lab/tracked_poses'
 # the teacher's frames [s]; every second is tracked (25 a second), every fifth is a model's step
 FINE, TRACKED, STEP = 0.02, 2, 5
-# of the lab, far from what the GNS was trained on
+# materials of the lab, far from those that the GNS was trained on
 TRUE = {'restitution': 0.64, 'friction': 0.3, 'rolling_friction': 0.06}
-# what the simulator of the lab believes, which is what the GNS was trained on
+# materials that the simulator of the lab assumes: those that the GNS was trained on
 BELIEVED = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
 
 
@@ -33,10 +33,10 @@ class Lab:
     """Bullet trajectories and how they are tracked.
 
     Args:
-        trajectories: Number of them.
-        seconds: Of each.
-        seed: Of starts, noise and lost frames.
-        spheres: Lowest and highest number of spheres.
+        trajectories: Number of trajectories.
+        seconds: Length of each [s].
+        seed: Seed of starts, noise and lost frames.
+        spheres: Smallest and largest number of spheres.
         lost: Share of frames that are lost.
     """
 
@@ -48,7 +48,7 @@ class Lab:
 
     @property
     def recipe(self) -> DataRecipe:
-        """Boxes into which the spheres fall."""
+        """Recipe of boxes into which the spheres fall."""
         return DataRecipe(
             trajectories=self.trajectories,
             seed=self.seed,
@@ -84,7 +84,7 @@ def tracked(trajectory: Trajectory, noise: float, rng: np.random.Generator) -> A
 def write_bag(
     folder: Path, scene: Scene, trajectory: Trajectory, noise: float, lost: float, seed: int
 ) -> Path:
-    """Return a bag of tracked poses, and the simulator's scene, which has other materials."""
+    """Write a bag of tracked poses and a scene with the assumed materials; its folder."""
     rng = np.random.default_rng(seed)
     poses = tracked(trajectory, noise, rng)
     kept = rng.random(len(poses)) >= lost

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What tracked poses teach: errors on further bags before and after learning from some.
+"""Learning from tracked poses: errors on further bags before and after.
 
     python benchmarks/learning/learn_from_tracks.py --work runs/tracks \
         --json docs/model/learn_from_tracks.json
@@ -46,7 +46,7 @@ FITTED = 50  # windows to fit materials to
 
 
 class Further(NamedTuple):
-    """A start from tracked poses, and the truth at the model's steps after it."""
+    """A tracked start, and the true centres at the model's steps after it [m]."""
 
     scene: Scene
     start: State
@@ -54,7 +54,7 @@ class Further(NamedTuple):
 
 
 def further(truth: list[tuple[Scene, Trajectory]], noise: float, seed: int) -> list[Further]:
-    """Return starts from the frames that a tracker with noise saw last."""
+    """Tracked starts with noise [m], from each trajectory."""
     found = []
     steps = round(HORIZONS[-1] / (FINE * STEP))
     for index, (scene, trajectory) in enumerate(truth):
@@ -104,7 +104,7 @@ def errors(simulator: Simulator, starts: list[Further], values: dict[str, float]
 
 
 def fine_tuned(records: list[Record], folder: Path, seed: int, steps: int | None) -> Simulator:
-    """Return the shipped GNS, trained further on records."""
+    """The shipped GNS, fine-tuned on records."""
     shutil.rmtree(folder, ignore_errors=True)
     config = replace(load_recipe('gns_finetune'), seed=seed)
     config = config if steps is None else replace(config, steps=steps)
@@ -122,7 +122,7 @@ def case(
     work: Path,
     steps: int | None,
 ) -> dict[str, Any]:
-    """One noise and one seed: import, fit, fine-tune, predict."""
+    """Results for one noise and seed: import, fit, fine-tune, predict."""
     folder = work / f'{1e3 * noise:g}mm_{seed}'
     shutil.rmtree(folder, ignore_errors=True)
     taught, others = labs

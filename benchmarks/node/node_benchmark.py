@@ -7,9 +7,9 @@
     python benchmarks/node/node_benchmark.py rate horizon --seconds 10 --only '50 spheres'
     python benchmarks/node/node_benchmark.py soak --minutes 30 --again
 
-Tracker, simulator and listener are three processes that talk by DDS. The tracker plays what the
-contact model made of spheres that fall into a box, with noise of 0.5 % of the radius, there and
-back, each frame when the clock reaches its stamp. Parts:
+Tracker, simulator and listener are three processes that talk by DDS. The tracker plays a rollout
+of the laws of spheres that fall into a box, with noise of 0.5 % of the radius, forward and
+backward, each frame when the clock reaches its stamp. Parts:
 
 rate     Predictions at the model's own rate, recorded, without and with another process that keeps
          one core busy. Lateness is the arrival at the listener (`heard`) or the time of recording
@@ -46,7 +46,7 @@ from table import BOUNDS, broken_bounds, format_kills, format_part
 PARTS = ('rate', 'horizon', 'kills', 'soak')
 MEASURES = {'rate': measure_rate, 'horizon': measure_horizon, 'soak': measure_soak}
 KILLS = Path(__file__).parents[2] / 'docs' / 'model' / 'bag_kills.json'
-TOLD = 30.0  # between two lines of a soak [s]
+TOLD = 30.0  # period of the lines of a soak [s]
 
 
 def measure(part: str, case: Case, seconds: float) -> dict[str, Any]:
@@ -82,7 +82,7 @@ def _teller() -> Callable[[float, int], None]:
 
 
 def load_report(path: Path | None) -> dict[str, Any]:
-    """Return the report to go on with.
+    """Report of an earlier run to continue, or a new one.
 
     Raises:
         ValueError: It is of another machine, or of other versions.

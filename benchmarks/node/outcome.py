@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a run of the simulator node left: its log, its bag, and what the others noted."""
+"""Outcome of a run of the simulator node: log, bag, and notes of tracker and listener."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run left.
+    """Outcome of a run.
 
     Args:
         period: Of predictions [s].
@@ -82,12 +82,12 @@ def read_counts(log: str) -> dict[str, int]:
 
 
 def errors_of(log: str) -> tuple[str, ...]:
-    """Lines of a log that tell errors."""
+    """Lines of a log with errors."""
     return tuple(line for line in log.splitlines() if any(word in line for word in ERRORS))
 
 
 def read_recorded(folder: Path) -> Recorded:
-    """Read message by message: the bag of half an hour need not fit into memory."""
+    """Read a bag message by message, as that of half an hour need not fit into memory."""
     information = yaml.safe_load((folder / 'metadata.yaml').read_text(encoding='utf-8'))
     files = information['rosbag2_bagfile_information']['relative_file_paths']
     warnings: list[str] = []
@@ -124,7 +124,7 @@ def read_recorded(folder: Path) -> Recorded:
 
 
 def quantiles(seconds: np.ndarray) -> dict[str, float] | None:
-    """Median, 99 % quantile and largest [ms]; None of nothing."""
+    """Median, 99 % quantile and maximum of times [s], in ms; None without any."""
     if not len(seconds):
         return None
     values = (1e3 * np.quantile(seconds, (0.5, 0.99, 1.0))).round(3).tolist()

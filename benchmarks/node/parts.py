@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What each part of the node's benchmark runs, and the numbers it makes of a run."""
+"""Parts of the node's benchmark: their cases, and the measures of a run."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ CASES = {
 
 
 def measure_rate(outcome: Outcome) -> dict[str, Any]:
-    """Whether predictions came in time, and all into the bag."""
+    """Lateness of predictions, and losses in the bag."""
     recorded = outcome.recorded
     stamps, system = outcome.heard['predicted_poses'][:, :2].T
     return {
@@ -75,7 +75,7 @@ def measure_rate(outcome: Outcome) -> dict[str, Any]:
 
 
 def measure_horizon(outcome: Outcome) -> dict[str, Any]:
-    """How long a frame waited for its future."""
+    """Time from a tracked frame to its future."""
     futures = outcome.heard['predicted_trajectory']
     arrivals = {int(row[0]): int(row[2]) for row in futures}
     first, last = (min(arrivals), max(arrivals)) if arrivals else (0, -1)
@@ -92,7 +92,7 @@ def measure_horizon(outcome: Outcome) -> dict[str, Any]:
 
 
 def measure_soak(outcome: Outcome) -> dict[str, Any]:
-    """Growth of memory, and whether each prediction was made and recorded."""
+    """Growth of memory, with the measures of `rate`."""
     times, resident = outcome.memory.T
     settled = min(SETTLING, times[-1] / 2)
     base = float(resident[times >= settled][0])

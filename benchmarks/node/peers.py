@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who talks to the simulator: a tracker that plays poses, and a listener. One process each.
+"""Peers of the simulator, a process each: a tracker that plays poses, and a listener.
 
     python benchmarks/node/peers.py play POSES.npy --dt 0.1 --noise 0.005 --out sent.npy
     python benchmarks/node/peers.py listen --out heard.npz
@@ -37,7 +37,7 @@ STEP = 0.05  # longest sleep, after which the end is looked for [s]
 
 
 class Ending:
-    """Whether a signal has asked for the end."""
+    """Whether SIGINT or SIGTERM has come."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -55,7 +55,7 @@ def stamp_of(cdr: bytes) -> int:
 
 
 def there_and_back(number: int, frames: int) -> int:
-    """Frame to show: poses are played to the end and back, so that no sphere ever jumps."""
+    """Index of the frame to play: forward and backward, so that no sphere jumps."""
     turn = max(2 * (frames - 1), 1)
     place = number % turn
     return min(place, turn - place)

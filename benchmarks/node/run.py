@@ -27,7 +27,7 @@ import yaml
 
 PEERS = Path(__file__).with_name('peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm
-PLAYED = 150  # model steps of motion that the tracker plays there and back
+PLAYED = 150  # model steps that the tracker plays forward and backward
 COMPILING = 600.0  # a first run compiles the engine [s]
 LEAST_STARTED = 30.0  # for discovery and the first frames [s]
 POLL = 0.1  # [s]
@@ -82,7 +82,7 @@ class Case:
 
     @property
     def scene(self) -> dict[str, Any]:
-        """A box on whose ground three times as many spheres fit side by side, open above."""
+        """An open box whose ground holds three times as many spheres side by side."""
         side = float(2 * self.radius * np.sqrt(3 * self.spheres))
         return {
             'box': {'length_x': side, 'length_y': side},
@@ -95,7 +95,7 @@ class Case:
 
     @property
     def recipe(self) -> StartRecipe:
-        """Spheres in the air that fall for some time one after the other, and collide."""
+        """Start of spheres in the air, which fall one after the other and collide."""
         return StartRecipe(
             spheres=self.spheres,
             height=(2 * self.radius, 60 * self.radius),
@@ -105,7 +105,7 @@ class Case:
 
     @property
     def description(self) -> dict[str, Any]:
-        """For a report."""
+        """Description for the report."""
         return {
             'spheres': self.spheres,
             'radius_m': self.radius,
@@ -117,7 +117,7 @@ class Case:
 
 
 class Process(NodeProcess):
-    """A process by its command line, started and stopped as a node of the demonstration.
+    """A process by its command line, started and stopped like a node of the demo.
 
     Args:
         name: Of its log.
@@ -142,7 +142,7 @@ class Process(NodeProcess):
 
     @property
     def resident(self) -> int:
-        """Memory [bytes]; 0 where there is no /proc."""
+        """Resident memory [bytes]; 0 without /proc."""
         try:
             lines = Path(f'/proc/{self._process.pid}/status').read_text().splitlines()
         except OSError:
@@ -151,7 +151,7 @@ class Process(NodeProcess):
 
     @property
     def processor_time(self) -> float:
-        """Time that its threads have computed [s]; 0 where there is no /proc."""
+        """CPU time of its threads [s]; 0 without /proc."""
         try:
             stat = Path(f'/proc/{self._process.pid}/stat').read_text()
         except OSError:
@@ -224,7 +224,7 @@ def run(
 
 
 def _prepare(case: Case, folder: Path) -> tuple[Path, float, float]:
-    """Write scene and poses; the file of poses, time between its frames and model step [s]."""
+    """Write scene and poses; the file of poses, their interval and the model step [s]."""
     (folder / 'scene.yaml').write_text(yaml.safe_dump({'scene': case.scene}), encoding='utf-8')
     scene = Scene.from_mapping(case.scene)
     start = sample_start(scene, case.recipe)
@@ -243,7 +243,7 @@ def _wait(
     seconds: float,
     watch: Callable[[float, int], None] | None,
 ) -> np.ndarray:
-    """Wait, and look at the simulator's memory each second."""
+    """Wait, and sample the simulator's memory each second; times [s] and bytes, (samples, 2)."""
     begun = time.monotonic()
     samples: list[tuple[float, int]] = []
     while (passed := time.monotonic() - begun) < seconds:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of the node's benchmark, and the bounds it must keep."""
+"""Tables and bounds of the node's benchmark."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HORIZON = {'horizon_heard_ms': 'heard', 'horizon_bag_ms': 'bag'}
 
 
 def broken_bounds(part: str, report: Mapping[str, Any]) -> list[str]:
-    """Sentences about bounds that the cases of a part do not keep."""
+    """Sentences on bounds that cases of a part violate."""
     if part == 'kills':
         return []
     cases = report['parts'].get(part, {})
@@ -68,7 +68,7 @@ def format_part(part: str, report: Mapping[str, Any]) -> str:
 
 
 def format_kills(path: Path) -> str:
-    """Return what benchmarks/bags/bag_kills.py has measured."""
+    """Table of the results of benchmarks/bags/bag_kills.py."""
     if not path.is_file():
         return f'kills: {path.name} is not there; python benchmarks/bags/bag_kills.py makes it'
     report = read_json(path)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whole runs of a tracker that shuffles, loses, invents and delays, for tracking_filter.py."""
+"""Runs of a faulty tracker (shuffled, lost, false, late poses), for tracking_filter.py."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ LENGTH = 6
 
 @dataclass(frozen=True)
 class Faults:
-    """What a tracker does wrong; all shuffle the order of poses.
+    """Faults of a tracker, which always shuffles the poses.
 
     Args:
-        name: For the table.
-        lost: Part of poses that are missing.
-        false: False poses per sphere and frame, anywhere.
-        late: Part of frames that come after the next one or two.
-        dropped: Part of frames that never come.
-        repeated: Part of frames that come twice.
+        name: Name in the table.
+        lost: Share of poses that are missing.
+        false: False detections per sphere and frame.
+        late: Share of frames that arrive after the next one or two.
+        dropped: Share of frames that never arrive.
+        repeated: Share of frames that arrive twice.
     """
 
     name: str
@@ -51,7 +51,7 @@ FAULTS = (
 
 
 def tracking_window(truth: Truth, length: int) -> TrackingWindow:
-    """Return a window that matches, as the simulator would make it."""
+    """Window with data association, as in the simulator."""
     return TrackingWindow(
         frame_id='world',
         length=length,
@@ -67,7 +67,7 @@ def tracking_window(truth: Truth, length: int) -> TrackingWindow:
 
 
 def follow(truth: Truth, noise: float) -> list[dict[str, Any]]:
-    """One row per kind of tracker: how often who is who is wrong."""
+    """Identity switches, lost and false tracks, a row for each kind of tracker."""
     rows = []
     for faults in FAULTS:
         rng = np.random.default_rng(7)
@@ -112,7 +112,7 @@ def follow(truth: Truth, noise: float) -> list[dict[str, Any]]:
 def _sent(
     truth: Truth, noise: float, faults: Faults, rng: np.random.Generator
 ) -> list[tuple[int, PoseArrayFrame]]:
-    """Frames in the order of arrival, and which of the truth each is."""
+    """Frames in the order of arrival, each with its index in the truth."""
     states = truth.trajectory
     low, high = states.positions.min(axis=(0, 1)), states.positions.max(axis=(0, 1))
     arrivals = []
@@ -134,7 +134,7 @@ def _sent(
 
 
 def cost_of_a_frame(truth: Truth, spheres: int = 300) -> dict[str, float]:
-    """Median processor time of a frame by length of window [ms]; two boxes make 300 spheres."""
+    """Median CPU time of a frame by window length [ms]; 300 spheres are of two boxes."""
     states = truth.trajectory
     places = np.concatenate([states.positions, states.positions + [0.0, 0.0, 300.0]], axis=1)
     turns = np.concatenate([states.quaternions, states.quaternions], axis=1)

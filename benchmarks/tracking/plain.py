@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What tracking_filter.py compares with: a fit of one motion through all of a window."""
+"""Baseline of tracking_filter.py: a fit of one motion through the whole window."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigid_gns_core.scenes.state import Array, rotation_between
 def plain_fit(
     times: Array, positions: Array, quaternions: Array, gravity: Array
 ) -> tuple[Array, Array]:
-    """Velocities and spins of free flight, or of uniform motion where that fits better."""
+    """Velocities [m/s] and spins [rad/s] of flight, or of uniform motion where it fits better."""
     stamps = times - times[-1]
     fall = 0.5 * stamps[:, None, None] ** 2 * gravity
     velocities, misfit = _slope(stamps, positions - fall)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Velocities from noisy tracked poses, and who is who, against Bullet's own states.
+"""Errors of velocities and of data association from noisy poses, against Bullet's states.
 
     python benchmarks/tracking/tracking_filter.py --json docs/model/tracking_filter.json
 
@@ -43,26 +43,26 @@ def classes(truth: Truth, frame: int, window: int, noise: float, gap: Array) -> 
     struck, bounced = truth.struck[before].any(axis=0), truth.bounced[before].any(axis=0)
     beside = truth.bounced[max(frame - 1, 0) : frame + 1].any(axis=0)
     kinds = np.where(bounced, 1, np.where(struck, 2, 0))
-    # within its noise of a contact nobody can tell whether it has been
+    # within the noise, whether a contact has happened cannot be decided
     return np.where(beside & (gap[frame] < 3.0 * noise), 3, kinds)
 
 
 def gaps(truth: Truth) -> Array:
-    """Distance of each sphere from what is nearest [m], shape (frames, n)."""
+    """Gap between each sphere and the nearest sphere or surface [m], shape (frames, n)."""
     surfaces = Environment.of(truth.scene).surfaces
     found = []
     for places in truth.trajectory.positions:
         apart = np.linalg.norm(places[:, None] - places, axis=-1) - 2.0 * truth.radius
         np.fill_diagonal(apart, np.inf)
         local = np.einsum('nkc,kdc->nkd', places[:, None] - surfaces.points, surfaces.axes)
-        inside = (np.abs(local[..., :2]) <= surfaces.halves).all(axis=-1)
+        inside = (np.abs(local[..., :2]) <= surfaces.half_lengths).all(axis=-1)
         beside = np.where(inside, np.abs(local[..., 2] - truth.radius), np.inf)
         found.append(np.minimum(np.abs(apart).min(axis=1), beside.min(axis=1)))
     return np.array(found)
 
 
 def velocity_errors(truths: list[Truth], noise: float, every: int) -> list[dict[str, Any]]:
-    """One row per window: rms errors of both estimates, by class."""
+    """Rms errors of both estimates by class, a row for each window length."""
     rows = []
     near = [gaps(truth) for truth in truths]
     for window in WINDOWS:
@@ -143,7 +143,7 @@ def _velocity_rows(cases: list[dict[str, Any]], shown: Sequence[int]) -> Iterato
 
 
 def matching_table(report: dict[str, Any]) -> str:
-    """Return matching errors, as Markdown."""
+    """Errors of data association, as Markdown."""
     counts = ('sphere_frames', 'switches', 'untracked', 'false')
     head = ['scene', 'noise', 'tracker', 'sphere-frames', *counts[1:], 'noise told']
     rows = [

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Truth for tracking_filter.py: what spheres did, and when they touched something."""
+"""Truth for tracking_filter.py: trajectories, and when spheres had contacts."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ BALLS = 12  # of the table
 
 @dataclass(frozen=True)
 class Truth:
-    """One scene as it was.
+    """True trajectory of a scene.
 
     Args:
-        name: For the table.
+        name: Name in the table.
         scene: Surfaces and materials.
-        trajectory: Without noise.
-        radius: [m].
+        trajectory: Trajectory without noise.
+        radius: Radius [m].
     """
 
     name: str
@@ -37,12 +37,12 @@ class Truth:
 
     @property
     def struck(self) -> NDArray[np.bool_]:
-        """Whether a sphere was pushed between a frame and the next, shape (frames - 1, n)."""
+        """Whether a contact acted between a frame and the next, shape (frames - 1, n)."""
         return self._pushed() > 0.05 * self._fall
 
     @property
     def bounced(self) -> NDArray[np.bool_]:
-        """The same for pushes that change a velocity by more than gravity and a slow bounce."""
+        """Whether a contact was more than a slow bounce, shape (frames - 1, n)."""
         return self._pushed() > 2.0 * self._fall + 0.3 * np.sqrt(9.81 * self.radius)
 
     @property
@@ -56,13 +56,13 @@ class Truth:
 
 
 def box() -> Truth:
-    """Return the shipped trajectory: 154 spheres of radius 1 m fall into a box, 10 Hz."""
+    """The shipped trajectory: 154 spheres of radius 1 m fall into a box, 10 Hz."""
     record = demo_record()
     return Truth('box of 154, r 1 m, 10 Hz', record.scene, record.trajectory.window(0, 301), 1.0)
 
 
 def table(hertz: float, seconds: float = 2.5, seed: int = 0) -> Truth:
-    """Balls of radius 20 mm thrown on to a table, from which some fall on to the floor."""
+    """Balls of radius 20 mm thrown onto a table, from which some fall to the floor."""
     rng = np.random.default_rng(seed)
     top = Plane((0.0, 0.0, 0.76), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 2.74, 1.525)
     scene = Scene(

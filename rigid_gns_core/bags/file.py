@@ -17,17 +17,17 @@ from ..messages.definitions import full_text, type_hash
 
 LIBRARY = 'rigid_gns_ros'  # in the header: its sequence numbers count messages without a gap
 _CHUNK_SIZE = 768 * 1024  # rosbag2's
-_MESSAGE = 47  # bytes of a message record and of its entry in the index, beside its data
+_MESSAGE = 47  # bytes of a message record and of its index entry, without its data
 
 
 class BagFile:
-    """A file that topics are registered in and messages added to. Used from one thread.
+    """Writer of one MCAP file. Used from one thread.
 
     Args:
-        path: File to make; must not exist.
+        path: File to create; must not exist.
 
     Raises:
-        OSError: It cannot be made.
+        OSError: The file cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -39,19 +39,19 @@ class BagFile:
         )
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._pending = 0  # bytes of the chunk in progress
+        self._pending = 0  # bytes of the open chunk
 
     @property
     def size(self) -> int:
-        """Bytes written or about to be, without the index at the end."""
+        """Bytes written and pending, without the index at the end."""
         return self._stream.tell() + self._pending
 
     def start(self) -> None:
-        """Write the head."""
+        """Write the header."""
         self._writer.start(profile='ros2', library=LIBRARY)
 
     def register(self, topic: RecordedTopic) -> None:
-        """Announce a topic with the full text of its type."""
+        """Register a topic, with the full text of its message definition."""
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name, 'ros2msg', full_text(topic.type_name).encode()
@@ -77,12 +77,12 @@ class BagFile:
         self.information.take(log_time_ns)
 
     def flush(self) -> None:
-        """End the chunk and hand all to the operating system, where a kill cannot reach it."""
+        """Close the chunk and hand it to the operating system, to survive a killed process."""
         self._writer.flush()
         self._pending = 0
 
     def finish(self, information: dict[str, Any]) -> None:
-        """Write what rosbag2 knows of the bag so far, and the index."""
+        """Write the metadata of the bag so far and the index, and close the file."""
         self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
         self._writer.finish()
         self._stream.flush()
@@ -90,5 +90,5 @@ class BagFile:
         self.close()
 
     def close(self) -> None:
-        """Close the file as it is."""
+        """Close the file without an index."""
         self._raw.close()

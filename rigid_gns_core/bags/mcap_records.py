@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records of an MCAP file, whole or torn.
+"""Records of an MCAP file, complete or truncated.
 
-A file is read from its start, record by record, never through its index: a torn file has none, and
-every record that is whole is still there.
+A file is read record by record from its start, never through its index: a truncated file has none,
+but its complete records can still be read.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ _HEAD = struct.Struct('<BQ')  # opcode, length of the content
 
 
 class BagError(UserError):
-    """A folder or file is not a bag that can be read."""
+    """A folder or file is not a readable bag."""
 
 
 def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
-    """Header, schemas, channels and messages, with those in chunks, as far as they are whole.
+    """Header, schemas, channels and messages, also of chunks, as far as they are complete.
 
     Args:
-        file: The file; one that ends in `.zstd` is decompressed.
-        warnings: Gets a sentence for each damage.
+        file: File to read; one that ends in `.zstd` is decompressed.
+        warnings: Each damage appends a sentence.
 
     Raises:
-        BagError: It is not MCAP.
+            BagError: The file is not MCAP.
     """
     with _open(file) as stream:
         size = stream.seek(0, 2)
@@ -60,18 +60,18 @@ def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
             opcode, length = _HEAD.unpack(stream.read(_HEAD.size).ljust(_HEAD.size, b'\xff'))
             if start + _HEAD.size + length > size:
                 warnings.append(
-                    f'{file}: torn, so the recorder did not finish; '
+                    f'{file}: truncated, so the recorder did not finish; '
                     f'its last {size - start} bytes are lost'
                 )
                 return
             content = stream.read(length)
             if opcode == Opcode.FOOTER:
                 if stream.read() != _MAGIC:
-                    warnings.append(f'{file}: torn in its last bytes; every message is read')
+                    warnings.append(f'{file}: truncated in its last bytes; every message is read')
                 return
             try:
                 records = _parse(opcode, content)
-            except Exception as error:  # anything may come out of a decompressor or parser here
+            except Exception as error:  # a decompressor or parser may raise anything
                 warnings.append(f'{file}: {length} bytes at {start} are damaged and lost: {error}')
             else:
                 yield from records
@@ -103,7 +103,7 @@ def _parse(opcode: int, content: bytes) -> list[Record]:
 
 
 def zstd_decompress(data: bytes) -> bytes:
-    """Return what zstd compressed."""
+    """Decompressed data of a zstd frame."""
     import zstandard
 
     return zstandard.ZstdDecompressor().decompressobj().decompress(data)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What rosbag2 of ROS 2 Jazzy says about a bag: metadata.yaml, version 9."""
+"""metadata.yaml of a bag, version 9, as rosbag2 of ROS 2 Jazzy writes it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..errors import UserError
 from ..messages.definitions import type_hash
 
 Qos = Literal['reliable', 'sensor_data', 'latched']
-# kind: (depth, reliability, durability)
+# profile: (depth, reliability, durability)
 _QOS: dict[str, tuple[int, str, str]] = {
     'reliable': (10, 'reliable', 'volatile'),
     'sensor_data': (5, 'best_effort', 'volatile'),
@@ -29,10 +29,10 @@ class RecordedTopic:
 
     Args:
         name: Resolved name.
-        type_name: Type, as `std_msgs/msg/String`.
-        qos: Profile of its publisher.
-        count: Messages in the files of the bag, repeated ones too.
-        sequence: Number of the next message; repeated ones do not count.
+        type_name: Type, such as `std_msgs/msg/String`.
+        qos: QoS profile of its publisher.
+        count: Number of messages in the files, with latched messages counted once per split.
+        sequence: Sequence number of the next message, without these repetitions.
     """
 
     name: str
@@ -44,7 +44,7 @@ class RecordedTopic:
 
 @dataclass
 class RecordedFile:
-    """A file of a bag: its name within the folder, messages, first and last log time [ns]."""
+    """One file of a bag: name in the folder, number of messages, first and last log time [ns]."""
 
     name: str
     count: int = 0
@@ -52,7 +52,7 @@ class RecordedFile:
     last_ns: int = 0
 
     def take(self, log_time_ns: int) -> None:
-        """Count a message."""
+        """Count a message with this log time."""
         if not self.count:
             self.first_ns = self.last_ns = log_time_ns
         self.first_ns = min(self.first_ns, log_time_ns)
@@ -61,7 +61,11 @@ class RecordedFile:
 
 
 def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
-    """Return the `offered_qos_profiles` of one publisher."""
+    """`offered_qos_profiles` of one publisher.
+
+    Raises:
+        UserError: The profile is unknown.
+    """
     if qos not in _QOS:
         raise UserError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
     depth, reliability, durability = _QOS[qos]
@@ -83,7 +87,7 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
 def bag_information(
     files: Sequence[RecordedFile], topics: Sequence[RecordedTopic]
 ) -> dict[str, Any]:
-    """Return the content of `rosbag2_bagfile_information` for a bag of MCAP files."""
+    """Content of `rosbag2_bagfile_information` for a bag of MCAP files."""
     used = [file for file in files if file.count]
     first_ns = min((file.first_ns for file in used), default=0)
     last_ns = max((file.last_ns for file in used), default=0)
@@ -124,9 +128,9 @@ def bag_information(
 
 
 def to_yaml(value: Any) -> str:
-    """Block-style YAML, keys in their order."""
+    """YAML in block style, with the keys in their order."""
     return yaml.safe_dump(value, sort_keys=False, default_flow_style=False)
 
 
 def _infinite() -> dict[str, int]:
-    return {'sec': 9223372036, 'nsec': 854775807}  # a new one each: YAML writes aliases of one
+    return {'sec': 9223372036, 'nsec': 854775807}  # a new dict: YAML would write aliases of one

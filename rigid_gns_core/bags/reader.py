@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Read bags: finished folders, single MCAP files, and what a killed recorder has left.
-
-No ROS needed.
-"""
+"""Reads bags: finished folders, single MCAP files, and bags of a killed recorder."""
 
 from __future__ import annotations
 
@@ -25,30 +22,32 @@ from .mcap_records import BagError, read_records, zstd_decompress
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
 
-# log times that fall by more are of another pass of simulated time, and not merely unordered [ns]
+# log times that go back by more begin another pass of simulated time; by less, they are unordered
+# [ns]
 _PASS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class Topic:
-    """Messages of one topic in the order of their log times, pass by pass.
+    """Messages of one topic, ordered by log time within each pass.
 
-    Where simulated time went back by more than a second, as in a world that was reset, the log
-    times fall too: what was recorded after it stays after it.
+    A new pass begins where simulated time went back by more than a second, as in a world that was
+    reset: later messages stay later.
 
     Args:
-        name: Topic.
-        type_name: Type, as `geometry_msgs/msg/PoseArray`.
+        name: Name of the topic.
+        type_name: Type, such as `geometry_msgs/msg/PoseArray`.
         times: Log times [ns], int64, shape (messages,).
-        messages: CDR bytes of each.
-        places: Place of each in the order of recording over all topics, int64, shape (messages,).
+        messages: CDR bytes of each message.
+        indices: Index of each message in the order of recording, over all topics, int64, shape
+            (messages,).
     """
 
     name: str
     type_name: str
     times: NDArray[np.int64]
     messages: list[bytes]
-    places: NDArray[np.int64]
+    indices: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.messages)
@@ -60,8 +59,8 @@ class Bag:
 
     Args:
         path: Folder or file.
-        topics: By name.
-        warnings: What is damaged or missing; empty for a sound bag.
+        topics: Topics by name.
+        warnings: Damages and missing parts, a sentence each; empty for an intact bag.
     """
 
     path: Path
@@ -70,7 +69,7 @@ class Bag:
 
 
 def read_bag(path: str | Path) -> Bag:
-    """Read every whole message of a rosbag2 folder or of an .mcap file.
+    """Read every complete message of a rosbag2 folder or an .mcap file.
 
     Raises:
         BagError: There is nothing to read, or it is not MCAP.
@@ -80,8 +79,8 @@ def read_bag(path: str | Path) -> Bag:
     files, information = _files(path, warnings)
     unpack = _message_unpacker(information)
     gathered: dict[str, _Gathered] = {}
-    place = itertools.count()
-    count = sum(_read_file(file, gathered, place, warnings) for file in files)
+    counter = itertools.count()
+    count = sum(_read_file(file, gathered, counter, warnings) for file in files)
     topics = {}
     for name, found in gathered.items():
         if found.missing:
@@ -89,8 +88,8 @@ def read_bag(path: str | Path) -> Bag:
         times = np.array(found.times, dtype=np.int64)
         order = _order(times)
         messages = [unpack(found.messages[index]) for index in order]
-        places = np.array(found.places, dtype=np.int64)[order]
-        topics[name] = Topic(name, found.type_name, times[order], messages, places)
+        indices = np.array(found.indices, dtype=np.int64)[order]
+        topics[name] = Topic(name, found.type_name, times[order], messages, indices)
     expected = information.get('message_count')
     if expected is not None and count != expected:
         warnings.append(f'{path}: metadata.yaml counts {expected} messages, {count} were read')
@@ -98,7 +97,7 @@ def read_bag(path: str | Path) -> Bag:
 
 
 def _order(times: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Places in order of time, within each pass of a clock that may have gone back."""
+    """Indices that sort messages by time within each pass."""
     latest = np.maximum.accumulate(times) if len(times) else times
     passes = np.zeros(len(times), dtype=np.int64)
     start = 0
@@ -110,7 +109,7 @@ def _order(times: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]:
-    """MCAP files of a bag in order, and what metadata.yaml says."""
+    """MCAP files of a bag in order, and the content of its metadata.yaml."""
     if path.is_file():
         return [path], {}
     if not path.is_dir():
@@ -121,9 +120,9 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
         if not files:
             raise BagError(f'{path}: holds neither metadata.yaml nor an .mcap file; not a bag')
         warnings.append(
-            f'{path}: no metadata.yaml, so the recorder did not finish: what it had not yet '
-            'handed to the disk is lost (this package: at most the last second); all the rest is '
-            'read (`ros2 bag reindex` makes the file anew)'
+            f'{path}: no metadata.yaml, so the recorder did not finish: messages that it had not '
+            'yet written are lost (this package: at most the last second); all others are read '
+            '(`ros2 bag reindex` creates the file)'
         )
         return files, {}
     try:
@@ -146,12 +145,12 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
 
 
 def _natural(path: Path) -> list[int | str]:
-    """Key that puts bag_10 after bag_9."""
+    """Sort key that puts bag_10 after bag_9."""
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
 def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
-    """Return the function that undoes `ros2 bag record --compression-mode message`."""
+    """Decompressor of messages recorded with `ros2 bag record --compression-mode message`."""
     if str(information.get('compression_mode', '')).lower() != 'message':
         return lambda data: data
     return zstd_decompress
@@ -162,23 +161,23 @@ class _Gathered:
     type_name: str
     times: list[int] = field(default_factory=list)
     messages: list[bytes] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
-    sequences: list[int] = field(default_factory=list)  # of our own recorder
+    indices: list[int] = field(default_factory=list)
+    sequences: list[int] = field(default_factory=list)  # of bags that this package recorded
 
     @property
     def missing(self) -> int:
-        """Messages that were recorded and are not there: their numbers are left out."""
+        """Number of recorded messages that are missing, by gaps in their sequence numbers."""
         numbers = set(self.sequences)
         return max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
 
 
 def _read_file(
-    file: Path, gathered: dict[str, _Gathered], place: Iterator[int], warnings: list[str]
+    file: Path, gathered: dict[str, _Gathered], counter: Iterator[int], warnings: list[str]
 ) -> int:
-    """Add the messages of one file to those of each topic; their number, repeated ones too."""
+    """Add the messages of one file to `gathered`; their number, with repeated ones."""
     schemas: dict[int, str] = {}
     channels: dict[int, _Gathered | None] = {}  # None: not CDR
-    homeless = count = 0
+    unknown_topic = count = 0
     numbered = False
     for record in read_records(file, warnings):
         if isinstance(record, Header):
@@ -196,7 +195,7 @@ def _read_file(
                     )
                 channels[record.id] = topic
         elif record.channel_id not in channels:
-            homeless += 1
+            unknown_topic += 1
         elif topic := channels[record.channel_id]:
             count += 1
             if numbered:
@@ -205,9 +204,9 @@ def _read_file(
                 topic.sequences.append(record.sequence)
             topic.times.append(record.log_time)
             topic.messages.append(record.data)
-            topic.places.append(next(place))
-    if homeless:
+            topic.indices.append(next(counter))
+    if unknown_topic:
         warnings.append(
-            f'{file}: {homeless} messages are lost, as the record of their topic is damaged'
+            f'{file}: {unknown_topic} messages are lost, as the record of their topic is damaged'
         )
     return count

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The files of a bag, one after the other, and its metadata.yaml."""
+"""A bag split into several files, and its metadata.yaml."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from .metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
 
 
 class SplitBag:
-    """Messages of a bag in files of limited size and duration. Used from one thread.
+    """Writer of a bag in files of limited size and duration. Used from one thread.
 
-    As rosbag2 does, it goes on to the next file before the first message beyond a limit, and
-    announces all topics again in each. The last message of a latched topic is repeated at the
-    start of each file, with the log time of the last message before it, so that each file stands
-    on its own; rosbag2 of Jazzy does not do that, later ones with `--repeat-transient-local`.
+    Like rosbag2, it begins the next file before the first message beyond a limit and registers all
+    topics in each file. The last message of a latched topic is repeated at the start of each file,
+    with the log time of the last message before it, so that each file can be read by itself;
+    rosbag2 of Jazzy does not do that, later ones with `--repeat-transient-local`.
 
     Args:
-        folder: Folder of the bag; exists.
-        max_size: Largest size of a file, before its index [bytes]; 0: no limit.
-        max_duration_ns: Longest time from the first to the last message of a file [ns]; 0: none.
+        folder: Folder of the bag; must exist.
+        max_size: Largest size of a file without its index [bytes]; 0: no limit.
+        max_duration_ns: Longest time from first to last message of a file [ns]; 0: no limit.
 
     Raises:
-        OSError: The first file cannot be made.
+            OSError: The first file cannot be created.
     """
 
     def __init__(self, folder: Path, *, max_size: int, max_duration_ns: int) -> None:
         self.folder = folder
-        self.unflushed = 0  # messages that a kill would take
+        self.unflushed = 0  # messages that would be lost if the process were killed
         self._max_size, self._max_duration = max_size, max_duration_ns
         self._topics: list[RecordedTopic] = []
         self._latched: dict[str, tuple[RecordedTopic, int, bytes]] = {}
         self._last_ns = 0
-        self._repeated = 0  # messages of the present file that were in one before
+        self._repeated = 0  # latched messages at the start of the present file
         self._finished: list[RecordedFile] = []
         self._file = self._next()
 
     def start(self) -> None:
-        """Write the head of the first file."""
+        """Write the header of the first file."""
         self._file.start()
 
     def register(self, topic: RecordedTopic) -> None:
-        """Announce a topic."""
+        """Register a topic."""
         self._topics.append(topic)
         self._file.register(topic)
 
     def add(self, topic: RecordedTopic, cdr: bytes, log_time_ns: int) -> None:
-        """Add a message, where due to the next file."""
+        """Add a message, beginning the next file where a limit is reached."""
         self.unflushed += 1
         if self._full(len(cdr), log_time_ns):
             self._split()
@@ -62,16 +62,16 @@ class SplitBag:
         self._last_ns = log_time_ns
 
     def flush(self) -> None:
-        """Hand all to the operating system."""
+        """Hand all messages to the operating system."""
         self._file.flush()
         self.unflushed = 0
 
     def finish(self) -> None:
-        """Write the last index and metadata.yaml."""
+        """Write the index of the last file and metadata.yaml."""
         information = self._information()
         self._file.finish(information)
         self.unflushed = 0
-        # whole or not at all: a bag with half a metadata.yaml is worse than one without
+        # atomically: a bag with half a metadata.yaml is worse than one without
         temporary = self.folder / 'metadata.yaml.tmp'
         with open(temporary, 'w', encoding='utf-8') as file:
             file.write(to_yaml({'rosbag2_bagfile_information': information}))
@@ -80,7 +80,7 @@ class SplitBag:
         os.replace(temporary, self.folder / 'metadata.yaml')
 
     def close(self) -> None:
-        """Close the present file as it is."""
+        """Close the present file without an index."""
         self._file.close()
 
     def _full(self, size: int, log_time_ns: int) -> bool:

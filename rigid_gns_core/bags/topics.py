@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which topics of a bag are the simulator's, be they remapped or in a namespace. No ROS needed."""
+"""Finds the topics of a simulator in a bag, remapped or in a namespace."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _TRAJECTORY = 'trajectory_msgs/msg/MultiDOFJointTrajectory'
 
 @dataclass(frozen=True)
 class Topics:
-    """Topics of one simulator.
+    """Recorded topics of one simulator.
 
     Args:
         tracked: Tracked poses.
         predicted: Predicted poses.
-        step_time: Times of model steps; None where there are none.
-        recorded: What the simulator said about itself on ~/scene; empty where there is nothing.
-        start: Starts of forecasts; None where there are none.
-        trajectory: Whole futures; None where there are none.
+        step_time: Wall-clock times of model steps; None: not recorded.
+        recorded: Content of ~/scene: scene, model, parameters, topics; empty: not recorded.
+        start: Starts of forecasts; None: not recorded.
+        trajectory: Predicted trajectories; None: not recorded.
     """
 
     tracked: Topic
@@ -43,48 +43,54 @@ class Topics:
 def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = None) -> Topics:
     """Find the topics of a simulator.
 
-    By the names given, else by those that the simulator recorded on ~/scene, else by the ends of
-    their names, `tracked_poses` and `predicted_poses`.
+    By the given names, else by those that the simulator recorded on ~/scene, else by the last part
+    of their names, `tracked_poses` and `predicted_poses`.
 
     Args:
-        bag: Bag.
-        tracked: Topic of the tracked poses.
-        predicted: Topic of the predicted poses.
+        bag: The bag.
+        tracked: Topic of the tracked poses; None: find it.
+        predicted: Topic of the predicted poses; None: find it.
 
     Raises:
-        BagError: A topic is not there, is empty, or is one of several.
+        BagError: A topic is missing, empty or ambiguous.
     """
-    said = [names for names in map(said_names, recorded_scenes(bag).values()) if names]
+    recorded_names = [names for names in map(topic_names, recorded_scenes(bag).values()) if names]
     if predicted is not None:
-        said = [names for names in said if names.get('predicted') == predicted]
-    names = said[0] if len(said) == 1 else {}
-    ours = find_poses(
+        recorded_names = [names for names in recorded_names if names.get('predicted') == predicted]
+    names = recorded_names[0] if len(recorded_names) == 1 else {}
+    predicted_topic = find_poses(
         bag, 'predicted_poses', '--predicted', predicted, [names.get('predicted', '')]
     )
-    if names.get('predicted') != ours.name:
+    if names.get('predicted') != predicted_topic.name:
         names = {}
-    theirs = find_poses(bag, 'tracked_poses', '--tracked', tracked, [names.get('tracked', '')])
-    said_or_beside = {
+    tracked_topic = find_poses(
+        bag, 'tracked_poses', '--tracked', tracked, [names.get('tracked', '')]
+    )
+    own_topics = {
         suffix: _of_type(bag.topics.get(names.get(suffix, '')), type_name)
-        or _beside(bag, ours, suffix, type_name)
+        or _beside(bag, predicted_topic, suffix, type_name)
         for suffix, type_name in (('step_time', _FLOAT64), ('start', _STRING))
     }
     return Topics(
-        theirs,
-        ours,
-        said_or_beside['step_time'],
-        _recorded(bag, ours),
-        said_or_beside['start'],
+        tracked_topic,
+        predicted_topic,
+        own_topics['step_time'],
+        _recorded(bag, predicted_topic),
+        own_topics['start'],
         _of_type(bag.topics.get(names.get('trajectory', '')), _TRAJECTORY),
     )
 
 
 def holds_predictions(bag: Bag, predicted: str | None = None) -> bool:
-    """Whether there is a topic of predicted poses with messages, called `predicted` or found."""
+    """Whether a bag holds predicted poses, on the topic `predicted` or one that can be found."""
     arrays = [t for t in bag.topics.values() if t.type_name == POSE_ARRAY and t.messages]
-    said = {names.get('predicted') for names in map(said_names, recorded_scenes(bag).values())}
+    recorded_names = {
+        names.get('predicted') for names in map(topic_names, recorded_scenes(bag).values())
+    }
     return any(
-        t.name == predicted or t.name in said or t.name.split('/')[-1] == 'predicted_poses'
+        t.name == predicted
+        or t.name in recorded_names
+        or t.name.split('/')[-1] == 'predicted_poses'
         for t in arrays
     )
 
@@ -93,14 +99,14 @@ def _of_type(topic: Topic | None, type_name: str) -> Topic | None:
     return topic if topic and topic.messages and topic.type_name == type_name else None
 
 
-def listing(bag: Bag) -> str:
-    """Return the topics of a bag, for a message."""
+def list_topics(bag: Bag) -> str:
+    """The topics of a bag with types and numbers of messages, for an error message."""
     listed = [f'{t.name} ({t.type_name}, {len(t)} messages)' for t in bag.topics.values()]
     return ', '.join(sorted(listed)) or 'no topics'
 
 
 def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
-    """Return what simulators said on their ~/scene, by topic; texts of others are left out."""
+    """Content of the ~/scene of each simulator, by topic; other texts are left out."""
     scenes = {}
     for topic in scene_topics(bag):
         try:
@@ -113,7 +119,7 @@ def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
 
 
 def scene_topics(bag: Bag) -> list[Topic]:
-    """Topics with messages that may be the ~/scene of a simulator, by type and name."""
+    """Topics that may be the ~/scene of a simulator, by type and name, with messages."""
     return [
         topic
         for topic in bag.topics.values()
@@ -121,8 +127,8 @@ def scene_topics(bag: Bag) -> list[Topic]:
     ]
 
 
-def said_names(scene: dict[str, Any]) -> dict[str, str]:
-    """Return resolved names of topics, by what they are for, that a simulator said on ~/scene."""
+def topic_names(scene: dict[str, Any]) -> dict[str, str]:
+    """Resolved topic names that a simulator published on ~/scene, by role (`tracked`, ...)."""
     names = scene.get('topics')
     if not isinstance(names, dict):
         return {}
@@ -132,32 +138,32 @@ def said_names(scene: dict[str, Any]) -> dict[str, str]:
 def _recorded(bag: Bag, predicted: Topic) -> dict[str, Any]:
     scenes = recorded_scenes(bag)
     for content in scenes.values():
-        if said_names(content).get('predicted') == predicted.name:
+        if topic_names(content).get('predicted') == predicted.name:
             return content
     topic = _beside(bag, predicted, 'scene', _STRING)
     return scenes.get(topic.name, {}) if topic else {}
 
 
 def find_poses(
-    bag: Bag, suffix: str, option: str, name: str | None = None, said: Iterable[str] = ()
+    bag: Bag, suffix: str, option: str, name: str | None = None, recorded_names: Iterable[str] = ()
 ) -> Topic:
-    """Return the topic of poses `name`, else one of `said`, else that whose last part is `suffix`.
+    """Topic of poses by `name`, else one of `recorded_names`, else by the last part of its name.
 
     Args:
-        bag: Bag.
-        suffix: As `tracked_poses`.
-        option: With which a person chooses it.
-        name: The one chosen.
-        said: Names that nodes said.
+        bag: The bag.
+        suffix: Last part of its name, such as `tracked_poses`.
+        option: Command line option that chooses it, for errors.
+        name: Name that the user chose.
+        recorded_names: Names that simulators recorded.
 
     Raises:
-        BagError: It is not there, is empty, or is one of several.
+        BagError: It is missing, empty or ambiguous.
     """
     arrays = [topic for topic in bag.topics.values() if topic.type_name == POSE_ARRAY]
     if name is not None:
         found = [topic for topic in arrays if topic.name == name]
     else:
-        found = [topic for topic in arrays if topic.name in set(said)] or [
+        found = [topic for topic in arrays if topic.name in set(recorded_names)] or [
             topic for topic in arrays if topic.name.split('/')[-1] == suffix
         ]
     found = [topic for topic in found if topic.messages] or found
@@ -169,12 +175,12 @@ def find_poses(
     rollouts = '; a bag without predictions is scored with --topic and --scene, or with --model'
     raise BagError(
         f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with {option}. '
-        f'The bag holds {listing(bag)}' + (rollouts if option == '--predicted' else '')
+        f'The bag holds {list_topics(bag)}' + (rollouts if option == '--predicted' else '')
     )
 
 
 def _beside(bag: Bag, predicted: Topic, suffix: str, type_name: str) -> Topic | None:
-    """Return a topic of the node that predicted; of several, that in the same namespace."""
+    """Topic of the node that predicted; of several, the one in its namespace."""
     found = [
         topic
         for topic in bag.topics.values()

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Record messages into a rosbag2 folder (MCAP and metadata.yaml) without ROS.
+"""Records messages into a rosbag2 folder (MCAP and metadata.yaml) without ROS.
 
-What rosbag2 of ROS 2 Jazzy writes is written here, key for key, so that `ros2 bag`, `rosbags` and
-`mcap-ros2-support` read the result. docs/bags.md describes the format.
+It writes what rosbag2 of ROS 2 Jazzy writes, key for key, so that `ros2 bag`, `rosbags` and
+`mcap-ros2-support` read it. docs/bags.md describes the format.
 """
 
 from __future__ import annotations
@@ -23,28 +23,27 @@ from .splits import SplitBag
 from ..errors import UserError
 from ..messages.definitions import type_hash
 
-FLUSH_PERIOD = 0.5  # [s]; what a killed process loses at most
+FLUSH_PERIOD = 0.5  # [s]; a killed process loses at most this much
 
 
 class BagWriter:
-    """Records messages in a thread of its own: `write` only queues.
+    """Recorder of messages, in a thread of its own: `write` only queues.
 
-    Every 0.5 s what was written is flushed, so that a killed process loses no more than that
-    (`read_bag` reads the rest). `close` writes the index and metadata.yaml; it also runs at the
-    exit of the interpreter. When the disk fails, recording stops, `error` says why, and the caller
-    goes on.
+    Messages are flushed every 0.5 s, so that a killed process loses no more than that (`read_bag`
+    reads the rest). `close` writes the index and metadata.yaml; it also runs at interpreter exit.
+    If writing fails, recording stops, `error` holds the reason, and the caller continues.
 
     Args:
-        folder: Folder to make; must not exist.
-        max_size: Size of a file from which on the next one is begun [MB = 1e6 bytes]; 0: one file.
-        max_duration: Time from which on the next file is begun [s], by log times; 0: one file.
-        queue_bytes: Most bytes that wait for the disk; messages beyond are counted in `lost`.
+        folder: Folder to create; must not exist.
+        max_size: Size at which the next file is begun [MB = 1e6 bytes]; 0: one file.
+        max_duration: Duration, by log times, at which the next file is begun [s]; 0: one file.
+        queue_bytes: Largest size of the queue [bytes]; messages beyond are counted in `lost`.
         on_error: Called from the recording thread with a sentence, once when recording has stopped
             and once when the first message was lost.
 
     Raises:
         FileExistsError: The folder exists already.
-        OSError: The folder cannot be made.
+        OSError: The folder cannot be created.
         UserError: A limit is negative or not finite.
     """
 
@@ -91,28 +90,28 @@ class BagWriter:
 
     @property
     def lost(self) -> int:
-        """Number of messages that were handed to `write` and not recorded."""
+        """Number of messages passed to `write` that were not recorded."""
         return self._lost
 
     @property
     def topics(self) -> dict[str, int]:
-        """Number of messages recorded so far of each topic."""
+        """Number of messages recorded so far, by topic."""
         return {name: topic.sequence for name, topic in self._topics.items()}
 
     def add_topic(self, name: str, type_name: str, qos: Qos) -> None:
-        """Announce a topic.
+        """Register a topic.
 
         Args:
-            name: Resolved name, as `/lab/predicted_poses`.
-            type_name: Type, as `geometry_msgs/msg/PoseArray`.
-            qos: Profile of its publisher: `reliable` (depth 10), `sensor_data` (best effort,
+            name: Resolved name, such as `/lab/predicted_poses`.
+            type_name: Type, such as `geometry_msgs/msg/PoseArray`.
+            qos: QoS profile of its publisher: `reliable` (depth 10), `sensor_data` (best effort,
                 depth 5) or `latched` (transient local, depth 1).
 
         Raises:
-            UserError: An unknown type or profile, a name without its leading slash, or a topic
-                that was added with another type.
+            UserError: The type or profile is unknown, the name lacks its leading slash, or the
+                topic was added with another type or profile.
         """
-        qos_profiles(qos)  # raises where it is unknown, as does the next
+        qos_profiles(qos)  # both raise where the name is unknown
         type_hash(type_name)
         if not name.startswith('/'):
             raise UserError(f'topic {name!r} does not start with a slash; give its resolved name')
@@ -126,11 +125,11 @@ class BagWriter:
     def write(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
         """Queue one message; never waits for the disk.
 
-        After `close`, after an error, with a full queue or with a time before the epoch the
+        After `close` or an error, with a full queue, or with a log time before the epoch [ns], the
         message is counted in `lost`.
 
         Raises:
-            UserError: The topic was not added, a mistake in the program.
+            UserError: The topic was not added.
         """
         entry = self._topics.get(topic)
         if entry is None:
@@ -148,7 +147,7 @@ class BagWriter:
             self._queue.put((entry, bytes(cdr), int(log_time_ns)))
 
     def close(self) -> None:
-        """Write what is queued, the index and metadata.yaml. A second call does nothing."""
+        """Write the queue, the index and metadata.yaml. A second call does nothing."""
         with self._lock:
             first, self._closed = not self._closed, True
         if first:
@@ -171,7 +170,7 @@ class BagWriter:
             self._drain()
             self._bag.finish()
             self._report_loss()
-        except Exception as error:  # the caller's work must go on whatever the recording meets
+        except Exception as error:  # no failure of recording may stop the caller
             with self._lock:
                 self._error = f'recording into {self.folder} has stopped: {error}'
                 self._lost += self._bag.unflushed + self._discard()
@@ -201,7 +200,7 @@ class BagWriter:
                 flush_at = time.monotonic() + FLUSH_PERIOD
 
     def _discard(self) -> int:
-        """Empty the queue; the number of messages that were in it."""
+        """Empty the queue; the number of messages dropped."""
         count = 0
         while True:
             try:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the options of several commands share: their types, and the names a shell offers."""
+"""Options that several commands share: types, shell completion, workers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..running.workers import BACKENDS, Workers
 
 
 def positive(text: str) -> int:
-    """Type of a command line option that takes a whole number from 1 on."""
+    """Option type: a whole number, at least 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f'{text!r}, expected a whole number, at least 1')
     return int(text)
@@ -22,14 +22,17 @@ def positive(text: str) -> int:
 def completes(
     action: argparse.Action, names: Callable[[], Iterable[str]] | Iterable[str]
 ) -> argparse.Action:
-    """Let the shell offer names for an option that takes others too, such as files.
+    """Complete an option by names in the shell; the option may take other values, such as files.
 
     Args:
-        action: What `add_argument` returned.
-        names: They, or what finds them when a shell asks.
+        action: Return value of `add_argument`.
+        names: Names, or a function that finds them on demand.
+
+    Returns:
+        The action.
     """
 
-    def completer(**_: object) -> list[str]:  # argcomplete tells what was typed; it filters itself
+    def completer(**_: object) -> list[str]:  # argcomplete filters by what was typed
         return list(names() if callable(names) else names)
 
     action.completer = completer  # type: ignore[attr-defined]  # where argcomplete looks for it
@@ -44,7 +47,7 @@ def shipped_models() -> list[str]:
 
 
 def configs(kind: str) -> Callable[[], list[str]]:
-    """Find the names of the shipped YAML files in config/`kind`."""
+    """Function that finds the names of the shipped YAML files in config/`kind`."""
 
     def find() -> list[str]:
         return sorted(path.stem for path in (config_folder() / kind).glob('*.yaml'))
@@ -53,7 +56,7 @@ def configs(kind: str) -> Callable[[], list[str]]:
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options that say who does the work."""
+    """Add the options of `chosen_workers`."""
     parser.add_argument(
         '--workers', type=int, metavar='N', help='processes; default: one per core'
     )
@@ -61,13 +64,13 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
         '--backend',
         choices=BACKENDS,
         default='loky',
-        help='processes of this machine (loky, the default), or a cluster that shares the folders',
+        help='processes on this machine (loky, the default), or a cluster with shared folders',
     )
     parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='of the cluster, such as tcp://host:8786'
+        '--scheduler', metavar='ADDRESS', help='scheduler of the cluster, such as tcp://host:8786'
     )
 
 
 def chosen_workers(arguments: argparse.Namespace) -> Workers:
-    """Workers of the options of `add_worker_arguments`."""
+    """Workers by the options of `add_worker_arguments`."""
     return Workers(arguments.workers, arguments.backend, arguments.scheduler)

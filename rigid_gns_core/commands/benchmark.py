@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns benchmark`: speed against error of all peers, side by side in one run."""
+"""`rigid-gns benchmark`: speed against error of all peers, in one run."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ..files.strict_json import write_json
 from ..prediction.load import load_simulator
 from ..running.machine import describe_machine, load_average
 from ..running.progress import Progress
-from ..studies.benchmark.fresh import first_prediction, memory_per_sphere
-from ..studies.benchmark.judge import floor_of, result
-from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, Field, NOTES, warm_up
-from ..studies.benchmark.race import BLOCK, race, timing
-from ..studies.benchmark.report import COMPARED, format_processes, format_scaling, format_scene
+from ..studies.benchmark.accuracy import assess, floor_of
+from ..studies.benchmark.fresh_process import first_prediction, memory_per_sphere
+from ..studies.benchmark.interleaved import BLOCK, run_interleaved, timing
+from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, NOTES, PeerSet, warm_up
 from ..studies.benchmark.scaling import COUNTS, measure_scaling, QUICK_COUNTS
 from ..studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
+from ..studies.benchmark.tables import COMPARED, format_processes, format_scaling, format_scene
 from ..studies.chaos_floor import References
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
@@ -32,22 +32,22 @@ QUICK_REFERENCE_SUBSTEPS = 24
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns benchmark`."""
-    parser.add_argument('--quick', action='store_true', help='seconds: few spheres and settings')
+    """Add the options of `rigid-gns benchmark`."""
+    parser.add_argument('--quick', action='store_true', help='few spheres and settings: seconds')
     scenes = parser.add_argument(
-        '--scenes', nargs='*', metavar='NAME', help='only these, or none (default: all)'
+        '--scenes', nargs='*', metavar='NAME', help='only these scenes, or none (default: all)'
     )
     peers = parser.add_argument(
-        '--peers', nargs='+', metavar='FAMILY', help=f'only these: {", ".join(NOTES)}'
+        '--peers', nargs='+', metavar='FAMILY', help=f'only these families: {", ".join(NOTES)}'
     )
     completes(scenes, SCENES)
     completes(peers, NOTES)
-    parser.add_argument('--repeats', type=int, metavar='N', help='of all (default: 5; quick: 2)')
+    parser.add_argument('--repeats', type=int, metavar='N', help='repeats (default: 5; quick: 2)')
     parser.add_argument(
         '--reference-substeps',
         type=int,
         metavar='N',
-        help='of the teacher that errors are against, even (default: '
+        help='substeps of the teacher that is the reference, even (default: '
         f'{REFERENCE_SUBSTEPS}; quick: {QUICK_REFERENCE_SUBSTEPS})',
     )
     parser.add_argument(
@@ -55,16 +55,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=BULLET_ITERATIONS,
         metavar='N',
-        help=f"most iterations of Bullet's solver (default: {BULLET_ITERATIONS})",
+        help=f"iterations of Bullet's solver (default: {BULLET_ITERATIONS})",
     )
-    parser.add_argument('--cache', type=Path, metavar='DIR', help='keep references in this folder')
-    parser.add_argument('--no-scaling', action='store_true', help='not up to 100 000 spheres')
+    parser.add_argument(
+        '--cache', type=Path, metavar='DIR', help='cache references in this folder'
+    )
+    parser.add_argument('--no-scaling', action='store_true', help='no scaling to 100 000 spheres')
     parser.add_argument(
         '--no-processes', action='store_true', help='no fresh processes, no memory'
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
-        '--figures', type=Path, metavar='DIR', help='one chart per scene, PNG, SVG'
+        '--figures', type=Path, metavar='DIR', help='write a chart per scene (PNG, SVG) here'
     )
     parser.epilog = '\n'.join(
         [
@@ -80,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns benchmark`; prints tables and returns 0."""
+    """Run `rigid-gns benchmark`, which prints tables; the exit code."""
     from threadpoolctl import threadpool_limits
 
     quick = arguments.quick
@@ -89,16 +91,16 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f'--repeats is {repeats}, expected at least 1')
     scenes = bench_scenes(arguments.scenes, quick=quick)
     with threadpool_limits(limits=1):
-        field = all_peers(
+        peer_set = all_peers(
             arguments.peers, quick=quick, bullet_iterations=arguments.bullet_iterations
         )
-        for family, why in field.absent.items():
+        for family, why in peer_set.absent.items():
             print(f'{family} is absent: {why}\n')
-        report = _head(arguments, field, repeats)
+        report = _head(arguments, peer_set, repeats)
         references = _references(arguments, report)
-        warm_up(field.peers)
+        warm_up(peer_set.peers)
         for scene in scenes:
-            entry = _run_scene(scene, field, references, repeats)
+            entry = _run_scene(scene, peer_set, references, repeats)
             report['scenes'].append(entry)
             print(f'{format_scene(entry, report["reference"])}\n', flush=True)
             if arguments.figures is not None:
@@ -110,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
             report['processes'] = _run_processes(repeats, quick)
             print(f'{format_processes(report["processes"])}\n')
     report['load_average']['end'] = load_average()
-    for name, text in field.notes.items():
+    for name, text in peer_set.notes.items():
         print(f'{name}: {text}')
     if arguments.json is not None:
         write_json(arguments.json, report)
@@ -118,11 +120,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str, Any]:
+def _head(arguments: argparse.Namespace, peer_set: PeerSet, repeats: int) -> dict[str, Any]:
     load = load_average()
     if load is not None and load[0] > 0.5:
         print(
-            f'the machine is busy (load average {load[0]:g}): times will say so', file=sys.stderr
+            f'the machine is busy (load average {load[0]:g}): times will be longer',
+            file=sys.stderr,
         )
     return {
         'quick': arguments.quick,
@@ -133,9 +136,9 @@ def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str
         'machine': describe_machine(),
         'load_average': {'start': load},
         'reference': None,
-        'absent': field.absent,
-        'notes': field.notes,
-        'peers': {peer.name: peer.settings for peer in field.peers},
+        'absent': peer_set.absent,
+        'notes': peer_set.notes,
+        'peers': {peer.name: peer.settings for peer in peer_set.peers},
         'scenes': [],
         'scaling': None,
         'processes': None,
@@ -143,7 +146,7 @@ def _head(arguments: argparse.Namespace, field: Field, repeats: int) -> dict[str
 
 
 def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> References | None:
-    """Return the teacher at the substeps asked for, and those that tell its floor."""
+    """References at the chosen substeps; None without pybullet."""
     substeps = arguments.reference_substeps
     if substeps is None:
         substeps = QUICK_REFERENCE_SUBSTEPS if arguments.quick else REFERENCE_SUBSTEPS
@@ -159,29 +162,29 @@ def _references(arguments: argparse.Namespace, report: dict[str, Any]) -> Refere
 
 
 def _run_scene(
-    scene: BenchScene, field: Field, references: References | None, repeats: int
+    scene: BenchScene, peer_set: PeerSet, references: References | None, repeats: int
 ) -> dict[str, Any]:
     with Progress(repeats + 1, scene.name, unit='run') as progress:
         runs = None if references is None else scene.references(references)
         progress.update()
-        lanes = race(scene, field.peers, repeats, progress.update)
+        records = run_interleaved(scene, peer_set.peers, repeats, progress.update)
     reference = None if runs is None else runs[0].positions
-    timings = {lane.peer.name: timing(lane) for lane in lanes}
+    timings = {record.peer.name: timing(record) for record in records}
     own = timings.get(COMPARED)
     peers = []
-    for lane in lanes:
-        times = timings[lane.peer.name]
+    for record in records:
+        times = timings[record.peer.name]
         ratio = None
         if own is not None and times is not None:
             ratio = own['frames_per_second'] / times['frames_per_second']
         peers.append(
             {
-                'name': lane.peer.name,
-                'family': lane.peer.family,
-                'label': lane.peer.label,
-                **result(scene, lane, reference),
+                'name': record.peer.name,
+                'family': record.peer.family,
+                'label': record.peer.label,
+                **assess(scene, record, reference),
                 'timing': times,
-                # how many times as fast as this one the shipped model is
+                # speed of the shipped model relative to this peer's
                 'compared': ratio,
             }
         )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns calibrate`: fit materials to tracked poses, and write a scene with them."""
+"""`rigid-gns calibrate`: fits materials to tracked poses and writes a scene with them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from ..scenes.scene import Scene
 
 
 def format_calibration(found: Calibration, scene: Scene) -> str:
-    """Return the fitted materials as a table, with what they are for pairs of two such things.
+    """Table of the fitted materials, and lines on the values of pairs.
 
     Args:
-        found: What was fitted.
-        scene: With these materials.
+        found: The fit.
+        scene: Scene with these materials.
     """
     rows = []
     for name, one in found.materials.items():
@@ -51,16 +51,16 @@ def format_calibration(found: Calibration, scene: Scene) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns calibrate`."""
+    """Add the options of `rigid-gns calibrate`."""
     parser.add_argument(
         '--data', required=True, type=Path, nargs='+', help='folders made by import'
     )
     model = parser.add_argument(
-        '--model', default='', help='contact model: a shipped name or a path'
+        '--model', default='', help='model that takes materials: a shipped name or a path'
     )
     completes(model, shipped_models)
     parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write all numbers')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
         '--fit',
         nargs='+',
@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=DEFAULT,
         help=f'materials to fit (default {" ".join(DEFAULT)})',
     )
-    parser.add_argument('--steps', type=positive, default=6, help='of a window (default 6)')
+    parser.add_argument('--steps', type=positive, default=6, help='steps of a window (default 6)')
     parser.add_argument(
         '--windows', type=positive, default=300, help='largest number of windows (default 300)'
     )
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns calibrate`."""
+    """Run `rigid-gns calibrate`; the exit code."""
     for path in filter(None, (arguments.out, arguments.json)):
         if path.exists():
             raise FileExistsError(f'{path} exists; remove it or give another name')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # PYTHON_ARGCOMPLETE_OK
-"""`rigid-gns`: one command per stage, whose module owns its options and is imported on demand."""
+"""`rigid-gns`: commands, each in a module with its options that is imported on demand."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from typing import Any
 
 from ..errors import UserError
 
-# name: (module with add_arguments(parser) and run(arguments) -> int, one-line help); what a
-# newcomer wants first
+# name: (module with add_arguments(parser) and run(arguments) -> int, one-line help), for newcomers
+# first
 COMMANDS: dict[str, tuple[str, str]] = {
     'info': (
         'rigid_gns_core.commands.info',
@@ -71,25 +71,25 @@ exit code:
   0    done
   1    done, and a check failed
   2    bad input, or something is missing: the last line on standard error says what to do
-  130  interrupted (Ctrl-C); generate, train and experiment go on when given again
-  141  the reader of the output left, as `head` does"""
+  130  interrupted (Ctrl-C); generate, train and experiment resume when given again
+  141  the reader of the output has closed it, as `head` does"""
 CHECK_FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 1, 2, 130, 141
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `rigid-gns COMMAND ...`; returns the exit code, see `EPILOG`."""
+    """Run `rigid-gns COMMAND ...`; the exit code, see `EPILOG`."""
     try:
         try:
             return _run(sys.argv[1:] if argv is None else list(argv))
         finally:
-            sys.stdout.flush()  # here, where a reader that has left can be told from an error
+            sys.stdout.flush()  # here, where a closed pipe can be handled
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at the exit
         return NO_READER
 
 
 def evaluate(argv: Sequence[str] | None = None) -> int:
-    """Run `evaluate ...`, as `ros2 run` finds it: the same as `rigid-gns evaluate ...`."""
+    """Run `rigid-gns evaluate ...` as the executable `evaluate` of `ros2 run`; the exit code."""
     return main(['evaluate', *(sys.argv[1:] if argv is None else argv)])
 
 
@@ -126,7 +126,7 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
 
 
 class _CommandParser(argparse.ArgumentParser):
-    """Parser of a command, which shows its own usage at a word that it does not know."""
+    """Parser of a command, which shows its own usage for unknown arguments."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         known, unknown = super().parse_known_args(args, namespace)
@@ -136,7 +136,7 @@ class _CommandParser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """`--version`, which looks the version up only when it is asked for."""
+    """`--version`, which looks up the version on demand."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, help: str) -> None:  # noqa: A002
         super().__init__(option_strings, dest, nargs=0, help=help)
@@ -170,25 +170,25 @@ def _run(argv: list[str]) -> int:
 
 
 def _with_remedy(error: ModuleNotFoundError) -> str:
-    """Return what is missing, and how to get it; an error of our own says that already."""
+    """Message on a missing module with its remedy; errors of this package have one already."""
     from ..installation.extras import missing
 
     if error.name is None or 'which is not installed' in str(error):
         return str(error)
     if error.name.partition('.')[0] in ('rigid_gns_core', 'rigid_gns_ros'):
-        raise error  # no input of a user's makes a module of ours vanish
+        raise error  # a bug: no input makes a module of this package missing
     return str(missing(error, 'this command'))
 
 
 def _reader_left() -> bool:
-    """Whether nobody reads standard output any more."""
+    """Whether the reader of standard output has closed it."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), select.POLLOUT)
     return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
 
 
 def _complete() -> None:
-    """Answer a shell that asks what the next word can be, and exit."""
+    """Print completions for the shell, and exit."""
     import argcomplete
 
     typed = os.environ['COMP_LINE'][: int(os.environ['COMP_POINT'])]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns closed-forms`: how far the teacher, or a model, is from closed-form mechanics."""
+"""`rigid-gns closed-forms`: checks of the teacher, or a model, against closed-form mechanics."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from ..running.progress import Progress
 
 TEACHER = 'teacher'
 OWN_RADII = 'bounce'
-"""Group of checks that has spheres of 1 m and of 20 mm by itself."""
+"""Group of checks with radii of 1 m and 20 mm of its own."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns closed-forms`."""
+    """Add the options of `rigid-gns closed-forms`."""
     model = parser.add_argument(
         '--model',
         nargs='+',
@@ -38,11 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     completes(model, lambda: [*shipped_models(), TEACHER])
     parser.add_argument(
-        '--radius', nargs='+', type=float, default=[1.0], help='of the spheres [m] (default: 1)'
+        '--radius', nargs='+', type=float, default=[1.0], help='radii of spheres [m] (default: 1)'
     )
-    parser.add_argument('--substeps', type=int, help='of the teacher per 0.1 s (default: 240)')
+    parser.add_argument('--substeps', type=int, help="teacher's substeps per 0.1 s (default: 240)")
     parser.add_argument('--quick', action='store_true', help='fewer cases, a few seconds')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write all checks to FILE')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write all checks to this file')
     parser.epilog = (
         'exit code: 1 where a check is out of bounds\n'
         'examples:\n'
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print a table of each model; 1 where a check is out of bounds."""
+    """Run `rigid-gns closed-forms`, which prints a table of each model; the exit code."""
     engines = {name: _engine(name, arguments.substeps) for name in arguments.model}
     work = [
         (radius, group)
@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def format_checks(checks: Sequence[dict[str, Any]]) -> str:
-    """One line per check name and radius: its worst case."""
+    """Table with a line for each check and radius: its worst case."""
     worst: dict[tuple[str, float], dict[str, Any]] = {}
     for check in checks:
         known = worst.setdefault((check['name'], check['radius']), check)
@@ -109,7 +109,7 @@ def format_checks(checks: Sequence[dict[str, Any]]) -> str:
 
 
 def _engine(name: str, substeps: int | None) -> tuple[dict[str, Any], Simulate]:
-    """Return what an engine is, for the JSON, and itself."""
+    """Description of an engine for the JSON file, and the engine."""
     if name != TEACHER:
         simulator = load_simulator(name)
         return {'card': simulator.card}, simulator_engine(simulator)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns evaluate`: score predictions, of a model on data or those in a recorded bag.
+"""`rigid-gns evaluate`: scores a model on data, or the predictions in a bag.
 
-`ros2 run rigid_gns_ros evaluate` is the same command. No ROS needed.
+`ros2 run rigid_gns_ros evaluate` is the same command.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _BY_HORIZON = {
     'horizon_errors': 'Position error since a start [m]',
     'future_errors': 'Position error of futures [m]',
 }
-# options of one kind of source, each None or False where it was not given
+# options of one kind of source; None or False where not given
 _OF_DATA = ('steps', 'velocities')
 _OF_BAG = ('scene', 'tracked', 'predicted', 'starts', 'match', 'reproduce')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns evaluate`."""
+    """Add the options of `rigid-gns evaluate`."""
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument('source', type=Path, nargs='?', metavar='SOURCE', help='data, or a bag')
     source.add_argument(
@@ -40,26 +40,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         '--bag',
         type=Path,
-        help='bag folder or .mcap file, whole or torn: score its predicted against its tracked '
-        'poses',
+        help='bag folder or .mcap file, complete or truncated: score its predicted poses '
+        'against its tracked ones',
     )
     model = parser.add_argument(
         '--model',
         metavar='NAME|FILE',
-        help='model to roll out (default: the shipped one; of a bag: the predictions in it, '
-        'where it holds any)',
+        help='model to roll out (default: the shipped one; for a bag: its predictions, if any)',
     )
     parser.add_argument(
         '--json',
         type=Path,
         metavar='FILE',
-        help='write all numbers to this file (default: of a bag, BAG_evaluation.json beside it)',
+        help='write all numbers to this file (default for a bag: BAG_evaluation.json beside it)',
     )
     parser.add_argument(
         '--figure',
         type=Path,
         metavar='PNG',
-        help='draw positions, energy and error of the first trajectory (default: of a bag, '
+        help='draw positions, energy and error of the first trajectory (default for a bag: '
         'BAG_evaluation.png)',
     )
     parser.add_argument('--no-figure', action='store_true', help='do not draw')
@@ -68,12 +67,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     data.add_argument(
         '--velocities',
         choices=('given', 'poses'),
-        help='velocities of both by differences of poses, or as given (default: poses, unless '
-        'those of the model are of the instant)',
+        help='velocities by differences of poses, or as given (default: poses, unless those of '
+        'the model are instantaneous)',
     )
     bag = parser.add_argument_group('options for a bag')
     scene = bag.add_argument(
-        '--scene', metavar='NAME|FILE', help='scene, where the bag holds none or a wrong one'
+        '--scene', metavar='NAME|FILE', help='scene instead of the recorded one'
     )
     bag.add_argument(
         '--tracked', '--topic', metavar='TOPIC', dest='tracked', help='topic of the tracked poses'
@@ -85,12 +84,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag.add_argument(
         '--match',
         action='store_true',
-        help='match poses to spheres for these rollouts: they come in any order, or are missing',
+        help='associate poses with tracks for these rollouts: poses are in any order or missing',
     )
     bag.add_argument(
         '--reproduce',
         action='store_true',
-        help='compute every prediction again instead, and compare bytes '
+        help='compute every prediction again instead, and compare the bytes '
         '(exit code 1: some differ)',
     )
     completes(model, shipped_models)
@@ -100,13 +99,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
         '  rigid-gns evaluate bags/first --figure first.png\n'
         '  rigid-gns evaluate bags/first --reproduce\n'
-        '  rigid-gns evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model gns\n'
+        '  rigid-gns evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model laws\n'
         '\nWhat each number means: docs/metrics.md.'
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table and the paths of what was written; returns the exit code."""
+    """Run `rigid-gns evaluate`, which prints a table and the paths of files; the exit code."""
     source = arguments.data or arguments.bag or arguments.source
     data = arguments.bag is None and (arguments.data is not None or _is_data(source))
     for name in _OF_BAG if data else _OF_DATA:
@@ -186,7 +185,7 @@ def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
     figure, missing = None, ''
     if not arguments.no_figure:
         try:
-            import matplotlib  # noqa: F401 - only to see whether it is there
+            import matplotlib  # noqa: F401 - to find out whether it is installed
 
             figure = arguments.figure or _beside(bag, '.png')
         except ModuleNotFoundError:
@@ -219,7 +218,7 @@ def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
 
 
 def format_report(report: dict[str, Any]) -> str:
-    """Return the tables of the report of a bag with its notes."""
+    """Tables and notes of the report of a bag."""
     from ..recordings.scoring.horizon_errors import format_horizons
 
     shown = {key: value for key, value in report.items() if key not in _BY_HORIZON}
@@ -247,7 +246,7 @@ def _reproduce(bag: Path, arguments: argparse.Namespace) -> int:
 
 
 def _beside(bag: Path, suffix: str) -> Path:
-    """Path beside a bag, so that no foreign file gets into its folder."""
+    """Path of a file beside a bag, as no other file belongs into its folder."""
     path = bag.resolve()
     return path.with_name(f'{path.stem if path.is_file() else path.name}_evaluation{suffix}')
 

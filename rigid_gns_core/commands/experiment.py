@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns experiment`: run an experiment of the thesis, write its table and figure."""
+"""`rigid-gns experiment`: runs experiments of the thesis and writes their tables and figures."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from ..errors import UserError
 from ..files.config import ConfigError
 from ..files.strict_json import write_compact_json
 from ..running.interrupt import end_on_sigterm
+from ..studies.thesis.aggregate import make_table
 from ..studies.thesis.budget import Budget, load_budget
 from ..studies.thesis.cell import Cell, cells_of, DIGITS, Store
 from ..studies.thesis.chart import write_chart
-from ..studies.thesis.measure import METRICS
-from ..studies.thesis.study import Experiment, load_experiment, shipped_experiments
-from ..studies.thesis.table import make_table
-from ..studies.thesis.text import format_table, write_page
-from ..studies.thesis.work import Folders, run_cells
+from ..studies.thesis.experiments import Experiment, load_experiment, shipped_experiments
+from ..studies.thesis.metrics import METRICS
+from ..studies.thesis.runner import Folders, run_cells
+from ..studies.thesis.tables import format_table, write_page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns experiment`."""
+    """Add the options of `rigid-gns experiment`."""
     names = parser.add_argument(
         'names', nargs='*', metavar='NAME', help='experiments: shipped names or YAML files; or all'
     )
-    parser.add_argument('--list', action='store_true', help='name all experiments and stop')
+    parser.add_argument('--list', action='store_true', help='list all experiments and stop')
     budget = parser.add_argument(
         '--budget',
         default='cpu',
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seeds', type=int, nargs='+', help="seeds instead of the budget's")
     parser.add_argument('--only', nargs='+', metavar='VARIANT', help='only these variants')
     parser.add_argument(
-        '--data', type=Path, default=Path('data'), help='data sets, made where absent (data)'
+        '--data', type=Path, default=Path('data'), help='data sets, generated if absent (data)'
     )
     parser.add_argument(
         '--runs', type=Path, default=Path('runs/thesis'), help='checkpoints (runs/thesis)'
@@ -50,9 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out', type=Path, default=Path('docs/thesis'), help='results (docs/thesis)'
     )
     parser.add_argument(
-        '--no-run',
-        action='store_true',
-        help='only tables and figures, of the cells that are there',
+        '--no-run', action='store_true', help='only write tables and figures, of finished cells'
     )
     parser.add_argument(
         '--page',
@@ -60,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='MD',
         nargs='?',
         const=Path('docs/thesis.md'),
-        help='run nothing; fill the tables of this page (docs/thesis.md) from --out',
+        help='only fill the tables of this page (docs/thesis.md) from --out',
     )
     add_worker_arguments(parser)
     parser.epilog = (
@@ -69,13 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '  rigid-gns experiment history --budget smoke --out smoke\n'
         '  rigid-gns experiment ablation --only base no_noise --workers 2\n'
         '  rigid-gns experiment all --backend dask --scheduler tcp://host:8786\n\n'
-        'A run that was stopped goes on where it was: give the same command again. A variant that '
-        'several\nexperiments share is trained once.'
+        'A run that was stopped resumes when the same command is given again. A variant of '
+        'several\nexperiments is trained once.'
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns experiment`; 1 where a cell failed."""
+    """Run `rigid-gns experiment`; the exit code, 1 where a cell failed."""
     if arguments.list:
         for name, experiment in shipped_experiments().items():
             print(f'{name:16} {experiment.title} ({experiment.source})')
@@ -109,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
         if figure is not None:
             print(f'figure:  {figure}')
         else:
-            chart.unlink(missing_ok=True)  # of another table
+            chart.unlink(missing_ok=True)  # an outdated one
         print()
     for line in failed:
         print(f'failed: {line}')
@@ -123,7 +121,7 @@ def _run_cells(
     store: Store,
     arguments: argparse.Namespace,
 ) -> list[str]:
-    """Lines on what failed."""
+    """Run the cells; a line for each that failed."""
     try:
         with end_on_sigterm():
             return run_cells(cells, budget, folders, store, chosen_workers(arguments))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns generate`: Bullet trajectories of a data recipe, or of one scene, into HDF5 files."""
+"""`rigid-gns generate`: Bullet trajectories of a data recipe, or of one scene, as HDF5 files."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ EXAMPLE = """examples:
   rigid-gns generate --config smoke --out data/smoke
   rigid-gns generate --scene box_154 --steps 600 --out box_154.h5
 
-A run that was stopped goes on where it was: give the same command again."""
-SCENE_STEPS = 600  # of `--scene`, where nothing else says it
+A run that was stopped resumes when the same command is given again."""
+SCENE_STEPS = 600  # default steps with `--scene`
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_worker_arguments(parser)
     parser.add_argument(
-        '--trajectories', type=int, metavar='N', help='make so many, whatever the recipe says'
+        '--trajectories', type=int, metavar='N', help="trajectories instead of the recipe's number"
     )
     parser.add_argument(
         '--steps', type=int, metavar='N', help="time steps (default: the recipe's; a scene: 600)"
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns generate`."""
+    """Run `rigid-gns generate`; the exit code."""
     if arguments.scene is not None:
         if arguments.out.exists():
             raise FileExistsError(f'{arguments.out} exists; remove it first')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns hard-cases`: run models through the hard cases, beside the teacher."""
+"""`rigid-gns hard-cases`: runs models, and the teacher, on the hard cases."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from ..studies.hard_cases.case import Case
 from ..studies.hard_cases.cases import DRIFT, ENERGY_RISE, hard_cases
 from ..studies.hard_cases.checks import TEACHER_ENERGY_RISE
 from ..studies.hard_cases.engines import load_engine, run_cases, TEACHER
-from ..studies.hard_cases.report import format_summary, format_table
+from ..studies.hard_cases.table import format_summary, format_table
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns hard-cases`."""
+    """Add the options of `rigid-gns hard-cases`."""
     model = parser.add_argument(
         '--model',
         nargs='+',
@@ -35,27 +35,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     completes(model, lambda: [*shipped_models(), TEACHER])
     only = parser.add_argument(
-        '--cases', nargs='+', metavar='NAME', help='only these (default: all)'
+        '--cases', nargs='+', metavar='NAME', help='only these cases (default: all)'
     )
     completes(only, [case.name for case in hard_cases()])
     parser.add_argument('--quick', action='store_true', help='fewer steps in long cases')
-    parser.add_argument('--seed', type=int, default=0, help='of random starts (default: 0)')
+    parser.add_argument('--seed', type=int, default=0, help='seed of random starts (default: 0)')
     parser.add_argument(
         '--teacher',
         action=argparse.BooleanOptionalAction,
-        help='errors against Bullet (default: where pybullet is installed); takes minutes',
+        help='errors against Bullet (default: if pybullet is installed); takes minutes',
     )
     parser.add_argument(
-        '--substeps', type=int, default=96, help='of the teacher per time step (default: 96)'
+        '--substeps', type=int, default=96, help="teacher's substeps per time step (default: 96)"
     )
     parser.add_argument(
-        '--cache', type=Path, metavar='DIR', help="keep the teacher's trajectories in this folder"
+        '--cache', type=Path, metavar='DIR', help="cache the teacher's trajectories in this folder"
     )
     parser.add_argument(
         '--velocities',
         choices=('given', 'poses'),
-        help="for the energy: a model's own, or differences of its poses (default: poses, except "
-        'where a model says that its own are instantaneous)',
+        help="velocities for the energy: the model's, or differences of its poses (default: "
+        'poses, unless those of the model are instantaneous)',
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.epilog = '\n'.join(
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table; 1 where the default model fails a case."""
+    """Run `rigid-gns hard-cases`; the exit code, 1 where the default model fails a case."""
     from ..files.checkpoint import DEFAULT_MODEL
 
     cases = hard_cases(arguments.cases, quick=arguments.quick, seed=arguments.seed)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns import BAG...`: tracked poses of bags as a data set to train on."""
+"""`rigid-gns import BAG...`: writes the tracked poses of bags as a data set."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..recordings.importing.tracks import ImportOptions
 
 
 def format_report(report: dict[str, Any]) -> str:
-    """Return what one bag gave, in sentences."""
+    """Lines on the import of one bag."""
     records = ', '.join(f'{steps} steps of {count}' for count, steps in report['records'])
     turning = report['noise_rad']
     period = f'{1e3 * report["interval_s"]:.4g} ms'
@@ -47,31 +47,31 @@ def format_report(report: dict[str, Any]) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns import`."""
+    """Add the options of `rigid-gns import`."""
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG', help='folder or .mcap file')
-    parser.add_argument('--out', required=True, type=Path, help='data set to make')
+    parser.add_argument('--out', required=True, type=Path, help='folder of the data set to write')
     parser.add_argument(
         '--topic',
-        help='topic of the tracked poses (default: that which a simulator named, else the only '
-        '.../tracked_poses)',
+        help='topic of the tracked poses (default: the one that a simulator recorded, else the '
+        'only .../tracked_poses)',
     )
     scene = parser.add_argument(
-        '--scene', metavar='NAME|FILE', help="scene instead of the bag's own"
+        '--scene', metavar='NAME|FILE', help='scene instead of the recorded one'
     )
-    parser.add_argument('--radius', type=float, help='radius of all spheres [m]')
+    parser.add_argument('--radius', type=float, help="radius instead of the scene's [m]")
     model = parser.add_argument('--model', default='', help='model whose time step the data get')
     completes(scene, configs('scenes'))
     completes(model, shipped_models)
-    parser.add_argument('--dt', type=float, help='time step instead of that [s]')
-    parser.add_argument('--max-gap', type=float, help='longest time to bridge [s]')
+    parser.add_argument('--dt', type=float, help="time step instead of the model's [s]")
+    parser.add_argument('--max-gap', type=float, help='longest time between joined frames [s]')
     parser.add_argument(
         '--min-steps', type=int, default=10, help='shorter stretches are left out (default 10)'
     )
     parser.add_argument(
         '--match',
         action='store_true',
-        help='match poses to spheres: they come in any order, or are missing (default: only where '
-        'the simulator that recorded the bag did)',
+        help='associate poses with tracks: they come in any order or are missing (default: only '
+        'where the simulator that recorded the bag did so)',
     )
     parser.epilog = (
         'examples:\n  rigid-gns import bags/first bags/second --out data/lab\n'
@@ -80,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns import`."""
+    """Run `rigid-gns import`; the exit code."""
     names = ('topic', 'scene', 'radius', 'model', 'dt', 'max_gap', 'min_steps', 'match')
     options = ImportOptions(**{name: getattr(arguments, name) for name in names})
     reports = import_bags(arguments.bags, arguments.out, options)

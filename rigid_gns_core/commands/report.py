@@ -1,20 +1,20 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns report`: one HTML file of a rollout or a bag, to look at offline."""
+"""`rigid-gns report`: writes one HTML file of a rollout or a bag, to view offline."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from .source import add_source, read_comparison
+from .comparison_arguments import add_source, read_comparison
 from ..errors import UserError
 from ..show.report.page import MAX_FRAMES, write_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns report`."""
+    """Add the options of `rigid-gns report`."""
     add_source(parser)
     parser.add_argument('--out', required=True, type=Path, metavar='HTML', help='file to write')
     parser.add_argument(
@@ -23,21 +23,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='+',
         default=[],
         metavar='RECORD',
-        help="the reference's start simulated otherwise, as by Bullet at other substeps: how far "
-        'apart simulations of it get',
+        help="other simulations of the reference's start, such as Bullet at other substeps, for "
+        'the floor of chaos',
     )
     parser.add_argument(
         '--velocities',
         choices=('given', 'poses'),
         default='given',
-        help='velocities of two records as they give them (default), or by differences of poses',
+        help='velocities of two records as given (default), or by differences of poses',
     )
     parser.add_argument(
         '--max-frames',
         type=int,
         default=MAX_FRAMES,
         metavar='N',
-        help=f'most frames in the replay; curves and numbers keep all (default {MAX_FRAMES})',
+        help=f'frames in the replay; curves and numbers keep all (default {MAX_FRAMES})',
     )
     parser.epilog = (
         'examples:\n'
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the report; prints where it is and returns 0."""
+    """Run `rigid-gns report`, which prints the path of the report; the exit code."""
     out: Path = arguments.out
     if out.suffix.lower() not in ('.html', '.htm'):
         raise UserError(f'--out is {out}, expected a name that ends with .html')

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns rollout`: predict a trajectory from a scene file's start and write it as a record.
+"""`rigid-gns rollout`: predicts a trajectory from the start of a scene file, as a record.
 
-With `--samples` also what becomes of starts near it: how sure a prediction is.
+With `--samples` also from starts near it, whose spread is the uncertainty of the prediction.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ..scenes.state import Array, State, Trajectory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns rollout`."""
+    """Add the options of `rigid-gns rollout`."""
     model = parser.add_argument('--model', default='', help='name of a shipped model, or a path')
     scene = parser.add_argument(
         '--scene', default='box_154', help='scene file, or a name in config/scenes'
@@ -45,17 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         default=1,
         metavar='N',
-        help='starts: the first is that of the scene, the others are near it (default 1)',
+        help='number of starts: that of the scene, and others near it (default 1)',
     )
     parser.add_argument(
         '--spread',
         type=float,
         default=0.01,
         metavar='M',
-        help='how near: standard deviation of each coordinate of a position [m] (default 0.01)',
+        help='standard deviation of the coordinates of the other starts [m] (default 0.01)',
     )
     parser.add_argument(
-        '--out', required=True, type=Path, help='HDF5 file to write; of several samples a folder'
+        '--out', required=True, type=Path, help='HDF5 file to write; for several samples, a folder'
     )
     parser.epilog = (
         'examples:\n'
@@ -65,13 +65,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rigid-gns rollout`."""
+    """Run `rigid-gns rollout`; the exit code."""
     out, samples = arguments.out, arguments.samples
     if out.exists():
         raise FileExistsError(f'{out} exists; remove it or give another --out')
     if not (np.isfinite(arguments.spread) and arguments.spread >= 0):
         raise UserError(f'--spread is {arguments.spread:g} m, expected a number, at least 0')
-    # threads go to starts where there are several
+    # several starts run in parallel instead
     simulator = load_simulator(arguments.model, threads=1 if samples > 1 else arguments.threads)
     scene, recipe = load_start(arguments.scene)
     seed = recipe.seed if arguments.seed is None else arguments.seed
@@ -79,15 +79,15 @@ def run(arguments: argparse.Namespace) -> int:
     starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]
     lock = threading.Lock()
     with Progress(samples * arguments.steps, 'rollout') as progress:
-        # a first step loads machine code, which takes longer than many steps; what it warns of
-        # the rollouts tell too
+        # the first step loads machine code, which takes longer than many steps; the rollouts
+        # repeat its warnings
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')
             simulator.rollout_batch(scene, starts[:1], min(arguments.steps, 1), workers=1)
         begin = time.perf_counter()
 
         def count(steps: int) -> None:
-            with lock:  # starts that run in threads are counted one by one
+            with lock:  # the starts run in threads
                 progress.update(steps)
 
         trajectories = simulator.rollout_batch(
@@ -118,9 +118,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def starts_near(start: State, count: int, spread: float, seed: int) -> list[State]:
-    """Return the start with positions moved by Gaussian noise of standard deviation `spread` [m].
+    """`count` starts with positions moved by Gaussian noise of standard deviation `spread` [m].
 
-    Sample k does not depend on how many there are.
+    Sample k does not depend on `count`.
     """
     return [
         replace(
@@ -133,10 +133,7 @@ def starts_near(start: State, count: int, spread: float, seed: int) -> list[Stat
 
 
 def position_spread(trajectories: Sequence[Trajectory]) -> Array:
-    """How far apart samples are: root mean square distance of each sphere from its mean place [m].
-
-    Shape (steps + 1, n).
-    """
+    """Rms distance of each sphere of the samples from its mean position [m], (steps + 1, n)."""
     mean = sum(trajectory.positions for trajectory in trajectories) / len(trajectories)
     squares = sum(np.square(t.positions - mean).sum(axis=-1) for t in trajectories)
     deviation: Array = np.sqrt(squares / len(trajectories))
@@ -144,7 +141,7 @@ def position_spread(trajectories: Sequence[Trajectory]) -> Array:
 
 
 def print_spread(trajectories: Sequence[Trajectory]) -> None:
-    """Print a table of the spread over time, at about ten times."""
+    """Print a table of the spread at about ten times."""
     spread = position_spread(trajectories)
     print(f'spread of {len(trajectories)} samples [m], over spheres')
     rows = []

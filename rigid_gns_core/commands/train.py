@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns train`: its options, which a shell can complete without importing torch."""
+"""`rigid-gns train`: trains a model; its options are here, for completion without torch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .arguments import completes, configs, positive, shipped_models
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `rigid-gns train`."""
+    """Add the options of `rigid-gns train`."""
     config = parser.add_argument(
         '--config', default='gns', help='recipe: a file or a name in config/train'
     )
@@ -20,9 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--data', required=True, type=Path, nargs='+', help='folders made by generate'
     )
-    parser.add_argument('--validation', type=Path, help='held-out folder that chooses the best')
+    parser.add_argument('--validation', type=Path, help='held-out data to choose the best weights')
     parser.add_argument(
-        '--out', required=True, type=Path, help='folder of the run; resumed if old'
+        '--out', required=True, type=Path, help='folder of the run; an existing run is resumed'
     )
     start = parser.add_argument(
         '--from', dest='start', metavar='MODEL', help='weights to start from: a name or a path'
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=('auto', 'cpu', 'cuda'),
         default='auto',
         help='where the network is trained; auto: CUDA where there is one (default). '
-        'The same seed gives the same bytes on the CPU; on CUDA sums have no fixed order',
+        'The same seed gives the same bytes on the CPU, but not on CUDA',
     )
     parser.epilog = (
         'examples:\n'
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Train."""
+    """Run `rigid-gns train`; the exit code."""
     from ..training.train import run as train
 
     return train(arguments)

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From tracked spheres to predictions that are due. No ROS in here."""
+"""Forecasts from tracked spheres, and the schedule by which predictions are published."""

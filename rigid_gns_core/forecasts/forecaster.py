@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Predicted poses at any time after a start frame, sampled from the model's own steps."""
+"""Forecasts: predicted poses at any time after a start frame, interpolated between model steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..scenes.state import Array, State
 if TYPE_CHECKING:
     from ..rollout.rollout import Rollout
 
-MEMORY = 1.0  # for how long a forecast remembers what it predicted [s]
+MEMORY = 1.0  # how far back a forecast keeps its predictions [s]
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Prediction:
     """Poses predicted for one time.
 
     Args:
-        stamp_ns: Time predicted for [ns].
+        stamp_ns: Time that is predicted [ns].
         poses: Position [m] and quaternion (x, y, z, w) of each sphere, shape (n, 7).
-        step_times: Wall-clock time of each model step that was needed [s].
+        step_times: Wall-clock time of each model step that it took [s].
     """
 
     stamp_ns: int
@@ -42,7 +42,7 @@ class Prediction:
 
 
 class Forecast:
-    """Predictions from one start frame, for any later times in rising order.
+    """Predictions from one start frame, for later times in rising order.
 
     Args:
         rollout: The model's rollout from the start frame.
@@ -55,16 +55,16 @@ class Forecast:
         self._past = deque([rollout.state], maxlen=int(np.ceil(MEMORY / rollout.dt)) + 2)
 
     def advance_to(self, stamp_ns: int) -> Prediction:
-        """Compute the prediction for a time, taking as many steps of the model as it needs.
+        """Prediction for a time, after as many model steps as it needs.
 
         Between two steps, positions are interpolated linearly and rotations along the shorter arc.
 
         Args:
-            stamp_ns: Time to predict for [ns], after the start frame and all earlier predictions.
+            stamp_ns: Time to predict [ns], after the start frame and all earlier predictions.
 
         Raises:
-            UserError: The rollout diverged: a value is not finite.
-            FloatingPointError: The same, seen by the rollout.
+            UserError: The rollout diverged: a pose is not finite.
+            FloatingPointError: The rollout itself found that it diverged.
         """
         place = self._place(stamp_ns)
         step_times = []
@@ -83,9 +83,9 @@ class Forecast:
         return Prediction(stamp_ns, poses, tuple(step_times))
 
     def recall(self, stamp_ns: int) -> Array | None:
-        """Centres predicted for a time [m], shape (n, 3), linear between two steps of the model.
+        """Predicted centres at a past time [m], shape (n, 3), linear between two model steps.
 
-        None for a time that is not reached yet, or longer ago than about a second.
+        None for a time that is not reached yet or lies more than about `MEMORY` back.
         """
         index = self._place(stamp_ns) - (self.rollout.steps - len(self._past) + 1)
         if not 0 <= index <= len(self._past) - 1:
@@ -98,20 +98,20 @@ class Forecast:
         return (1 - weight) * before + weight * self._past[low + 1].positions
 
     def _place(self, stamp_ns: int) -> float:
-        """Position of a time among the model's steps."""
+        """Number of model steps from the start to a time, not rounded."""
         place = (stamp_ns - self.start_ns) * 1e-9 / self.rollout.dt
         nearest = round(place)
-        # stamps are whole nanoseconds, so one off is on the step
+        # stamps are whole nanoseconds: one that is a nanosecond off is on the step
         return float(nearest) if abs(place - nearest) * self.rollout.dt <= 1e-9 else place
 
 
 class Forecaster:
-    """A model and a scene: makes forecasts from start states.
+    """Forecasts of a model in a scene, from start states.
 
     Args:
         model: Name or path of the model; empty: the shipped default.
         scene: Surfaces and spheres.
-        scene_name: Of the scene, for people.
+        scene_name: Name of the scene, for messages.
         rate: Predictions per second [Hz]; 0: one per step of the model.
         threads: CPU threads of the model.
 
@@ -129,13 +129,14 @@ class Forecaster:
         threads: int = 1,
     ) -> None:
         self.scene, self.scene_name = scene, scene_name
-        # late, so that a node's signal handlers are in place while it loads and compiles
+        # imported late, so that a node's signal handlers are in place while this loads and
+        # compiles
         from ..prediction.load import load_simulator
 
         self.simulator = load_simulator(model or None, threads=threads)
         self.native_dt = self.simulator.native_dt(self.scene)
         self.period = 1 / rate if rate else self.native_dt
-        # the first step of a process is slow: take it before anybody waits for it
+        # the first step in a process is slow: take it now
         count = self.scene.sphere_count or 2
         surfaces = self.scene.surfaces
         ground = np.array(surfaces[0].point if surfaces else (0.0, 0.0, 0.0))
@@ -146,7 +147,7 @@ class Forecaster:
 
     @property
     def description(self) -> dict[str, Any]:
-        """What a reader of the predictions needs, as JSON takes it; times in seconds."""
+        """Scene, model and time steps [s], ready for JSON."""
         return {
             'scene': self.scene.to_mapping(),
             'model': self.simulator.name,
@@ -167,14 +168,14 @@ class Forecaster:
 
     @property
     def level(self) -> bool:
-        """Whether spheres can lie still on a surface, or there are no surfaces."""
+        """Whether spheres can rest on a surface, or there are no surfaces."""
         return not self.scene.surfaces or self.scene.ground is not None
 
     def check(self, count: int) -> list[str]:
         """Warnings about predicting `count` spheres.
 
         Raises:
-            UserError: The model cannot serve that many in this scene.
+            UserError: The model or the scene does not support this number.
         """
         if self.scene.sphere_count not in (None, count):
             raise UserError(
@@ -187,17 +188,16 @@ class Forecaster:
         return sorted({str(warning.message) for warning in caught})
 
     def forecast(self, state: State, start_ns: int, ids: Sequence[int] | None = None) -> Forecast:
-        """Predictions from a state at stamp `start_ns` [ns].
+        """Forecast from a start state.
 
         Args:
-            state: Start.
-            start_ns: Its stamp.
-            ids: Of its spheres, where not 0, 1, 2 ...; properties per sphere are looked up by
-                them.
+            state: Start state.
+            start_ns: Its stamp [ns].
+            ids: Ids of its spheres, by which properties per sphere are looked up; None: 0, 1, ...
         """
         scene = self.scene if ids is None else scene_of(self.scene, ids)
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # `check` tells them
+            warnings.simplefilter('ignore')  # `check` reports them
             rollout = self.simulator.start(
                 scene,
                 state.positions,
@@ -209,10 +209,10 @@ class Forecaster:
 
 
 def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
-    """Return the scene of spheres with these ids, where it gives properties per sphere.
+    """The scene with its properties per sphere, if any, selected by these ids.
 
     Raises:
-        UserError: It does not give those of all of them.
+        UserError: The scene lacks the properties of an id.
     """
     known = scene.sphere_count
     if known is None or tuple(ids) == tuple(range(known)):
@@ -233,14 +233,13 @@ def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
     )
 
 
-def turned_gravity(scene: Scene, direction: Sequence[float]) -> Scene:
-    """Return the scene with gravity of the same size along `direction`; (0, 0, 0): as it is.
+def with_gravity_along(scene: Scene, direction: Sequence[float]) -> Scene:
+    """The scene with gravity of the same magnitude along `direction`; (0, 0, 0): unchanged.
 
-    Surfaces stay where they are: like the spheres they are given in the tracker's frame, whatever
-    points up in it.
+    Surfaces are unchanged: like the spheres, they are given in the tracker's frame.
 
     Raises:
-        UserError: The scene has no gravity to be turned.
+        UserError: The scene has no gravity.
     """
     towards = np.asarray(direction, dtype=np.float64)
     length = float(np.linalg.norm(towards))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The whole future from a frame, computed in a thread; only the newest frame counts."""
+"""Futures: the predicted trajectory from the newest frame, computed in a thread."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from ..rollout.rollout import Rollout
 
 
-# steps are taken together for about so long, after which a job that was cancelled ends [s]
+# steps are taken in blocks of about this time, after which a cancelled job ends [s]
 BLOCK = 10e-3
 
 
 @dataclass(frozen=True)
 class Job:
-    """A future to compute.
+    """A predicted trajectory to compute.
 
     Args:
-        rollout: The model's rollout, at its start; used by nobody else.
+        rollout: The model's rollout at its start, for this job alone.
         stamp_ns: Stamp of the start frame [ns].
-        steps: Steps of the model.
+        steps: Number of model steps.
         frame_id: Coordinate frame.
         ids: Id of each sphere.
     """
@@ -48,14 +48,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Future:
-    """What a job gave.
+    """A computed trajectory.
 
     Args:
         job: The job.
-        cdr: trajectory_msgs/MultiDOFJointTrajectory; its first point is the start.
-        positions: Centres [m] of start and steps, shape (points, n, 3).
-        took: Time spent on it [s].
-        error: Why it ends before its time, or ''.
+        cdr: trajectory_msgs/MultiDOFJointTrajectory, whose first point is the start.
+        positions: Centres at the start and after each step [m], shape (points, n, 3).
+        took: Time of the computation [s].
+        error: Why it ends early; empty: it does not.
     """
 
     job: Job
@@ -66,17 +66,17 @@ class Future:
 
 
 def steps_of(horizon: float, dt: float) -> int:
-    """Return the least number of model steps of `dt` [s] that reach `horizon` [s]."""
+    """Least number of model steps of `dt` [s] that reach `horizon` [s]."""
     return int(np.ceil(horizon / dt - 1e-9))
 
 
 class Horizon:
-    """Computes one future at a time in its own thread, and then the newest that was asked for.
+    """Computes one trajectory at a time in its own thread, then the newest requested one.
 
-    The engine holds no lock of Python meanwhile. All methods are called from one thread.
+    The engine runs without Python's global lock. All methods are called from one thread.
 
     Args:
-        done: Called in the other thread when there may be something to `take`.
+        done: Called in the computing thread when `take` may have a result.
     """
 
     def __init__(self, done: Callable[[], object]) -> None:
@@ -88,25 +88,25 @@ class Horizon:
 
     @property
     def busy(self) -> bool:
-        """Whether there is something to compute."""
+        """Whether a job runs or waits."""
         return self._running is not None or self._waiting is not None
 
     def request(self, make: Callable[[], Job | None]) -> bool:
-        """Ask for a future. False where an older one that waited is dropped for it.
+        """Request a trajectory; False where it replaces an older request that still waited.
 
         Args:
-            make: Makes the job when its turn comes, as to begin takes time that would be lost for
-                one that is dropped; None: there is no future.
+            make: Makes the job when its turn comes, so that dropped requests cost nothing; returns
+                None where there is nothing to compute.
         """
         superseded, self._waiting = self._waiting is not None, make
         self._begin()
         return not superseded
 
     def take(self) -> Future | None:
-        """Return the future, where it is ready; the one that waits is begun then.
+        """The result, where it is ready; the waiting job is begun then.
 
         Raises:
-            Exception: What came up while it was computed, but for a rollout that diverged.
+            Exception: What the computation raised; a rollout that diverged does not raise.
         """
         running = self._running
         if running is None or not running.done():
@@ -116,13 +116,13 @@ class Horizon:
         return running.result()
 
     def cancel(self) -> None:
-        """Drop what waits and what is computed."""
+        """Drop the waiting and the running job."""
         self._cancelled.set()
         self._waiting = self._running = None
-        self._cancelled = threading.Event()  # of what comes next
+        self._cancelled = threading.Event()  # for later jobs
 
     def close(self) -> None:
-        """Compute nothing any more."""
+        """Cancel all jobs and end the thread."""
         self.cancel()
         self._pool.shutdown()
 
@@ -136,7 +136,7 @@ class Horizon:
 
 
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
-    """Return the future of a job; None where it was cancelled meanwhile."""
+    """Result of a job; None where it was cancelled."""
     begun = time.perf_counter()
     rollout = job.rollout
     recording = Recording(rollout.state, rollout.dt, job.steps)

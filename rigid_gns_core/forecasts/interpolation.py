@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses between frames, be they predicted or tracked. No ROS needed."""
+"""Interpolation of poses between frames."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..tracking.usable_frames import Stamps
 
 
 def between(start: Array, end: Array, weight: ArrayLike) -> Array:
-    """Poses between two: linear in position, along the shorter arc in rotation.
+    """Poses between two others: linear in position, along the shorter arc in rotation.
 
     Args:
         start: Position [m] and quaternion (x, y, z, w), shape (..., 7).
-        end: The same, later.
-        weight: 0 for `start` to 1 for `end`, with a last axis of length 1 where it is no number.
+        end: Later poses, of the same shape.
+        weight: 0 for `start` to 1 for `end`: a number, or an array of shape (..., 1).
 
     Returns:
         Poses, shape (..., 7).

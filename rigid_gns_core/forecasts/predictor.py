@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which prediction is next, from which frame it starts, and when it is due. No ROS in here."""
+"""Which prediction is next, from which frame it starts, and when it is due."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ..errors import UserError
 from ..tracking.usable_frames import seconds
 from ..tracking.window import TrackingWindow
 
-# a tracker whose clock is further off than this is followed on its own clock [ns]
+# where the tracker's clock differs by more from the node's, predictions follow the tracker's [ns]
 CLOCK_TOLERANCE_NS = 1_000_000_000
 
 
 class PredictionError(UserError):
-    """There is no start or no next prediction. `kind` tells which."""
+    """There is no start, or no next prediction; `kind` says which."""
 
     def __init__(self, kind: str, message: str) -> None:
         super().__init__(message)
@@ -31,13 +31,13 @@ class PredictionError(UserError):
 
 @dataclass
 class Resync:
-    """When a forecast starts anew; may change at any time.
+    """When a forecast restarts from the newest frame; may change at any time.
 
     Args:
-        start: first: it never does; every: for each prediction, from the newest frame; diverged:
-            when its error passes the bound.
-        bound: Error from which it has diverged, in radii of the largest sphere.
-        over: Of which spheres that error is: max (the worst) or mean.
+        start: first: never; every: for each prediction; diverged: when its error exceeds the
+            bound.
+        bound: Largest error of a forecast that has not diverged, in radii of the largest sphere.
+        over: Statistic of that error over the spheres: max or mean.
     """
 
     start: str = 'first'
@@ -47,7 +47,7 @@ class Resync:
 
 @dataclass(frozen=True)
 class TrackingError:
-    """How far a forecast was from a tracked frame [m]: mean over all spheres, and the worst."""
+    """Position error of a forecast at a tracked frame [m]: mean over spheres, and the worst."""
 
     stamp_ns: int
     mean: float
@@ -55,16 +55,16 @@ class TrackingError:
 
 
 class Predictor:
-    """One prediction after the other, each computed ahead and held until it is due.
+    """Computes one prediction after the other ahead of time, and holds it until it is due.
 
-    Times `now` and due times are of the node's clock, stamps of the tracker's [ns].
+    `now` and due times are on the node's clock, stamps on the tracker's [ns].
 
     Args:
         model: Makes the forecasts.
         window: Tracked frames.
-        resync: When a forecast starts anew.
-        on_start: Called with each start of a forecast, before a prediction of it is made.
-        warn: Called with a kind and a sentence; may be called often.
+        resync: When a forecast restarts.
+        on_start: Called with each start of a forecast, before its first prediction.
+        warn: Called with a kind and a sentence, possibly often.
         error: Called with a sentence, once.
     """
 
@@ -84,15 +84,15 @@ class Predictor:
         self.forecast: Forecast | None = None
         self.pending: Prediction | None = None  # computed, not yet published
         self.last_start: Start | None = None
-        self._error_seen: TrackingError | None = None  # the last one of the present forecast
-        self._compared = False  # whether a frame was since the last `compute`
+        self._error_seen: TrackingError | None = None  # last one of the present forecast
+        self._compared = False  # whether a frame was compared since the last `compute`
         self.counts = {'published': 0, 'late': 0, 'skipped': 0}
         self._grid = Grid(0, model.period)
         self._pacer = Pacer(self.period_ns)
-        self._told_overload = False
-        self._anew: Reason | None = None  # why the next `compute` starts from the newest frame
-        self._offset_ns = 0  # node clock minus the tracker's clock, 0 where they agree
-        self._delay_ns = 0  # of all predictions, by the time that they were paused
+        self._overload_reported = False
+        self._restart_reason: Reason | None = None  # of a restart by the next `compute`
+        self._offset_ns = 0  # node's clock minus tracker's clock, 0 where they agree
+        self._delay_ns = 0  # delay of all predictions by pauses
 
     @property
     def every(self) -> bool:
@@ -101,16 +101,16 @@ class Predictor:
 
     @property
     def due_ns(self) -> int:
-        """When the present prediction is to be published."""
+        """When the present prediction is due, on the node's clock [ns]."""
         return self._grid.stamp_ns + self._offset_ns + self._delay_ns
 
     @property
     def index(self) -> int:
-        """Number of periods from the frame that the stamps are counted from."""
+        """Number of periods since the frame from which stamps are counted."""
         return self._grid.index
 
     def start(self, now: int, reason: Reason) -> None:
-        """Start from the newest frame; `compute` is next.
+        """Start a forecast from the newest frame; `compute` is called next.
 
         Raises:
             PredictionError: The frames give no start.
@@ -121,26 +121,26 @@ class Predictor:
         self._pacer.clear()
 
     def stop(self) -> None:
-        """Forget what was predicted."""
-        self.forecast = self.pending = self._error_seen = self._anew = None
+        """Drop the forecast and its pending prediction."""
+        self.forecast = self.pending = self._error_seen = self._restart_reason = None
 
-    def start_anew(self, now: int, reason: Reason) -> None:
-        """Start from the newest frame and keep to the stamps; replaces the pending prediction.
+    def restart(self, now: int, reason: Reason) -> None:
+        """Restart from the newest frame, keep the stamps, and replace the pending prediction.
 
         Raises:
             PredictionError: The frames give no start, or the rollout diverged.
         """
         if self.pending is None:
-            self._anew = reason  # by the next `compute`
+            self._restart_reason = reason  # by the next `compute`
         else:
             self.forecast = self._renewed(now, reason)
             self.pending = self._advance()
 
     def has_diverged(self) -> bool:
-        """Take note of a new frame; whether `start: diverged` must start anew.
+        """Whether the forecast must restart with `start: diverged`; called with each new frame.
 
-        Only that start compares with each frame, as this takes milliseconds of fitting. With
-        `every` the first frame of a period is fitted here, as the next prediction waits for it.
+        Only that mode compares every frame, since fitting takes milliseconds. With `every`, the
+        first frame of a period is fitted here, ahead of the prediction that needs it.
         """
         forecast, newest, window = self.forecast, self._newest, self._window
         if forecast is None or self.resync.start == 'first' or (self.every and self._compared):
@@ -150,18 +150,18 @@ class Predictor:
         if self.every or not window.full or newest <= forecast.start_ns:
             return False
         if forecast.recall(newest) is None:
-            # long ago, or not reached yet, as where computing has fallen behind
+            # out of memory, or not reached yet because computing has fallen behind
             return newest > self._grid.stamp_ns + self.period_ns
         return self._error_seen is not before and self.beyond_bound
 
     @property
     def last_error(self) -> TrackingError | None:
-        """Of the present forecast, to the newest frame that can be compared with it."""
+        """Error of the present forecast at the newest comparable frame; None: there is none."""
         self._compare()
         return self._error_seen
 
     def _compare(self) -> None:
-        """Compare the forecast with the newest frame, unless that was done."""
+        """Compare the forecast with the newest frame, unless it was compared before."""
         forecast, newest, window, known = (
             self.forecast,
             self._newest,
@@ -180,7 +180,7 @@ class Predictor:
 
     @property
     def beyond_bound(self) -> bool:
-        """Whether the last error is beyond the bound of `resync`."""
+        """Whether the last error exceeds the bound of `resync`."""
         error = self.last_error
         if error is None:
             return False
@@ -188,11 +188,12 @@ class Predictor:
         return not value <= self.resync.bound * self._model.radius
 
     def compute(self, now: int, *, paused: bool = False) -> Prediction:
-        """Compute the next prediction, ahead of the time it is due.
+        """Compute the next prediction, before it is due.
 
         Args:
             now: Time of the node's clock [ns].
-            paused: Whether it is made by hand, so that stamps passed over are not left out.
+            paused: Whether it is stepped by hand, so that stamps passed over do not count as
+                skipped.
 
         Raises:
             PredictionError: The rollout diverged, or the newest frames give no start.
@@ -200,12 +201,12 @@ class Predictor:
         assert self.forecast is not None
         self._compared = False
         self._grid.advance()
-        # a slow tracker or a lost frame: it goes on period by period, however late, as a slow
-        # machine would fall behind the more, the more it tried to compute at once
+        # without a newer frame it advances period by period, however late: a slow machine would
+        # fall further behind if it computed several at once
         newer = self._window.full and self._newest > self.forecast.start_ns
-        reason = self._anew or ('every' if self.every and newer else None)
+        reason = self._restart_reason or ('every' if self.every and newer else None)
         if reason:
-            self._anew = None
+            self._restart_reason = None
             self.forecast = self._renewed(now, reason, paused=paused)
         self.pending = self._advance()
         return self.pending
@@ -221,18 +222,18 @@ class Predictor:
             ) from error
 
     def resume(self, now: int) -> None:
-        """Move the schedule by the length of a pause, with one period to get going."""
+        """Delay the schedule by the length of a pause; the next prediction is due in a period."""
         self._delay_ns += now + self.period_ns - self.due_ns
 
     def take(self) -> Prediction:
-        """Return the pending prediction, to be published now."""
+        """Take the pending prediction, to publish it now."""
         assert self.pending is not None
         prediction, self.pending = self.pending, None
         self.counts['published'] += 1
         return prediction
 
     def take_in_time(self, now: int) -> Prediction | None:
-        """Return the pending prediction; None where it is so late that it is left out."""
+        """Take the pending prediction; None where it is so late that it is skipped."""
         assert self.pending is not None
         late, took = now - self.due_ns, sum(self.pending.step_times)
         admitted = self._pacer.admits(late, now)
@@ -255,8 +256,8 @@ class Predictor:
         self._note_overload()
 
     def _note_overload(self) -> None:
-        if self._pacer.overloaded and not self._told_overload:
-            self._told_overload = True
+        if self._pacer.overloaded and not self._overload_reported:
+            self._overload_reported = True
             self._error(
                 f'this machine cannot keep up with a prediction every {self._model.period:.4g} s: '
                 'they come late or never; lower the rate, or track fewer spheres'
@@ -269,16 +270,16 @@ class Predictor:
         return -1 if newest is None else newest
 
     def _renewed(self, now: int, reason: Reason, *, paused: bool = False) -> Forecast:
-        """Forecast from the newest frame, for a stamp that is not past."""
+        """Forecast from the newest frame, with the schedule moved on to a stamp not yet past."""
         newest, self._delay_ns = self._newest, 0
         if self._window.lead_ns + self._offset_ns < -CLOCK_TOLERANCE_NS:
-            # even the fastest frame is late: the tracker's clock stood still, or is slower
+            # even the fastest frame is late: the tracker's clock has stopped, or runs slower
             self._offset_ns = self._clock_offset(newest, now)
             self._grid = Grid(newest, self._model.period)
             self._grid.advance()
             self._pacer.clear()
             return self._new_forecast(reason)
-        # no frame comes before its time: where it does, the tracker's clock is ahead
+        # a frame that arrives before its stamp shows that the tracker's clock is ahead
         lead = newest + self._offset_ns - self._window.arrival_ns
         if lead > self.period_ns // 2:
             self._offset_ns -= lead

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When predictions are due, and which of those that come late are published."""
+"""Schedule of predictions: their stamps, and which late ones are published."""
 
 from __future__ import annotations
 
 from collections import deque
 
-# a tracked frame's own grid, so close to the present one, replaces it [periods]
+# the grid of a tracked frame replaces the present one where they differ by less [periods]
 SNAP = 0.05
-# predictions late for so long without getting less late are no stall but overload, and so is half
-# of that time left out, so many times
+# lateness that lasts this long without shrinking is overload, not a stall; so are skips that make
+# up half of a span of at least this time, in at least so many events
 OVERLOAD_NS = 3_000_000_000
 OVERLOAD_COUNT = 5
 
@@ -33,11 +33,11 @@ class Grid:
         return self._stamp(self.index)
 
     def advance(self) -> None:
-        """Go on to the next prediction."""
+        """Advance to the next prediction."""
         self.index += 1
 
     def skip_to(self, earliest_ns: int) -> int:
-        """Go on until the stamp is `earliest_ns` or later; returns by how many periods."""
+        """Advance until the stamp is `earliest_ns` or later; the number of periods skipped."""
         before = self.index
         self.index = max(before, int((earliest_ns - self.origin_ns) / (self.period * 1e9)) - 1)
         while self.stamp_ns < earliest_ns:
@@ -45,7 +45,7 @@ class Grid:
         return self.index - before
 
     def snap(self, frame_ns: int) -> None:
-        """Count from a tracked frame from now on, where that moves the stamp by 5 % at most."""
+        """Count periods from a tracked frame, where that moves the stamp by at most 5 % of one."""
         periods = max(1, round((self.stamp_ns - frame_ns) * 1e-9 / self.period))
         own = Grid(frame_ns, self.period)
         own.index = periods
@@ -57,10 +57,10 @@ class Grid:
 
 
 class Pacer:
-    """Decides whether a late prediction is published, and tells overload from a stall.
+    """Decides whether a late prediction is published, and distinguishes overload from a stall.
 
-    What is at most a period late is published. What is later is published unless another one was
-    less than a period ago: in overload everything computed comes out, after a stall no burst does.
+    Up to one period late, it is published; later, only if the last one was published at least a
+    period ago. So in overload every computed prediction is published, but no burst after a stall.
 
     Args:
         period_ns: Time between predictions [ns].
@@ -68,11 +68,11 @@ class Pacer:
 
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
-        self.overloaded = False  # whether it was ever seen that computing cannot keep up
+        self.overloaded = False  # whether computing ever failed to keep up
         self.clear()
 
     def clear(self) -> None:
-        """Forget what was published, after a jump of the clock or a new start."""
+        """Forget the history, after a clock jump or a new start."""
         self._published_ns: int | None = None
         self._late_count = 0
         self._late_since: tuple[int, int] = (
@@ -82,18 +82,18 @@ class Pacer:
         self._skips: deque[tuple[int, int]] = deque()  # when, and how many periods
 
     def skip(self, count: int, now_ns: int) -> None:
-        """Take note that `count` predictions were left out, as computing had fallen behind."""
+        """Note that `count` predictions were skipped, as computing had fallen behind."""
         skips, span = self._skips, max(OVERLOAD_NS, 3 * OVERLOAD_COUNT * self.period_ns)
         skips.append((now_ns, count))
         while skips[0][0] < now_ns - span:
             skips.popleft()
-        # a stall is one long gap, or a few close together; overload has no end
+        # a stall is one long gap, or a few close together; overload lasts
         spread = now_ns - skips[0][0] >= span // 2 and len(skips) >= OVERLOAD_COUNT
         left_out = sum(each for _, each in skips) * self.period_ns
         self.overloaded |= spread and left_out >= span // 2
 
     def admits(self, late_ns: int, now_ns: int) -> bool:
-        """Whether to publish at `now_ns` what is `late_ns` late."""
+        """Whether to publish, at `now_ns`, a prediction that is `late_ns` late."""
         if late_ns <= self.period_ns:
             self._late_count = 0
         else:

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From which tracked frames a forecast started, and why: what ~/start says.
+"""Start of a forecast: its tracked frames and the reason, as published on ~/start.
 
 A forecast depends on these frames, their noise, the scene and the model alone, and a prediction on
-its forecast and its stamp, so that recorded frames and starts give every recorded prediction
-again. Where poses are matched to spheres, who is who depends on all frames accepted since the last
-start whose reason is first, reset or restart.
+its forecast and its stamp. So recorded frames and starts reproduce every recorded prediction.
+Where poses are matched, the ids depend on all frames accepted since the last start whose reason is
+first, reset or restart.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ class Start:
     """The start of a forecast.
 
     Args:
-        stamp_ns: Stamp of the frame it starts from [ns].
-        window_ns: Stamps of the frames that its velocities come from, that frame last [ns].
+        stamp_ns: Stamp of the start frame [ns].
+        window_ns: Stamps of the frames from which velocities are estimated, the start frame last
+            [ns].
         reason: first: the node's first; every: a newer frame, with `start: every`; diverged: the
-            error passed its bound; reset: after ~/reset; restart: tracker or clock began anew, the
-            node was paused, or a forecast failed; spheres: the set of spheres changed.
+            error exceeded its bound; reset: after ~/reset; restart: tracker or clock restarted,
+            the node was paused, or a forecast failed; spheres: the set of spheres changed.
         ids: Id of each sphere, in the order of predicted poses; None: not recorded.
-        noise: Of each coordinate of a tracked position, as given or estimated so far [m]; None:
-            not recorded.
-        place: Where it stands in a recording, of which predictions after it are its own.
+        noise: Standard deviation of each coordinate of a tracked position [m]; None: not recorded.
+        index: Index in the order of recording, over all topics; -1: not recorded.
     """
 
     stamp_ns: int
@@ -41,21 +41,21 @@ class Start:
     reason: str
     ids: tuple[int, ...] | None = None
     noise: float | None = None
-    place: int = -1
+    index: int = -1
 
     @property
     def json(self) -> str:
-        """As ~/start publishes it."""
+        """Text of the message on ~/start."""
         content = asdict(self)
-        del content['place']
+        del content['index']
         return json.dumps({name: value for name, value in content.items() if value is not None})
 
     @classmethod
-    def from_json(cls, text: str, place: int = -1) -> Start:
-        """Read what ~/start has published.
+    def from_json(cls, text: str, index: int = -1) -> Start:
+        """Parse the text of a message on ~/start.
 
         Raises:
-            UserError: It is something else.
+            UserError: The text is not such a start.
         """
         try:
             content = json.loads(text)
@@ -65,7 +65,7 @@ class Start:
                 str(content.get('reason', '')),
                 tuple(int(one) for one in content['ids']) if 'ids' in content else None,
                 float(content['noise']) if 'noise' in content else None,
-                place,
+                index,
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise UserError(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tracking window that parameters ask for, in the node and where a recording is replayed."""
+"""The tracking window by the node's parameters, for the node and for replayed recordings."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .forecaster import Forecaster
-from .parameters import SIMULATOR
+from .node_parameters import SIMULATOR
 from ..tracking.usable_frames import WINDOW_GAP
 from ..tracking.window import TrackingWindow
 
-# frames further apart than this many model steps, and than WINDOW_GAP, are not fitted as one
-# flight
+# frames further apart than this many model steps, and than WINDOW_GAP, are not fitted together
 WINDOW_GAP_STEPS = 10
 
 
@@ -30,11 +29,11 @@ def window_of(
     check: Callable[[int], None] = lambda _: None,
     on_gap: Callable[[float], None] = lambda _: None,
 ) -> TrackingWindow:
-    """Return a window by the parameters of the simulator, as they are or as ~/scene recorded them.
+    """Tracking window by the parameters of the simulator, declared or recorded on ~/scene.
 
     Args:
         model: Gives scene and time step.
-        parameters: By name; others have their defaults.
+        parameters: Parameters by name; missing ones have their defaults.
         check: See `TrackingWindow`.
         on_gap: See `TrackingWindow`.
     """

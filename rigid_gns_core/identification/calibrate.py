@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Materials under which short rollouts meet tracked poses best.
+"""Identification of materials: least squares of short rollouts against tracked poses.
 
-From a start of tracked poses, the laws predict some steps; the errors, in units of what
-the tracker's noise explains, are made least by Gauss-Newton steps
-(`scipy.optimize.least_squares`), under a loss that grows with the logarithm, since a missed
-collision says nothing of materials.
+From a tracked start, the laws predict some steps. Their errors, in standard deviations of the
+tracker's noise, are minimised by Gauss-Newton steps (`scipy.optimize.least_squares`) under the
+Cauchy loss, since a missed collision carries no information on materials.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from ..running.progress import Progress
 from ..scenes.scene import Scene
 
 DEFAULT = ('restitution', 'friction', 'rolling_friction')
-# every so many windows are held out, to judge by
+# one window in this many is held out for validation
 _HELD_OUT = 5
 
 
@@ -34,10 +33,10 @@ class Fitted:
     """One material.
 
     Args:
-        value: The fitted one; the scene's where the data cannot tell it.
-        error: Standard error, of the data and not of the model; None where the data cannot tell.
-        before: The scene's.
-        told: Whether the data tell it.
+        value: Fitted value; the scene's where the data do not identify it.
+        error: Standard error from the data, without that of the model; None: not identified.
+        before: Value of the scene.
+        told: Whether the data identify it.
     """
 
     value: float
@@ -51,12 +50,12 @@ class Calibration:
     """Fitted materials.
 
     Args:
-        materials: By name.
-        windows: Number of windows that were fitted, and held out.
+        materials: Materials by name.
+        windows: Numbers of windows fitted and held out.
         steps: Steps of a window.
-        noise: Of the poses: position [m], rotation [rad] or None.
-        position_error: Mean error after `steps` in held-out windows, of spheres whose start can be
-            trusted, with the scene's materials and with the fitted ones [m].
+        noise: Measurement noise: `position` [m], `rotation` [rad] or None.
+        position_error: Mean error after `steps` in held-out windows, over spheres with a trusted
+            start, with the scene's materials and with the fitted ones [m].
     """
 
     materials: dict[str, Fitted]
@@ -68,7 +67,7 @@ class Calibration:
     @property
     def values(self) -> dict[str, float]:
         """Value of each material."""
-        return {name: found.value for name, found in self.materials.items()}
+        return {name: material.value for name, material in self.materials.items()}
 
 
 def calibrate(
@@ -83,12 +82,12 @@ def calibrate(
     """Fit materials to tracked poses.
 
     Args:
-        simulator: A model that takes materials.
+        simulator: Model that takes materials.
         records: Tracked poses at the model's time step.
-        names: What to fit, of `MATERIALS`.
+        names: Materials to fit, of `MATERIALS`.
         steps: Steps of a window: few, as errors grow with each collision.
-        most: Largest number of windows; more are drawn from.
-        seed: Of that draw.
+        most: Largest number of windows; if there are more, a random choice of them.
+        seed: Seed of that choice.
 
     Raises:
         UserError: The model has no materials, a name is unknown, or the records do not serve.
@@ -104,24 +103,25 @@ def calibrate(
     with Progress(most_evaluations(names), 'calibrate', unit='evaluation') as progress:
         problem = MaterialFit(simulator, fitted, before, progress)
         start = problem.scan()
-        told = problem.told(start)
-        values = problem.solve({k: v for k, v in start.items() if k in told})
+        identified = problem.identifiable(start)
+        values = problem.solve({k: v for k, v in start.items() if k in identified})
         errors = problem.errors(values)
         while (least := _least_known(errors)) is not None:
-            # without it the others may be known well: a product of two is told, but not both
-            told.remove(least)
-            values = problem.solve({k: v for k, v in values.items() if k in told})
+            # with this one fixed the others may be well determined: as of two whose product is
+            # known
+            identified.remove(least)
+            values = problem.solve({k: v for k, v in values.items() if k in identified})
             errors = problem.errors(values)
     materials = {
         name: Fitted(
             value=values.get(name, before[name]),
             error=errors.get(name),
             before=before[name],
-            told=name in told,
+            told=name in identified,
         )
         for name in names
     }
-    after = {name: found.value for name, found in materials.items()}
+    after = {name: material.value for name, material in materials.items()}
     noise = noise_of(records)
     judged = held or fitted
     return Calibration(
@@ -161,7 +161,7 @@ def _check(
 
 
 def _least_known(errors: dict[str, float]) -> str | None:
-    """Material whose error is too large by most; of several the last."""
+    """Material with the largest excess of error, the last of equal ones; None: none has any."""
     excess = {name: error / MATERIALS[name].known for name, error in errors.items()}
     least = max(reversed(excess), key=excess.__getitem__, default=None)
     return least if least is not None and excess[least] > 1.0 else None
@@ -178,6 +178,6 @@ def _mean_error(
 ) -> float:
     ends = []
     for window in windows:
-        places, _ = deviations(simulator, window, values)
-        ends.append(np.linalg.norm(places[-1], axis=-1)[window.place_weights[-1] > 0])
+        position_errors, _ = deviations(simulator, window, values)
+        ends.append(np.linalg.norm(position_errors[-1], axis=-1)[window.position_weights[-1] > 0])
     return float(np.mean(np.concatenate(ends)))

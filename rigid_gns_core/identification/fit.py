@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Materials by least squares over short rollouts, under a loss that forgets outliers."""
+"""Least squares over short rollouts as a function of materials, with a robust loss."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..scenes.state import Array
 
 
 class Bounds(NamedTuple):
-    """Range of a material, values tried first, step for differences, and what counts as known."""
+    """Range of a material, scanned values, step of differences, and error that counts as known."""
 
     low: float
     high: float
@@ -35,29 +35,37 @@ MATERIALS = {
     'surface_restitution': _RESTITUTION,
     'surface_friction': _FRICTION,
 }
-# errors [standard deviations] that begin to count as outliers: wide at first, so that all pull
+# scales of the Cauchy loss [standard deviations]: wide at first, so that all errors count
 SCALES = (30.0, 3.0)
-# windows on which starting values are sought
+# windows on which starting values are scanned
 _SCANNED = 20
-# most steps of a least-squares fit at one scale
+# largest number of steps of a least-squares fit at one scale
 _MOST = 12
-# slopes are by differences, which are rough: a direction with less than this part of the steepest
-# one's curvature may be flat, and a material with more than this part in it is not known
+# slopes by finite differences are rough: a direction with less than this part of the largest
+# curvature may be flat, and a material with more than this component along it is not identified
 _BLURRED, _TURNED = 1e-3, 0.1
-# groups of windows that are fitted on their own, and the fewest windows of one
+# number of groups of windows that are fitted separately, and least number of windows in a group
 _GROUPS, _LEAST = 8, 5
 
 
 def most_evaluations(names: Sequence[str]) -> int:
-    """At most how many times all windows are rolled out."""
+    """Upper bound of the number of times that all windows are rolled out."""
     scan = 1 + sum(len(MATERIALS[name].tried) for name in names)
     fits = (len(SCALES) + _GROUPS) * _MOST
-    # errors and slopes, once for each fit's step and twice more; anew where a material drops out
+    # errors and slopes, once for each step of a fit and twice more; again where a material drops
+    # out
     return scan + sum((fits + 2) * (1 + 2 * count) for count in range(1, 1 + len(names)))
 
 
 class MaterialFit:
-    """Errors of all windows as a function of some materials; the others keep their values."""
+    """Errors of all windows as a function of scanned materials, with the others fixed.
+
+    Args:
+        simulator: Model that takes materials.
+        windows: Windows to fit.
+        values: Values of all materials; those that are not fitted keep them.
+        progress: Updated after each evaluation of all windows.
+    """
 
     def __init__(
         self,
@@ -66,22 +74,22 @@ class MaterialFit:
         values: dict[str, float],
         progress: Progress,
     ) -> None:
-        self.simulator, self.windows, self.given = simulator, windows, values
+        self.simulator, self.windows, self.fixed = simulator, windows, values
         self.progress = progress
 
     def all_residuals(self, values: dict[str, float]) -> list[Array]:
-        """Errors of each window; see `residuals`."""
-        materials = self.given | values
+        """Residuals of each window, see `residuals`."""
+        materials = self.fixed | values
         self.progress.update(1, **{name: float(value) for name, value in materials.items()})
         return [residuals(self.simulator, window, materials) for window in self.windows]
 
     def scan(self) -> dict[str, float]:
-        """Return the best of the values tried, one material at a time, on some of the windows."""
+        """Best of the scanned values, one material at a time, on scanned of the windows."""
         if len(self.windows) > _SCANNED:
             every = len(self.windows) // _SCANNED
-            some = self.windows[::every][:_SCANNED]
-            return MaterialFit(self.simulator, some, self.given, self.progress).scan()
-        best = dict(self.given)
+            scanned = self.windows[::every][:_SCANNED]
+            return MaterialFit(self.simulator, scanned, self.fixed, self.progress).scan()
+        best = dict(self.fixed)
         cost = self._cost(best)
         for name in best:
             for value in MATERIALS[name].tried:
@@ -90,14 +98,14 @@ class MaterialFit:
                     cost, best = tried, best | {name: value}
         return best
 
-    def told(self, values: dict[str, float]) -> list[str]:
+    def identifiable(self, values: dict[str, float]) -> list[str]:
         """Materials on which the errors depend at all."""
         slopes = np.concatenate(self._slopes(values))
         size = np.linalg.norm(slopes, axis=0)
         return [n for n, s in zip(values, size, strict=True) if s * MATERIALS[n].known > 1.0]
 
     def solve(self, start: dict[str, float], scales: Sequence[float] = SCALES) -> dict[str, float]:
-        """Least squares from a start, under a loss that forgets outliers."""
+        """Least-squares values from a start, under the Cauchy loss of each scale in turn."""
         from scipy.optimize import least_squares
 
         if not start:
@@ -113,7 +121,7 @@ class MaterialFit:
         for scale in scales:
             point = least_squares(
                 lambda x: np.concatenate(self.all_residuals(named(x))),
-                np.clip(point, low + 1e-6, high - 1e-6),  # a start must be inside
+                np.clip(point, low + 1e-6, high - 1e-6),  # a start must lie inside the bounds
                 jac=lambda x: np.concatenate(self._slopes(named(x))),
                 bounds=(low, high),
                 x_scale=[MATERIALS[name].known for name in names],
@@ -126,10 +134,10 @@ class MaterialFit:
         return named(point)
 
     def errors(self, values: dict[str, float]) -> dict[str, float]:
-        """Return standard errors: the larger of two estimates; neither takes errors for alike.
+        """Standard errors: the larger of two estimates that both allow for unequal errors.
 
-        One is from slopes (a sandwich with a window as its unit), one from fits to groups of
-        windows on their own, which also sees how rough the sum of errors is.
+        One is the sandwich estimate with windows as clusters. The other is the spread of separate
+        fits to groups of windows, which also shows the roughness of the cost.
         """
         if not values:
             return {}
@@ -138,34 +146,35 @@ class MaterialFit:
         return {name: max(slopes[name], groups[name]) for name in values}
 
     def _by_slopes(self, values: dict[str, float]) -> dict[str, float]:
-        pulls, bend = [], np.zeros((len(values), len(values)))
+        gradients, hessian = [], np.zeros((len(values), len(values)))
         for errors, slopes in zip(self.all_residuals(values), self._slopes(values), strict=True):
             weight = 1.0 / (1.0 + (errors / SCALES[-1]) ** 2)
-            pulls.append(slopes.T @ (weight * errors))
-            bend += (slopes * weight[:, None]).T @ slopes
-        # in units of what counts as known: directions in which that changes no error are unseen
+            gradients.append(slopes.T @ (weight * errors))
+            hessian += (slopes * weight[:, None]).T @ slopes
+        # in units of the error that counts as known; directions that change no residual are
+        # unidentified
         known = np.array([MATERIALS[name].known for name in values])
-        bends, ways = np.linalg.eigh(bend * np.outer(known, known))
-        unseen = bends < max(1.0, _BLURRED * bends[-1])
-        inverse = (ways / np.where(unseen, np.inf, bends)) @ ways.T
-        spread = np.stack(pulls) * known
+        curvatures, directions = np.linalg.eigh(hessian * np.outer(known, known))
+        flat = curvatures < max(1.0, _BLURRED * curvatures[-1])
+        inverse = (directions / np.where(flat, np.inf, curvatures)) @ directions.T
+        spread = np.stack(gradients) * known
         covariance = inverse @ (spread.T @ spread) @ inverse
-        covariance *= len(pulls) / max(len(pulls) - len(values), 1)
+        covariance *= len(gradients) / max(len(gradients) - len(values), 1)
         errors = known * np.sqrt(np.diag(covariance))
-        errors[np.abs(ways[:, unseen]).max(axis=1, initial=0.0) > _TURNED] = np.inf
+        errors[np.abs(directions[:, flat]).max(axis=1, initial=0.0) > _TURNED] = np.inf
         return dict(zip(values, errors.tolist(), strict=True))
 
     def _by_groups(self, values: dict[str, float]) -> dict[str, float]:
         groups = min(_GROUPS, len(self.windows) // _LEAST)
         if groups < 2:
             return dict.fromkeys(values, 0.0)
-        # every so many, so that each group has windows of all records
+        # interleaved, so that each group has windows of all records
         parts = [
-            MaterialFit(self.simulator, self.windows[index::groups], self.given, self.progress)
+            MaterialFit(self.simulator, self.windows[index::groups], self.fixed, self.progress)
             for index in range(groups)
         ]
-        found = [list(part.solve(values, SCALES[-1:]).values()) for part in parts]
-        spread = np.std(found, axis=0, ddof=1) / np.sqrt(groups)
+        group_values = [list(part.solve(values, SCALES[-1:]).values()) for part in parts]
+        spread = np.std(group_values, axis=0, ddof=1) / np.sqrt(groups)
         return dict(zip(values, spread.tolist(), strict=True))
 
     def _cost(self, values: dict[str, float]) -> float:
@@ -173,7 +182,7 @@ class MaterialFit:
         return sum(float(np.log1p((e / scale) ** 2).sum()) for e in self.all_residuals(values))
 
     def _slopes(self, values: dict[str, float]) -> list[Array]:
-        """Return derivatives of the errors of each window, shape (errors, materials)."""
+        """Derivatives of the residuals of each window, shape (residuals, materials)."""
         columns = []
         for name, value in values.items():
             low, high, _, step, _ = MATERIALS[name]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Short rollouts from tracked poses, and how far they end from what was tracked."""
+"""Windows of tracked poses, and the residuals of short rollouts from their starts."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array, rotation_between, State
 from ..tracking.pose_noise import estimate_noise, HALF_TURN, PoseNoise, rotates, tracked_starts
 
-# what the best materials leave of an error, in radii and radians: the model is not the world
+# process noise: error per step of the model with the best materials [radii, rad]
 _MODEL_ERROR = 5e-3
 
 
 @dataclass(frozen=True)
 class Window:
-    """A start from tracked poses, and the poses tracked after it.
+    """A tracked start state, and the poses tracked after it.
 
     Args:
-        scene: Of the record, with the materials it was recorded with.
-        start: Tracked poses, velocities from the frames before and after.
-        positions: Tracked after the start [m], shape (steps, n, 3).
-        quaternions: The same, shape (steps, n, 4).
-        place_weights: One over the standard deviation of an error of position [1/m], shape (steps,
-            n); 0 where a start is not to be trusted.
-        turn_weights: One over that of a rotation [1/rad], shape (steps, n); 0 also where rotations
-            are not tracked, or too fast to be.
+        scene: Scene of the record, with its materials.
+        start: Tracked poses, with velocities by central differences.
+        positions: Centres after the start [m], shape (steps, n, 3).
+        quaternions: Rotations (x, y, z, w) after the start, shape (steps, n, 4).
+        position_weights: Inverse standard deviation of a position error [1/m], shape (steps, n); 0
+            where the start is not trusted.
+        rotation_weights: Inverse standard deviation of a rotation error [1/rad], shape (steps, n);
+            0 also where rotations are not tracked or too fast.
     """
 
     scene: Scene
     start: State
     positions: Array
     quaternions: Array
-    place_weights: Array
-    turn_weights: Array
+    position_weights: Array
+    rotation_weights: Array
 
 
 def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
-    """Windows of all records, none of which share a tracked frame after their starts.
+    """Windows of all records, which share no frames after their starts.
 
-    Left out are those in which no sphere's start can be trusted.
+    Windows in which no sphere has a trusted start are left out.
 
     Raises:
         UserError: There are none.
@@ -67,7 +67,9 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
                 continue
             after = slice(frame + 1, frame + 1 + steps)
             quaternions = trajectory.quaternions[frame : frame + 1 + steps]
-            places, turns = _weights(record, starts.trusted[frame], quaternions, noise)
+            position_weights, rotation_weights = _weights(
+                record, starts.trusted[frame], quaternions, noise
+            )
             start = State(
                 positions=trajectory.positions[frame],
                 quaternions=trajectory.quaternions[frame],
@@ -80,8 +82,8 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
                     start,
                     trajectory.positions[after],
                     trajectory.quaternions[after],
-                    places,
-                    turns,
+                    position_weights,
+                    rotation_weights,
                 )
             )
     if not found:
@@ -95,18 +97,19 @@ def windows_of(records: Sequence[Record], steps: int) -> list[Window]:
 
 
 def noise_of(records: Sequence[Record]) -> PoseNoise:
-    """Noise of the poses of all records."""
+    """Measurement noise of the poses of all records."""
     return estimate_noise(
         [(r.trajectory.times, r.trajectory.positions, r.trajectory.quaternions) for r in records]
     )
 
 
 def with_materials(scene: Scene, values: dict[str, float]) -> Scene:
-    """Return the scene with other materials, the same for all spheres.
+    """The scene with other materials, the same for all spheres.
 
     Args:
-        scene: A surface without a value of its own has that of the spheres.
-        values: By name; `surface_restitution` and `surface_friction` are those of all surfaces.
+        scene: Scene; a surface without a value of its own takes that of the spheres.
+        values: Materials by name; `surface_restitution` and `surface_friction` are of all
+            surfaces.
     """
     surfaces = scene.surfaces
     for name in ('restitution', 'friction'):
@@ -124,12 +127,12 @@ def deviations(
 ) -> tuple[Array, ...]:
     """Errors of position [m] and rotation [rad] of a rollout, each of shape (steps, n, 3).
 
-    A rollout that diverged is a million off.
+    Where the rollout diverged they are 1e6.
     """
     steps = len(window.positions)
     start = window.start
     with warnings.catch_warnings():
-        # materials tried on the way may be beyond the trained ones
+        # materials on the way may lie outside the trained range
         warnings.simplefilter('ignore')
         predicted = simulator.rollout(
             with_materials(window.scene, values),
@@ -139,31 +142,34 @@ def deviations(
             steps,
             quaternions=start.quaternions,
         )
-    places = predicted.positions[1:] - window.positions
-    turns = rotation_between(window.quaternions, predicted.quaternions[1:])
-    return tuple(np.nan_to_num(errors, nan=1e6) for errors in (places, turns))
+    position_errors = predicted.positions[1:] - window.positions
+    rotation_errors = rotation_between(window.quaternions, predicted.quaternions[1:])
+    return tuple(np.nan_to_num(errors, nan=1e6) for errors in (position_errors, rotation_errors))
 
 
 def residuals(simulator: Simulator, window: Window, values: dict[str, float]) -> Array:
-    """Errors in standard deviations, shape (steps * n * 6,), 0 where they do not count."""
-    places, turns = deviations(simulator, window, values)
-    weighted = [places * window.place_weights[..., None], turns * window.turn_weights[..., None]]
+    """Weighted errors [standard deviations], shape (steps * n * 6,), 0 where they do not count."""
+    position_errors, rotation_errors = deviations(simulator, window, values)
+    weighted = [
+        position_errors * window.position_weights[..., None],
+        rotation_errors * window.rotation_weights[..., None],
+    ]
     return np.concatenate([errors.ravel() for errors in weighted])
 
 
 def _weights(
     record: Record, trusted: Array, quaternions: Array, noise: PoseNoise
 ) -> tuple[Array, Array]:
-    """Weights of positions and rotations, each of shape (steps, n)."""
+    """Weights of positions [1/m] and rotations [1/rad], each of shape (steps, n)."""
     steps = len(quaternions) - 1
-    passed = np.arange(1, steps + 1)[:, None]
+    steps_since = np.arange(1, steps + 1)[:, None]
     # noise of the pose, of the start, and of the start's velocity over the steps since
-    growth = np.sqrt(2.0 + 0.5 * passed**2)
+    growth = np.sqrt(2.0 + 0.5 * steps_since**2)
     radius = record.scene.per_sphere('radius', record.trajectory.count)
-    place = np.hypot(noise.position * growth, _MODEL_ERROR * radius * passed)
+    position_std = np.hypot(noise.position * growth, _MODEL_ERROR * radius * steps_since)
     if noise.rotation is None or not rotates(record.trajectory.quaternions):
-        return trusted / place, np.zeros_like(trusted / place)
-    turn = np.hypot(noise.rotation * growth, _MODEL_ERROR * passed)
+        return trusted / position_std, np.zeros_like(trusted / position_std)
+    rotation_std = np.hypot(noise.rotation * growth, _MODEL_ERROR * steps_since)
     turned = np.linalg.norm(rotation_between(quaternions[:-1], quaternions[1:]), axis=-1)
     slow = np.cumprod(turned < HALF_TURN, axis=0)
-    return trusted / place, trusted * slow / turn
+    return trusted / position_std, trusted * slow / rotation_std

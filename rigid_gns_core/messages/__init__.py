@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages as bytes, and the definitions that a bag carries."""
+"""ROS messages as CDR bytes, and the message definitions that a bag stores."""

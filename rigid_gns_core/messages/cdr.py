@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""CDR, the wire format of ROS 2: a writer and a bounds-checked reader of fields. No ROS in here.
+"""CDR, the wire format of ROS 2: a writer and a bounds-checked reader of fields.
 
 XCDR1: four bytes of encapsulation (0, 1 = little endian or 0 = big endian, two of options), then
 the fields, each aligned to its size counted from byte four. Padding is zero here; rclpy leaves it
-uninitialised, so its bytes differ from run to run.
+uninitialised, so that its bytes differ between runs.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ NANOSECONDS = 1_000_000_000
 
 
 class MessageError(UserError):
-    """Bytes are not the message they should be, or values do not fit into a message."""
+    """Bytes are not a message of the expected type, or values do not fit into a message."""
 
 
 class Writer:
-    """Fields of one message, little endian, in the order in which they are written."""
+    """Writer of the fields of one message, little endian, in their order."""
 
     def __init__(self) -> None:
         self._body = bytearray()  # from byte four on
@@ -40,28 +40,32 @@ class Writer:
         self._body += bytes(-len(self._body) % size)
 
     def numbers(self, codes: str, *values: float) -> None:
-        """Numbers of one size; `codes` as in struct, one letter for each."""
+        """Write numbers of one size; `codes` as in struct, one letter for each."""
         self.align(struct.calcsize(codes[0]))
         self._body += struct.pack('<' + codes, *values)
 
     def text(self, name: str, text: str) -> None:
-        """Write a string; MessageError names it where it cannot be one."""
+        """Write a string.
+
+        Raises:
+            MessageError: The text cannot be a ROS string; the message holds `name`.
+        """
         self.align(4)
         self._body += encode_text(name, text)
 
     def floats(self, values: ArrayLike) -> None:
-        """Float64 numbers of any shape, without their count; nothing where there are none."""
+        """Write float64 numbers of any shape, without their count."""
         array = np.ascontiguousarray(values, dtype='<f8')
         if array.size:
             self.align(8)
             self._body += array.tobytes()
 
     def raw(self, data: bytes) -> None:
-        """Bytes that are aligned already."""
+        """Write bytes that are aligned already."""
         self._body += data
 
     def stamp(self, stamp_ns: int) -> None:
-        """Write a time or duration [ns]; MessageError where its seconds do not fit into int32."""
+        """Write a time or duration [ns]; MessageError: its seconds do not fit into int32."""
         seconds, nanoseconds = split_stamp(stamp_ns)
         self.numbers('i', seconds)
         self.numbers('I', nanoseconds)
@@ -78,14 +82,14 @@ class Writer:
 
 
 class Reader:
-    """Bounds-checked cursor over the fields of one message.
+    """Bounds-checked reader of the fields of one message.
 
     Args:
         cdr: The whole message.
-        kind: Its type, for errors.
+        kind: Name of its type, for errors.
 
     Raises:
-        MessageError: The bytes are no plain CDR.
+            MessageError: The bytes are not plain CDR; of each method: the field is cut short.
     """
 
     def __init__(self, cdr: bytes, kind: str) -> None:
@@ -102,11 +106,11 @@ class Reader:
         self.order = '<' if cdr[1] else '>'
 
     def aligned(self, size: int) -> int:
-        """Offset of the next field, for a field of `size` bytes."""
+        """Offset of the next field, of `size` bytes."""
         return self.offset + -(self.offset - 4) % size
 
     def number(self, code: str, name: str) -> Any:
-        """Next number; `code` as in struct."""
+        """Read a number; `code` as in struct."""
         size = struct.calcsize(code)
         start = self.aligned(size)
         if start + size > len(self.cdr):
@@ -117,7 +121,7 @@ class Reader:
         return struct.unpack_from(self.order + code, self.cdr, start)[0]
 
     def floats(self, count: int, width: int, name: str) -> Any:
-        """Float64 numbers as an array of its own, shape (count, width)."""
+        """Read float64 numbers into a new array, shape (count, width)."""
         start = self.aligned(8) if count else self.offset
         end = start + 8 * count * width
         if end > len(self.cdr):
@@ -128,11 +132,11 @@ class Reader:
         self.offset = end
         # numpy wants an offset within the buffer, even for no numbers
         values = np.frombuffer(self.cdr, self.order + 'f8', count * width, start if count else 0)
-        # a copy: aligned, writable, of native order and free of the message
+        # a copy: aligned, writable, in native byte order, independent of the message
         return np.array(values, dtype=np.float64).reshape(count, width)
 
     def stamp(self, name: str = 'stamp') -> int:
-        """Next time or duration [ns]."""
+        """Read a time or duration [ns]."""
         seconds = self.number('i', f'{name}.sec')
         nanoseconds = self.number('I', f'{name}.nanosec')
         if nanoseconds >= NANOSECONDS:
@@ -142,7 +146,7 @@ class Reader:
         return int(seconds * NANOSECONDS + nanoseconds)
 
     def text(self, name: str) -> str:
-        """Next string."""
+        """Read a string."""
         length = self.number('I', f'length of {name}')
         end = self.offset + length
         if end > len(self.cdr):
@@ -161,7 +165,7 @@ class Reader:
             raise MessageError(f'{self.kind}: {name} is not UTF-8: {error.reason}') from None
 
     def end(self) -> None:
-        """Refuse bytes after the last field."""
+        """Check that no bytes follow the last field, but for padding."""
         # middleware may pad a payload to a multiple of four
         if len(self.cdr) - self.offset > 3:
             raise MessageError(
@@ -170,7 +174,11 @@ class Reader:
 
 
 def encode_text(name: str, text: str) -> bytes:
-    """Return a string with its length; MessageError names it where it cannot be one."""
+    """CDR bytes of a string, with its length.
+
+    Raises:
+        MessageError: The text cannot be a ROS string; the message holds `name`.
+    """
     if '\0' in text:
         raise MessageError(f'{name} is {text!r}; a ROS string cannot hold a NUL character')
     try:
@@ -183,7 +191,7 @@ def encode_text(name: str, text: str) -> bytes:
 
 
 def split_stamp(stamp_ns: int) -> tuple[int, int]:
-    """Seconds and nanoseconds of a message; MessageError where seconds do not fit into int32."""
+    """Seconds and nanoseconds of a stamp [ns]; MessageError: the seconds do not fit into int32."""
     seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
     if not -(2**31) <= seconds < 2**31:
         raise MessageError(f'stamp is {seconds} s, expected a number of seconds within int32')

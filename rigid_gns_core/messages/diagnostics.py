@@ -3,7 +3,7 @@
 
 """diagnostic_msgs/DiagnosticArray as CDR bytes.
 
-What is reported, the node says (`rigid_gns_ros/node/health.py`).
+The node's statuses and levels are in `rigid_gns_ros/node/diagnostics.py`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class Status:
 
     Args:
         level: OK, WARN or ERROR.
-        name: What is reported about.
+        name: Component that the status is of.
         message: One sentence.
-        values: Numbers and texts, by name.
+        values: Values by key.
     """
 
     level: int
@@ -35,7 +35,7 @@ class Status:
 
 
 def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status]) -> bytes:
-    """CDR bytes of a message."""
+    """CDR bytes of a message with this stamp [ns]."""
     writer = Writer()
     writer.header(stamp_ns, '')
     writer.numbers('I', len(statuses))

@@ -3,7 +3,7 @@
 
 """visualization_msgs/MarkerArray as CDR bytes: spheres and paths for RViz2 and Foxglove.
 
-One list of spheres for each radius and one line strip for each path. No ROS needed.
+One list of spheres for each radius and one line strip for each path.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Color = tuple[float, float, float, float]  # red, green, blue, opacity; 0 to 1
 
 @dataclass(frozen=True)
 class Marker:
-    """What is drawn of one visualization_msgs/Marker; points are in the frame of the message.
+    """One visualization_msgs/Marker; points are in the frame of the message.
 
     Args:
-        namespace: With `id` it names what a later marker replaces.
+        namespace: With `id`, identifies the marker that a later one replaces.
         id: See `namespace`.
         kind: LINE_STRIP or SPHERE_LIST.
         scale: Line width, or diameter of the spheres [m].
-        color: Of all points.
+        color: Colour of all points.
         points: Positions [m], shape (k, 3).
     """
 
@@ -45,7 +45,7 @@ class Marker:
 def sphere_markers(
     namespace: str, positions: ArrayLike, radii: ArrayLike, color: Color
 ) -> list[Marker]:
-    """Spheres, shape (n, 3), of the given radii [m], shape (n,)."""
+    """Markers of spheres at centres [m], shape (n, 3), with radii [m], shape (n,)."""
     places, sizes = np.asarray(positions, dtype=np.float64), np.asarray(radii)
     return [
         Marker(namespace, index, SPHERE_LIST, 2 * float(radius), color, places[sizes == radius])
@@ -56,7 +56,7 @@ def sphere_markers(
 def path_markers(
     namespace: str, ids: Sequence[int], positions: Array, width: float, color: Color
 ) -> list[Marker]:
-    """Paths of n spheres over k times, shape (k, n, 3), as lines of a width [m]."""
+    """Markers of the paths of n spheres over k times [m], shape (k, n, 3), `width` [m] wide."""
     return [
         Marker(namespace, int(sphere), LINE_STRIP, width, color, positions[:, index])
         for index, sphere in enumerate(ids)
@@ -66,7 +66,7 @@ def path_markers(
 def encode_markers(
     stamp_ns: int, frame_id: str, lifetime_ns: int, markers: Sequence[Marker]
 ) -> bytes:
-    """CDR bytes of a message; each marker vanishes `lifetime_ns` [ns] after it was received."""
+    """CDR bytes of a message; each marker disappears `lifetime_ns` [ns] after its reception."""
     writer = Writer()
     writer.numbers('I', len(markers))
     for marker in markers:
@@ -87,7 +87,7 @@ def encode_markers(
 
 
 def _tail() -> bytes:
-    """Fields after the points, all empty: colours, texture, text and mesh; aligned to four."""
+    """Fields after the points, all empty: colours, texture, text, mesh; aligned to four bytes."""
     writer = Writer()
     writer.numbers('I', 0)  # colors
     writer.text('texture_resource', '')

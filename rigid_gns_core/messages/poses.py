@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The messages of poses, texts and numbers as CDR bytes: no object per pose, no ROS needed.
+"""PoseArray, String and Float64 messages as CDR bytes, without an object per pose.
 
-rclpy publishes such bytes as they are and a raw subscription hands them over, so a frame of 300
-poses costs microseconds instead of milliseconds (docs/bags.md has the figures), and the bytes
-published are the bytes recorded.
+rclpy publishes such bytes unchanged and a raw subscription delivers them, so that a frame of 300
+poses costs microseconds instead of milliseconds (docs/bags.md has the figures), and the published
+bytes are the recorded bytes.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class PoseArrayCodec:
         count: Number of poses n.
 
     Raises:
-        MessageError: The frame holds a NUL character or cannot be encoded, or count is negative.
+        MessageError: The frame cannot be a ROS string, or count is negative.
     """
 
     def __init__(self, frame_id: str, count: int) -> None:
@@ -76,7 +76,8 @@ class PoseArrayCodec:
             stamp_ns: Time stamp [ns].
 
         Raises:
-            MessageError: poses have another shape, or the stamp does not fit into int32 seconds.
+            MessageError: The shape of `poses` is wrong, or the stamp does not fit into int32
+                seconds.
         """
         array = np.ascontiguousarray(poses, dtype='<f8')
         if array.shape != (self.count, 7):
@@ -86,7 +87,7 @@ class PoseArrayCodec:
 
 
 def decode_pose_array(cdr: bytes) -> PoseArrayFrame:
-    """Read a geometry_msgs/PoseArray of either byte order.
+    """Decode a geometry_msgs/PoseArray of either byte order.
 
     Raises:
         MessageError: The bytes are cut short, too long, or not a PoseArray.
@@ -104,7 +105,7 @@ def encode_string(text: str) -> bytes:
 
 
 def decode_string(cdr: bytes) -> str:
-    """Read a std_msgs/String; MessageError where the bytes are not one."""
+    """Text of a std_msgs/String; MessageError: the bytes are not one."""
     reader = Reader(cdr, 'String')
     text = reader.text('data')
     reader.end()
@@ -117,7 +118,7 @@ def encode_float64(value: float) -> bytes:
 
 
 def decode_float64(cdr: bytes) -> float:
-    """Read a std_msgs/Float64; MessageError where the bytes are not one."""
+    """Number of a std_msgs/Float64; MessageError: the bytes are not one."""
     reader = Reader(cdr, 'Float64')
     value = float(reader.number('d', 'data'))
     reader.end()

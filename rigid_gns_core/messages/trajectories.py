@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""trajectory_msgs/MultiDOFJointTrajectory as CDR bytes, from and to arrays; no ROS needed.
+"""trajectory_msgs/MultiDOFJointTrajectory as CDR bytes, from and to arrays.
 
-Every point after the first has the same layout, four bytes after a multiple of eight, so all
+Every point after the first has the same layout, four bytes after a multiple of eight, so that all
 points are records of one structured array.
 """
 
@@ -24,10 +24,10 @@ class FutureFrame:
     """One trajectory_msgs/MultiDOFJointTrajectory of k points and n bodies.
 
     Args:
-        stamp_ns: Time from which times of points count [ns].
+        stamp_ns: Stamp from which the times of the points count [ns].
         frame_id: Coordinate frame of poses and twists.
         names: Name of each body.
-        times_ns: Time of each point from the stamp [ns].
+        times_ns: Time of each point since the stamp [ns].
         poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7).
         twists: Linear [m/s] and angular [rad/s] velocity, shape (k, n, 6).
     """
@@ -48,7 +48,7 @@ def encode_trajectory(
     poses: ArrayLike,
     twists: ArrayLike,
 ) -> bytes:
-    """CDR bytes of one message; arguments as of `FutureFrame`.
+    """CDR bytes of one message; arguments as in `FutureFrame`.
 
     Raises:
         MessageError: Shapes disagree, or a text or a time does not fit into the message.
@@ -88,7 +88,7 @@ def encode_trajectory(
     records['poses'], records['twists'] = poses, twists
     records['time'] = np.array([split_stamp(time) for time in times_ns]).reshape(points, 2)
     if len(writer) % 8 == 0 and points:
-        # the count of the first point is followed by padding: write it, and begin with the padding
+        # padding follows the count of the first point: write the count, and begin with the padding
         writer.numbers('I', count)
         records['count'][0] = 0
     writer.raw(records.tobytes())
@@ -96,7 +96,7 @@ def encode_trajectory(
 
 
 def decode_trajectory(cdr: bytes) -> FutureFrame:
-    """Read a message of either byte order whose points have a transform and a twist for each name.
+    """Decode a message of either byte order, with a transform and a twist for each name and point.
 
     Raises:
         MessageError: The bytes are cut short, too long, or not such a message.
@@ -128,7 +128,7 @@ def decode_trajectory(cdr: bytes) -> FutureFrame:
 
 
 def _bounded(reader: Reader, size: int, name: str) -> int:
-    """Length of the next sequence, whose items take at least `size` bytes."""
+    """Read the length of a sequence, whose items take at least `size` bytes each."""
     count = int(reader.number('I', f'number of {name}'))
     if count * size > len(reader.cdr) - reader.offset:
         raise MessageError(

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How recorded predictions are compared with what was tracked."""
+"""Recorded bags: import of tracked poses, and scores of predictions against them."""

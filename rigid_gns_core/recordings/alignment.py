@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked poses at the times that were predicted for."""
+"""Alignment: tracked poses interpolated at the predicted times."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def align(
     Velocities are backward differences of the poses, in both.
 
     Args:
-        run: Predictions.
-        tracked: Usable frames, see `Passes`.
+        run: Predictions of one run.
+        tracked: Usable frames in the order of their stamps, see `Passes`.
 
     Returns:
-        Predicted, tracked, and how they were aligned: `interpolated` frames (no tracked frame has
-        their stamp), `tracked_interval_s`, the longest time between two tracked frames used, and
-        `untracked` predictions that are left out, as they lie in a gap of the tracked frames, or
-        on the shorter side of one.
+        Predicted poses, tracked poses, and counts: `interpolated` predictions without a tracked
+        frame of their stamp, `tracked_interval_s`, the longest time between two tracked frames
+        used [s], and `untracked` predictions, left out as they lie in a gap of the tracked frames
+        or on the shorter side of one.
 
     Raises:
-        AlignmentError: Fewer than two predictions lie within the tracked time.
+        AlignmentError: Fewer than two consecutive predictions can be compared.
     """
     stamps = np.array([frame.stamp_ns for frame in tracked], dtype=np.int64)
     inside = (run.stamps >= stamps[0]) & (run.stamps <= stamps[-1])
@@ -65,7 +65,7 @@ def align(
 
 
 def _longest_tracked(wanted: Stamps, stamps: Stamps) -> slice:
-    """Return the longest part of `wanted` without one that lies in a gap between `stamps`."""
+    """Longest part of `wanted` of which no time lies in a gap between `stamps`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], covered(wanted, stamps), [0]])))
     if not len(edges):
         return slice(0, 0)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of predictions from one start."""
+"""Runs: consecutive predictions from one start."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 from ..tracking.usable_frames import GAP, median_interval, Stamps
 
-# a stamp further off the grid than this part of a period belongs to another start
+# a stamp further off the grid belongs to another start [periods]
 RESTART_TOLERANCE = 0.01
 
 
@@ -27,15 +27,15 @@ class AlignmentError(UserError):
 
 @dataclass(frozen=True)
 class Run:
-    """Predictions at equal times.
+    """Predictions at equal intervals.
 
     Args:
-        stamps: Times predicted for [ns], those of bridged frames too, shape (frames,).
+        stamps: Predicted times [ns], with those of interpolated frames, shape (frames,).
         poses: Position [m] and quaternion (x, y, z, w), shape (frames, n, 7).
         frame_id: Coordinate frame.
         dt: Time between two frames [s].
-        bridged: Number of frames that were missing and are interpolated.
-        part: Which of the predictions these are.
+        bridged: Number of missing frames that are interpolated.
+        part: Range of these predictions among all recorded ones.
     """
 
     stamps: Stamps
@@ -49,24 +49,24 @@ class Run:
 def longest_run(
     frames: list[PoseArrayFrame], *, every: bool, starts: Stamps | None = None
 ) -> tuple[Run, dict[str, int]]:
-    """Return the longest stretch of predictions from one start.
+    """Longest run of predictions from one start.
 
-    A start is taken to be new where a stamp is not one period after the one before (the period is
-    the median), or where the number of spheres or the frame changes. Where one or two predictions
-    are missing, their poses are interpolated.
+    A new start is assumed where a stamp is not one median period after the previous one, or where
+    the number of spheres or the coordinate frame changes. One or two missing predictions in a row
+    are interpolated.
 
     Args:
         frames: Predictions in the order of recording.
-        every: Each prediction starts from a tracked frame of its own, so that stamps follow the
-            tracker's: only a step of more than half a period off ends a run.
-        starts: Number of the start of each prediction, or of its set of spheres where each has a
-            start of its own, where that was recorded, shape (frames,).
+        every: Whether each prediction has its own start, so that stamps follow the tracker's: then
+            only a step that is off by more than half a period ends a run.
+        starts: Index of the recorded start of each prediction, or of its set of spheres where each
+            has its own start, shape (frames,); None: not recorded.
 
     Returns:
-        The run, and `restarts` and `missing` frames of the whole recording.
+        The run, and the numbers of `restarts` and `missing` frames of the whole recording.
 
     Raises:
-        AlignmentError: There are fewer than two predictions in a row.
+            AlignmentError: No two predictions are consecutive.
     """
     stamps, advance, restart, changed = _steps(frames)
     if starts is not None:
@@ -98,9 +98,9 @@ def longest_run(
 def _bridge(
     stamps: Stamps, poses: Array, advance: NDArray[np.int_], frame_id: str, part: slice
 ) -> Run:
-    places = np.concatenate([[0], np.cumsum(advance)])
-    frames = np.arange(places[-1] + 1)
-    full_stamps = np.rint(np.interp(frames, places, (stamps - stamps[0]).astype(float)))
+    periods = np.concatenate([[0], np.cumsum(advance)])
+    frames = np.arange(periods[-1] + 1)
+    full_stamps = np.rint(np.interp(frames, periods, (stamps - stamps[0]).astype(float)))
     full_stamps = full_stamps.astype(np.int64) + stamps[0]
     bridged = len(frames) - len(stamps)
     return Run(
@@ -113,8 +113,8 @@ def _bridge(
     )
 
 
-def from_one_start(frames: list[PoseArrayFrame]) -> list[slice]:
-    """Predictions by start, cut where one is told from the stamps as in `longest_run`."""
+def split_by_start(frames: list[PoseArrayFrame]) -> list[slice]:
+    """Ranges of predictions by start, told from the stamps as in `longest_run`."""
     if len(frames) < 2:
         return [slice(0, len(frames))]
     _, _, restart, _ = _steps(frames)
@@ -123,10 +123,10 @@ def from_one_start(frames: list[PoseArrayFrame]) -> list[slice]:
 
 
 def median_period(stamps: Stamps) -> float:
-    """Median of the steps forward [ns].
+    """Median of the positive steps between stamps [ns].
 
     Raises:
-        AlignmentError: There is none.
+        AlignmentError: There is no such step.
     """
     period = median_interval(stamps)
     if not period:
@@ -140,7 +140,7 @@ def median_period(stamps: Stamps) -> float:
 def _steps(
     frames: list[PoseArrayFrame],
 ) -> tuple[Stamps, NDArray[np.int_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Stamps [ns]; of each step: periods, whether a start is in it, whether spheres changed."""
+    """Stamps [ns]; of each step: periods, whether a start lies in it, whether spheres changed."""
     stamps = np.array([frame.stamp_ns for frame in frames], dtype=np.int64)
     period, steps = median_period(stamps), np.diff(stamps)
     advance = np.maximum(np.rint(steps / period), 1).astype(int)

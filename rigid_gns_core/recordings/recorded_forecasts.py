@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts of a recording, and when they began, as the simulator said or as stamps tell."""
+"""Recorded forecasts and their starts, from ~/start or, without it, from the stamps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .prediction_runs import from_one_start, median_period
+from .prediction_runs import median_period, split_by_start
 from ..bags.reader import BagError, Topic
 from ..errors import UserError
 from ..forecasts.starts import Start
@@ -20,31 +20,31 @@ from ..tracking.usable_frames import Stamps
 
 
 def recorded_starts(topic: Topic | None) -> list[Start]:
-    """Return starts that a simulator recorded on ~/start; none where there is no such topic.
+    """Starts on the topic ~/start in the order of recording; none without such a topic.
 
     Raises:
-        BagError: A message is not what it should be.
+        BagError: A message is not a start.
     """
     if topic is None:
         return []
     starts = []
-    for message, place in zip(topic.messages, topic.places, strict=True):
+    for message, record_index in zip(topic.messages, topic.indices, strict=True):
         try:
-            starts.append(Start.from_json(decode_string(message), int(place)))
+            starts.append(Start.from_json(decode_string(message), int(record_index)))
         except UserError as error:
             raise BagError(
                 f'message {len(starts)} of {topic.name} is no start of a forecast: {error}'
             ) from error
-    return sorted(starts, key=lambda start: start.place)
+    return sorted(starts, key=lambda start: start.index)
 
 
-def starts_of(starts: Sequence[Start], frames: list[PoseArrayFrame], places: Stamps) -> Stamps:
-    """Which start each prediction comes from, -1 for none, shape (frames,).
+def starts_of(starts: Sequence[Start], frames: list[PoseArrayFrame], indices: Stamps) -> Stamps:
+    """Index of the start of each prediction, -1 for none, shape (frames,).
 
-    It is the last before it in the recording; the one before that where its frame is not earlier
-    than the time predicted for, as of a prediction that was held while a new forecast began.
+    It is the last start recorded before the prediction; or the one before that, where the last has
+    a later stamp, as for a prediction that was pending while a new forecast started.
     """
-    before = np.searchsorted([start.place for start in starts], places) - 1
+    before = np.searchsorted([start.index for start in starts], indices) - 1
     chosen = np.full(len(frames), -1, dtype=np.int64)
     for index, frame in enumerate(frames):
         for candidate in (int(before[index]), int(before[index]) - 1):
@@ -55,79 +55,81 @@ def starts_of(starts: Sequence[Start], frames: list[PoseArrayFrame], places: Sta
 
 
 @dataclass(frozen=True)
-class Forecasted:
+class RecordedForecast:
     """Predictions of one forecast.
 
     Args:
         start_ns: Stamp of its start frame [ns].
-        start: Which of the recorded starts it is; -1 where they were not recorded.
-        stamps: Times predicted for [ns], rising, shape (k,).
+        start: Index of its recorded start; -1: not recorded.
+        stamps: Predicted times [ns], rising, shape (k,).
         frames: Predictions.
-        places: Their places in the recording, shape (k,).
+        indices: Index of each in the order of recording, shape (k,).
     """
 
     start_ns: int
     start: int
     stamps: Stamps
     frames: list[PoseArrayFrame]
-    places: Stamps
+    indices: Stamps
 
 
-def forecasts(
+def predictions_by_forecast(
     starts: Sequence[Start],
     frames: list[PoseArrayFrame],
-    places: Stamps,
+    indices: Stamps,
     tracked: Stamps,
     *,
     every: bool,
-) -> list[Forecasted]:
-    """Predictions by forecast.
+) -> list[RecordedForecast]:
+    """Predictions grouped by forecast.
 
-    Without recorded starts, a forecast is taken to start from the tracked frame one period before
-    its first prediction; where there is no such frame it is left out, as are all of
-    `start: every`.
+    Without recorded starts, a forecast is assumed to start from the tracked frame one period
+    before its first prediction. Without such a frame it is left out, as are all with `start:
+    every`.
 
     Args:
-        starts: Recorded ones, or none.
+        starts: Recorded starts; empty: not recorded.
         frames: Predictions in the order of recording.
-        places: Their places in the recording, shape (frames,).
-        tracked: Stamps of tracked frames [ns].
-        every: Whether each prediction started from a frame of its own.
+        indices: Index of each in the order of recording, shape (frames,).
+        tracked: Stamps of the tracked frames [ns], shape (m,).
+        every: Whether each prediction had its own start.
     """
     found = []
     if starts:
-        chosen = starts_of(starts, frames, places)
+        chosen = starts_of(starts, frames, indices)
         for index in np.unique(chosen[chosen >= 0]):
             own = np.flatnonzero(chosen == index)
-            found.append(_forecasted(starts[index].stamp_ns, int(index), frames, places, own))
+            found.append(
+                _recorded_forecast(starts[index].stamp_ns, int(index), frames, indices, own)
+            )
     elif not every and len(frames) > 1:
         period = median_period(np.array([frame.stamp_ns for frame in frames], dtype=np.int64))
-        for part in from_one_start(frames):
+        for part in split_by_start(frames):
             start = frames[part.start].stamp_ns - round(period)
             if len(tracked) and np.abs(tracked - start).min() <= 2:  # stamps are whole nanoseconds
                 own = np.arange(part.start, part.stop)
-                found.append(_forecasted(start, -1, frames, places, own))
+                found.append(_recorded_forecast(start, -1, frames, indices, own))
     return found
 
 
-def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[Forecasted]:
-    """Futures of a recording; messages that are damaged are left out.
+def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[RecordedForecast]:
+    """Recorded trajectories, each as a forecast; damaged messages are left out.
 
     Args:
-        topic: Topic of futures; None: there are none.
-        starts: Recorded starts; a future gets the last one before it with its spheres.
+        topic: Topic of predicted trajectories; None: not recorded.
+        starts: Recorded starts; a trajectory gets the last one before it, if it has its spheres.
     """
     if topic is None:
         return
-    places = [start.place for start in starts]
-    for message, place in zip(topic.messages, topic.places, strict=True):
+    indices = [start.index for start in starts]
+    for message, record_index in zip(topic.messages, topic.indices, strict=True):
         try:
             future = decode_trajectory(message)
         except MessageError:
             continue
         if not len(future.times_ns):
             continue
-        index = int(np.searchsorted(places, place)) - 1
+        index = int(np.searchsorted(indices, record_index)) - 1
         if index >= 0 and starts[index].ids is not None:
             names = tuple(f'sphere_{sphere}' for sphere in starts[index].ids or ())
             if names != future.names:
@@ -137,17 +139,21 @@ def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[F
             PoseArrayFrame(int(stamp), future.frame_id, poses)
             for stamp, poses in zip(stamps, future.poses, strict=True)
         ]
-        yield Forecasted(
-            future.stamp_ns, index, stamps, frames, np.full(len(stamps), place, dtype=np.int64)
+        yield RecordedForecast(
+            future.stamp_ns,
+            index,
+            stamps,
+            frames,
+            np.full(len(stamps), record_index, dtype=np.int64),
         )
 
 
-def _forecasted(
-    start_ns: int, start: int, frames: list[PoseArrayFrame], places: Stamps, own: Stamps
-) -> Forecasted:
+def _recorded_forecast(
+    start_ns: int, start: int, frames: list[PoseArrayFrame], indices: Stamps, own: Stamps
+) -> RecordedForecast:
     stamps = np.array([frames[index].stamp_ns for index in own], dtype=np.int64)
     order = np.argsort(stamps, kind='stable')
     own = own[order]
-    return Forecasted(
-        start_ns, start, stamps[order], [frames[index] for index in own], places[own]
+    return RecordedForecast(
+        start_ns, start, stamps[order], [frames[index] for index in own], indices[own]
     )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked frames of a bag heard again by a window, so that it stands where the node's stood."""
+"""Replay of recorded frames into a window, which brings it into the state of the node's."""
 
 from __future__ import annotations
 
@@ -10,49 +10,52 @@ from contextlib import suppress
 
 import numpy as np
 
-from .tracked_frames import Decoded
+from .tracked_frames import DecodedTopic
 from ..forecasts.starts import Start
 from ..tracking.usable_frames import RejectedFrame, seconds
 from ..tracking.window import TrackingWindow
 
-# reasons of starts before which the node had forgotten all frames
+# reasons of starts before which the node had emptied its window
 _FROM_NOTHING = ('first', 'reset', 'restart')
-_MOST_TRIED = 20  # frames before the window from which such a start is tried
+_MOST_TRIED = 20  # frames before the window from which such a start is attempted
 
 
-def replayed(
+def replay_starts(
     window: TrackingWindow,
-    tracked: Decoded,
+    tracked: DecodedTopic,
     starts: list[Start],
-    on_frame: Callable[[int, int], None] = lambda _frame, _life: None,
+    on_frame: Callable[[int, int], None] = lambda _frame, _epoch: None,
 ) -> Iterator[tuple[Start, str]]:
-    """Each start once the window has heard what the node had heard; and why it cannot be had.
+    """Replay the frames up to each start in turn, and yield it with the window in its state.
 
     Args:
-        window: As the node's; nothing heard yet.
+        window: Empty window with the node's parameters.
         tracked: Frames that the node accepted.
-        starts: Recorded ones.
-        on_frame: Called with the index of each frame that was heard, and which life of the window
-            it was: a new one begins where all was forgotten. A frame that is heard again, as it
-            turns out to be of another life, is told again.
-    """
-    order = np.argsort(tracked.places, kind='stable')
-    frames = [tracked.frames[index] for index in order]
-    places, times = tracked.places[order], tracked.times[order]
+        starts: Recorded starts.
+        on_frame: Called with the index of each replayed frame and the epoch of the window; a new
+            epoch begins where the window was emptied. A frame that turns out to be of another
+            epoch is replayed, and passed, again.
 
-    def hear(begin: int, end: int) -> None:
+    Yields:
+            The start, and why the window does not give it; empty: it does.
+    """
+    order = np.argsort(tracked.indices, kind='stable')
+    frames = [tracked.frames[index] for index in order]
+    indices, times = tracked.indices[order], tracked.times[order]
+
+    def replay(begin: int, end: int) -> None:
         for index in range(begin, end):
-            # refused now, but not then: where the clock of the node was set meanwhile
+            # refused here, but not in the node: where the node's clock was set meanwhile
             with suppress(RejectedFrame):
                 window.add(frames[index], int(times[index]))
-                on_frame(int(order[index]), life)
+                on_frame(int(order[index]), epoch)
 
-    there: dict[int, int] = {}  # index of the newest frame of each stamp
-    heard = life = 0
+    newest_of: dict[int, int] = {}  # index of the newest frame with each stamp
+    replayed = epoch = 0
     for start in starts:
-        end = int(np.searchsorted(places, start.place))
-        there |= {frames[index].stamp_ns: index for index in range(heard, end)}
-        missing = [stamp for stamp in start.window_ns if stamp not in there]
+        end = int(np.searchsorted(indices, start.index))
+        newest_of |= {frames[index].stamp_ns: index for index in range(replayed, end)}
+        missing = [stamp for stamp in start.window_ns if stamp not in newest_of]
         if missing:
             error = (
                 f'{len(missing)} of its {len(start.window_ns)} tracked frames are not in the bag, '
@@ -61,24 +64,24 @@ def replayed(
         else:
             error = 'the tracked frames in the bag give no such start'
         anew = start.reason in _FROM_NOTHING
-        latest = there.get(start.window_ns[0], end) if start.window_ns else end
-        hear(heard, max(heard, latest) if anew else end)
+        latest = newest_of.get(start.window_ns[0], end) if start.window_ns else end
+        replay(replayed, max(replayed, latest) if anew else end)
         if start.window_ns and (anew or not _is_at(window, start)):
-            # what was heard before was forgotten, at the latest at the first frame of the window;
-            # earlier where no sphere was found in the first frames after that
-            life += 1
+            # the node's window was emptied at the first frame of the start's window at the latest,
+            # earlier where no track was initiated in the first frames after that
+            epoch += 1
             for begin in range(latest, max(0, latest - _MOST_TRIED) - 1, -1):
                 window.clear()
-                hear(begin, end)
+                replay(begin, end)
                 if _is_at(window, start):
                     break
-        heard = max(heard, end)
+        replayed = max(replayed, end)
         yield start, '' if not missing and _is_at(window, start) else error
-    hear(heard, len(frames))
+    replay(replayed, len(frames))
 
 
 def _is_at(window: TrackingWindow, start: Start) -> bool:
-    """Whether a window gives this start."""
+    """Whether the window gives this start."""
     return (
         window.full
         and window.start()[0] == start.stamp_ns

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked poses at equal times, without a straight line through a bounce.
+"""Resampling of tracked poses at other times, without a straight line through a bounce.
 
-Between two frames a sphere flies (a parabola), is carried by a surface (a straight line), or is
-struck. Which of these, its neighbours tell: a step that continues the one before or leads into the
-one after has no contact in it. In a step with a contact, the motion before it is continued to
-where it meets the motion after it, run backwards. Where the two do not meet, as after two contacts
-in one step, a straight line is left, and counted. Rotations go along the shorter arc throughout.
+Between two frames a sphere flies (a parabola), is supported by a surface (a straight line), or
+has a contact. A step that agrees with the step before or after it has no contact in it. In a step
+with a contact, the motion before it is extrapolated forward and that after it backward, to where
+they meet. Where they do not meet, as after two contacts in one step, a straight line is taken, and
+counted. Rotations are interpolated along the shorter arc.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array, rotate_quaternions, rotation_between
 from ..tracking.pose_noise import SIGMAS
 
-# two stamps within this are one [s]
+# times within this are the same [s]
 _SAME = 1e-7
-# moments tried for a contact within a step
+# times tried for a contact within a step
 _MOMENTS = 33
-# the largest distance between the motions before and after a contact, where they meet [radii]
+# largest distance of the motions before and after a contact where they meet [radii]
 _MEET = 0.02
-# what rolling friction may change of a speed, as a part of what gravity does
+# largest acceleration by rolling friction, as a part of gravity
 _BENT = 0.05
 _FLIGHT, _CARRIED, _STRUCK = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class Resampled:
-    """Poses at equal times.
+    """Resampled poses.
 
     Args:
         positions: Centres [m], shape (steps + 1, n, 3).
         quaternions: Rotations (x, y, z, w), shape (steps + 1, n, 4).
-        counts: Number of poses by how they were found: `tracked` (a frame has that time),
-            `flight`, `carried`, `bounce` (from both sides of a contact) and `straight` (a guess).
+        counts: Number of poses by kind: `tracked` (a frame has that time), `flight`, `carried`
+            (supported), `bounce` (from both sides of a contact) and `straight` (a guess).
     """
 
     positions: Array
@@ -57,7 +57,7 @@ def resample(
     scene: Scene,
     noise: float,
 ) -> Resampled:
-    """Poses at `wanted` times.
+    """Poses at the times `wanted`.
 
     Args:
         times: Times of the frames [s], rising, shape (k,), k at least 2.
@@ -105,7 +105,7 @@ def resample(
 
 
 def _kinds(spans: Array, positions: Array, gravity: Array, noise: float) -> NDArray[np.int_]:
-    """Flight, carried or struck, for each step and sphere, shape (k - 1, n)."""
+    """_FLIGHT, _CARRIED or _STRUCK, for each step and sphere, shape (k - 1, n)."""
     means = np.diff(positions, axis=0) / spans[:, None, None]
     before, after = spans[:-1, None, None], spans[1:, None, None]
     change = np.diff(means, axis=0)
@@ -115,7 +115,7 @@ def _kinds(spans: Array, positions: Array, gravity: Array, noise: float) -> NDAr
     allowed = SIGMAS * noise * spread + _BENT * np.linalg.norm(gravity) * (before + after)
     jumps = np.where(jumps <= allowed[..., 0], jumps, np.inf)
     edge = np.full((2, 1, positions.shape[1]), np.inf)
-    # a step goes on from the one before it, or into the one after it
+    # a step agrees with the one before it or with the one after it
     either = np.minimum(
         np.concatenate([edge, jumps], axis=1), np.concatenate([jumps, edge], axis=1)
     )
@@ -134,7 +134,7 @@ def _through_contact(
     noise: float,
     radius: float,
 ) -> Array | None:
-    """Place in a step with a contact, shape (3,); None where its two sides do not meet."""
+    """Position in a step with a contact [m], shape (3,); None where its two sides do not meet."""
     if step == 0 or step + 1 >= len(means):
         return None
     sides = kinds[step - 1, sphere], kinds[step + 1, sphere]
@@ -159,9 +159,9 @@ def _through_contact(
     moments = np.linspace(start, end, _MOMENTS)[:, None]
     apart = np.linalg.norm(forward(moments - start) - backward(end - moments), axis=1)
     met = int(apart.argmin())
-    # noise of both sides, carried on over this step
+    # noise of both sides, extrapolated over this step
     spread = noise * np.sqrt(2.0) * (1.0 + 2.0 * (end - start) / min(spans))
-    # and how far the sphere comes between two of the moments
+    # and the relative travel between two of the times tried
     coarse = float(np.linalg.norm(speeds[1] - speeds[0])) * (end - start) / _MOMENTS
     if apart[met] > _MEET * radius + SIGMAS * spread + coarse:
         return None

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked frames of a bag, cut where they do not go on: gaps, another count, a tracker anew."""
+"""Tracked frames of a bag, cut at gaps, at changes of the number of spheres and at restarts."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from ..scenes.state import Array
 from ..tracking.pose_noise import estimate_noise, PoseNoise
 from ..tracking.usable_frames import median_interval, Stamps, usable_passes
 
-# for people, where the number of spheres changes
+# advice where the number of spheres changes
 MATCH_REMEDY = '--match follows spheres that are missing now and then'
 
 
 @dataclass(frozen=True)
-class Decoded:
-    """Messages of a topic of poses that are whole.
+class DecodedTopic:
+    """Decoded messages of a topic of poses.
 
     Args:
-        frames: Their content.
+        frames: Content of the intact messages.
         times: Log times [ns], shape (frames,).
-        places: Places in the recording, shape (frames,).
-        damaged: Number of messages that are not whole.
+        indices: Index of each in the order of recording, shape (frames,).
+        damaged: Number of damaged messages.
     """
 
     frames: list[PoseArrayFrame]
     times: Stamps
-    places: Stamps
+    indices: Stamps
     damaged: int
 
     @property
@@ -42,10 +42,10 @@ class Decoded:
         return np.array([frame.stamp_ns for frame in self.frames], dtype=np.int64)
 
     def interval(self, where: str) -> float:
-        """Return the median time between two frames [s].
+        """Median interval between frames [s].
 
         Raises:
-            BagError: There are none that follow each other.
+            BagError: No two frames follow each other; the message begins with `where`.
         """
         if found := median_interval(self.stamps):
             return found * 1e-9
@@ -55,8 +55,8 @@ class Decoded:
         )
 
 
-def decode_topic(topic: Topic) -> Decoded:
-    """Frames of a topic."""
+def decode_topic(topic: Topic) -> DecodedTopic:
+    """Decode the messages of a topic of poses."""
     frames, kept = [], []
     for index, message in enumerate(topic.messages):
         try:
@@ -64,16 +64,16 @@ def decode_topic(topic: Topic) -> Decoded:
         except MessageError:
             continue
         kept.append(index)
-    return Decoded(frames, topic.times[kept], topic.places[kept], len(topic) - len(frames))
+    return DecodedTopic(frames, topic.times[kept], topic.indices[kept], len(topic) - len(frames))
 
 
 @dataclass(frozen=True)
 class Passes:
-    """Usable tracked frames, cut where the tracker began anew.
+    """Usable tracked frames, cut where the tracker restarted.
 
     Args:
-        frames: Of each pass, at least one.
-        starts: Places in the recording where the second and later ones begin.
+        frames: Frames of each pass; there is at least one pass, which may be empty.
+        starts: Indices in the order of recording at which the second and later passes begin.
         refused: Number of other frames, by reason.
     """
 
@@ -82,19 +82,19 @@ class Passes:
     refused: dict[str, int]
 
     @classmethod
-    def of(cls, tracked: Decoded, frame_id: str, count: int, radius: float) -> Passes:
-        """Tracked frames that can be a reference; other arguments as of `usable_passes`."""
+    def of(cls, tracked: DecodedTopic, frame_id: str, count: int, radius: float) -> Passes:
+        """Passes of the frames that can be a reference; arguments as in `usable_passes`."""
         passes, refused = usable_passes(
             tracked.frames, tracked.times, frame_id=frame_id, radius=radius, count=count
         )
-        starts = np.array([tracked.places[one].min() for one in passes[1:]], dtype=np.int64)
-        frames = [[tracked.frames[k] for k in one] for one in passes]
+        starts = np.array([tracked.indices[pass_].min() for pass_ in passes[1:]], dtype=np.int64)
+        frames = [[tracked.frames[k] for k in pass_] for pass_ in passes]
         return cls(frames or [[]], starts, dict(refused))
 
-    def beside(self, places: Stamps) -> tuple[list[PoseArrayFrame], dict[str, int]]:
-        """Frames of the pass with most of these places, and the number of all others."""
+    def beside(self, indices: Stamps) -> tuple[list[PoseArrayFrame], dict[str, int]]:
+        """Frames of the pass with most of these recording indices; the number of all others."""
         shares = np.bincount(
-            np.searchsorted(self.starts, places, side='right'), minlength=len(self.frames)
+            np.searchsorted(self.starts, indices, side='right'), minlength=len(self.frames)
         )
         chosen = self.frames[int(np.argmax(shares))]
         others = sum(map(len, self.frames)) - len(chosen)
@@ -103,12 +103,12 @@ class Passes:
 
 @dataclass(frozen=True)
 class Segment:
-    """Frames without a gap.
+    """Consecutive frames without a gap.
 
     Args:
-        stamps: Rising times [ns], shape (k,).
+        stamps: Rising stamps [ns], shape (k,).
         poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7).
-        ids: Of the spheres, where poses were matched; None: their places in the message.
+        ids: Ids of the spheres, where poses were matched; None: their order in the message.
     """
 
     stamps: Stamps
@@ -123,14 +123,14 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Cut:
-    """What became of the frames.
+class Segmentation:
+    """Frames cut into segments.
 
     Args:
-        segments: Stretches, in the order of recording; some may be of one frame.
+        segments: Segments in the order of recording; some may have one frame only.
         refused: Number of frames left out, by reason.
-        cuts: Number of cuts, by reason: `gap`, `count`, `anew`; of matched poses also `set`.
-        filled: Number of poses put in where a sphere was not seen; of matched poses alone.
+        cuts: Number of cuts, by reason: `gap`, `count`, `anew` (restart); of matched poses `set`.
+        filled: Number of poses filled in where a sphere was not seen; of matched poses alone.
     """
 
     segments: list[Segment]
@@ -139,50 +139,49 @@ class Cut:
     filled: int = 0
 
     def noise(self) -> PoseNoise:
-        """Noise of the tracker, see `estimate_noise`."""
+        """Measurement noise of the tracker, see `estimate_noise`."""
         return estimate_noise(
             [(part.times, part.poses[..., :3], part.poses[..., 3:]) for part in self.segments]
         )
 
 
-def cut(tracked: Decoded, radius: float, max_gap_ns: float) -> Cut:
+def segment_frames(tracked: DecodedTopic, radius: float, max_gap_ns: float) -> Segmentation:
     """Cut frames into segments.
 
-    Left out are frames in another coordinate frame than most, and those that `usable_passes`
-    refuses.
+    Frames in an unusual coordinate frame, and those that `usable_passes` refuses, are left out.
 
     Args:
         tracked: All frames.
-        radius: Of the largest sphere [m].
-        max_gap_ns: Two frames further apart are not joined [ns].
+        radius: Radius of the largest sphere [m].
+        max_gap_ns: Longest time between frames of a segment [ns].
     """
     passes, refused = usable_passes(
         tracked.frames, tracked.times, frame_id=usual_frame_id(tracked), radius=radius
     )
     cuts = Counter(anew=max(len(passes) - 1, 0))
     segments = []
-    for one in passes:
-        parts, why = without_gaps([tracked.frames[k] for k in one], max_gap_ns)
+    for pass_ in passes:
+        parts, why = split_at_gaps([tracked.frames[k] for k in pass_], max_gap_ns)
         segments += parts
         cuts += why
-    return Cut(segments, dict(refused), dict(+cuts))
+    return Segmentation(segments, dict(refused), dict(+cuts))
 
 
-def usual_frame_id(tracked: Decoded) -> str:
+def usual_frame_id(tracked: DecodedTopic) -> str:
     """Coordinate frame of most frames; empty where there are none."""
     names = Counter(frame.frame_id for frame in tracked.frames)
     return names.most_common(1)[0][0] if names else ''
 
 
-def without_gaps(
+def split_at_gaps(
     frames: list[PoseArrayFrame], max_gap_ns: float, ids: tuple[int, ...] | None = None
 ) -> tuple[list[Segment], Counter[str]]:
-    """Cut usable frames of one pass into segments; and count the cuts, by reason.
+    """Cut usable frames of one pass into segments, and count the cuts by reason.
 
     Args:
-        frames: Of rising stamps.
-        max_gap_ns: Two frames further apart are not joined [ns].
-        ids: Of the spheres.
+        frames: Frames of rising stamps.
+        max_gap_ns: Longest time between frames of a segment [ns].
+        ids: Ids of the spheres, where poses were matched.
     """
     cuts: Counter[str] = Counter()
     begin, segments = 0, []

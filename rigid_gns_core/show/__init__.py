@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A prediction beside its reference in one HTML file that opens offline; see docs/report.md."""
+"""Reports and figures of a prediction and its reference; see docs/report.md."""
 
 from __future__ import annotations
 

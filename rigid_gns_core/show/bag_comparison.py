@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The comparison that a recorded bag holds."""
+"""Comparison of predicted and tracked poses of a bag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from .comparison import Comparison
 from ..bags.reader import read_bag
-from ..bags.topics import find_topics, holds_predictions, listing
+from ..bags.topics import find_topics, holds_predictions, list_topics
 from ..errors import UserError
 from ..messages.poses import decode_float64
 from ..recordings.scoring.evaluate import score_bag
@@ -23,13 +23,13 @@ from ..scenes.state import Array
 def read_bag_comparison(
     path: Path, *, scene: str | None, tracked: str | None, predicted: str | None
 ) -> Comparison:
-    """Predicted and tracked poses of a bag, its evaluation and its times.
+    """Read predicted and tracked poses of a bag, its scores and its timing.
 
     Args:
         path: Bag folder, or an .mcap file.
-        scene: Scene of a bag that holds none, or a wrong one: a shipped name or a file.
+        scene: Shipped name or YAML file of the scene. None: the recorded one.
         tracked: Topic of the tracked poses. None: that of the simulator.
-        predicted: Topic of the predicted poses. None: the same.
+        predicted: Topic of the predicted poses. None: that of the simulator.
 
     Raises:
         UserError: The bag cannot be read, lacks a topic or a scene, or nothing overlaps.
@@ -40,7 +40,7 @@ def read_bag_comparison(
             f'{path}: there are no predicted poses in this bag to report on; play it to a '
             'simulator that records (playback_launch.py), or make records of it with `rigid-gns '
             'import`, predict from one (docs/tutorial.md), and report on that with --reference. '
-            f'The bag holds {listing(bag)}'
+            f'The bag holds {list_topics(bag)}'
         )
     scored = score_bag(bag, scene=scene, tracked=tracked, predicted=predicted)
     topics = find_topics(bag, tracked, predicted)
@@ -56,7 +56,7 @@ def read_bag_comparison(
 
 
 def _times(ours: Any, step_time: Any) -> dict[str, tuple[Array, Array]]:
-    """Lateness and period of each prediction, and model steps [ms], over their log times [s]."""
+    """Lateness, periods and step times [ms], over log times since the first prediction [s]."""
     log = np.asarray(ours.times, dtype=np.int64)
     since: Array = 1e-9 * (log - log[0]).astype(np.float64)
     late: Array = 1e-6 * (log - ours.stamps).astype(np.float64)

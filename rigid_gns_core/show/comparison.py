@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A prediction beside its reference, of a record or a bag: what a report shows."""
+"""Comparison of a prediction and its reference, from records or a bag."""
 
 from __future__ import annotations
 
@@ -19,21 +19,20 @@ from ..scoring.error import check_comparable
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A prediction and what it is compared with.
+    """A prediction and its reference.
 
     Args:
-        title: What it is.
+        title: Headline.
         scene: Surfaces and spheres of all trajectories.
         predicted: The prediction.
-        reference: The reference, as long as the prediction; None where there is none.
-        names: What to call the two.
-        evaluation: What `scoring.evaluate.evaluate` returns, or its laws alone; of a bag
-            with its counts and times.
-        floors: Other simulations of the reference's start, by name: how far the teacher gets from
-            itself.
-        recording: Of a bag: times since the first prediction [s], shape (m,), and by name what was
-            measured at them [ms], shape (m,).
-        lost: Step from which a trajectory diverged, so that all were cut there; None: none did.
+        reference: The reference, of the same length; None: there is none.
+        names: Names of prediction and reference.
+        evaluation: Report of `scoring.evaluate.evaluate`, or its laws alone; for a bag with counts
+            and timing, see `BagScore`.
+        floors: Other simulations of the reference's start by name, for the floor of chaos.
+        recording: For a bag, by quantity: log times since the first prediction [s], and values
+            [ms], shape (m,) each.
+        lost: Step at which a trajectory diverged, where all are cut; None: none diverged.
     """
 
     title: str
@@ -48,14 +47,14 @@ class Comparison:
 
     @property
     def sides(self) -> dict[str, Trajectory]:
-        """Trajectories by their names, the prediction first."""
+        """Prediction and reference by name."""
         sides = {self.names[0]: self.predicted}
         if self.reference is not None:
             sides[self.names[1]] = self.reference
         return sides
 
     def window(self, start: int, stop: int) -> Comparison:
-        """Return steps `start` to `stop`, `stop` not included; numbers stay those of the whole."""
+        """Steps from `start` up to but without `stop`; the evaluation stays that of all steps."""
         return replace(
             self,
             predicted=self.predicted.window(start, stop),
@@ -65,10 +64,10 @@ class Comparison:
 
 
 def cut(comparison: Comparison) -> Comparison:
-    """Only the part that all trajectories have, before any of them diverges.
+    """The steps that all trajectories have, before any of them diverges.
 
     Raises:
-        UserError: They differ in time step or spheres, or one diverges at its start.
+        UserError: Time steps or spheres differ, or a trajectory diverges at its start.
     """
     everything = {**comparison.sides, **comparison.floors}
     end = min(map(len, everything.values()))

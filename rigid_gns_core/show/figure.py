@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A picture of a prediction beside its reference: positions, energy and error over time."""
+"""Figure of a prediction and its reference: positions, energy and error over time."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe-Ito colours, which the colour-blind tell apart
+# Okabe-Ito colours, safe for colour-blind readers
 REFERENCE = '#e69f00'
 PREDICTED = '#0072b2'
 KINDS = {'total': '#000000', 'potential': '#009e73', 'kinetic': '#d55e00', 'rotational': '#cc79a7'}
 SURFACE = '#8c8c8c'
 FAR = 1e4
-"""Half a side that has no end [m]."""
+"""Half length at which infinite sides are cut [m]."""
 
 
 def write_figure(
@@ -39,22 +39,22 @@ def write_figure(
     title: str = '',
     names: tuple[str, str] = ('predicted', 'reference'),
 ) -> Path:
-    """Draw a prediction beside its reference into a PNG (or PDF, SVG: by the suffix).
+    """Draw a prediction and its reference into a PNG (or PDF, SVG: by the suffix).
 
-    From above and from the side at four times, spheres to scale; below, energies and errors over
-    time. No display is needed. The end of the longer trajectory is left out, and all after a
-    divergence.
+    Views from above and from the side at four times, spheres to scale; below, energies and errors
+    over time. No display is needed. Steps that only one trajectory has, or after a divergence, are
+    left out.
 
     Args:
-        path: File to write; one that exists is replaced.
+        path: File to write; an existing one is replaced.
         predicted: The prediction.
         reference: The reference, with the same time step and spheres.
-        scene: Surfaces, drawn, and sphere properties.
+        scene: Surfaces and sphere properties.
         title: Headline.
-        names: What to call the two.
+        names: Names of prediction and reference.
 
     Raises:
-        UserError: The two differ in time step or spheres, or diverge at the start.
+        UserError: Time steps or spheres differ, or a trajectory diverges at the start.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -73,7 +73,7 @@ def write_figure(
     steps = sorted({int(step) for step in shown_at})
 
     axes_of_view = _view_axes(scene)
-    # limits that hold every sphere shown; the same at all times, so that frames compare
+    # the same limits at all times, with every sphere inside
     seen = np.concatenate([predicted.positions[steps], reference.positions[steps]])
     shown = seen @ axes_of_view.T
     margin = 1.5 * float(np.max(scene.radius))
@@ -109,7 +109,7 @@ def write_figure(
 
 
 def _view_axes(scene: Scene) -> Array:
-    """Rows: two level directions, as near x and y as can be, and up; shape (3, 3)."""
+    """Axes of the views, as rows: two horizontal ones, near x and y, and up; shape (3, 3)."""
     up = scene.up
     first = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
     first = first - up * (first @ up)
@@ -118,7 +118,7 @@ def _view_axes(scene: Scene) -> Array:
 
 
 def _corners(plane: Plane) -> Array:
-    """Corners of the rectangle [m], shape (4, 3); infinite lengths end at `FAR`."""
+    """Corners of a surface [m], shape (4, 3), with infinite sides cut at `FAR`."""
     half_x, half_y = (min(length / 2, FAR) for length in (plane.length_x, plane.length_y))
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return np.asarray(plane.point) + (signs * [half_x, half_y]) @ plane.axes[:2]
@@ -129,7 +129,7 @@ def _limits(shown: Array, scene: Scene, view: Array, margin: float) -> tuple[Arr
     for plane in scene.surfaces:
         corners = _corners(plane) @ view.T
         near = np.abs(corners) < 1e3
-        # a wall or ground is shown where it has an end within sight of the spheres
+        # the ends of surfaces are included where they are near the spheres
         for axis in range(3):
             inside = corners[near[:, axis], axis]
             span = 0.5 * (high - low).max()
@@ -185,7 +185,7 @@ def _draw_surfaces(axes: Axes, scene: Scene, view: Array, pick: list[int]) -> No
         facing = abs(float(np.asarray(plane.normal) @ view[seen_from]))
         bounded = np.isfinite(plane.length_x) and np.isfinite(plane.length_y)
         if facing > 0.99 and not bounded:
-            continue  # it fills the background and would hide the rest
+            continue  # it would fill the background
         corners = (_corners(plane) @ view.T)[:, pick]
         filled = 0.01 < facing <= 0.99
         axes.fill(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Curves over time: error and floor, energies, penetrations, momentum, and times of a bag."""
+"""Charts over time: error and floor, energy, penetration, momentum, and timing of a bag."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ..scenes.state import Array, Trajectory
 from ..scoring import angular_momentum, energy, linear_momentum
 from ..scoring.penetration import sphere_penetration, surface_penetration
 
-# error curves are logarithmic: below this part of a radius they are drawn at it
+# least error on the logarithmic axis [radii]
 LEAST_ERROR = 1e-6
 
 
 def chart(
     key: str, title: str, unit: str, times: Array, curves: list[dict[str, Any]], **more: Any
 ) -> dict[str, Any]:
-    """One chart as the page draws it.
+    """Data of one chart.
 
     Args:
         key: Short name.
-        title: What it shows.
-        unit: Of the curves.
-        times: Of their points [s], shape (m,).
-        curves: Each with `label`, `values` of shape (m,), and `style`.
-        more: `log` axis, or `note` below the chart.
+        title: Title.
+        unit: Unit of the curves.
+        times: Times of their points [s], shape (m,).
+        curves: Curves with `label`, `values` of shape (m,), and `style`.
+        more: `log` axis, `least` value, `note` below the chart, `apart`: a cursor of its own.
     """
     rounded = [{**curve, 'values': _rounded(curve['values'])} for curve in curves]
     return {
@@ -96,17 +96,17 @@ def _energy(comparison: Comparison) -> dict[str, Any]:
 
 
 def penetration_depths(trajectory: Trajectory, scene: Scene) -> tuple[Array, Array]:
-    """Deepest overlap of spheres, and of a sphere and a surface, at each time [diameters].
+    """Deepest penetration between spheres, and of spheres into surfaces, at each time [diameters].
 
-    Each of shape (steps + 1,). Spheres that went through a surface are not told from those that
-    passed it by: the evaluation, which follows their way, counts them.
+    Each of shape (steps + 1,). Spheres that went through a surface are not included; the
+    evaluation, which follows their paths, counts them.
     """
     radius = scene.per_sphere('radius', trajectory.count)
     spheres, surfaces = np.zeros(len(trajectory)), np.zeros(len(trajectory))
     for step in range(len(trajectory)):
         frame = trajectory.positions[step : step + 1]
         spheres[step] = sphere_penetration(frame, radius).deepest
-        # half a diameter: a centre that is deeper lies behind the surface, whatever it does there
+        # half a diameter: a deeper centre lies behind the surface
         surfaces[step] = surface_penetration(frame, radius, scene.surfaces, limit=0.5).deepest
     return spheres, surfaces
 

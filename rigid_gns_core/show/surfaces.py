@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The surfaces of a scene as rectangles that can be drawn: endless ones end around the spheres."""
+"""Surfaces of a scene as finite rectangles; infinite sides are cut around the spheres."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
 
-# endless walls are drawn this high, as a part of the ground's longer side: low to look over
+# height of infinite walls, low enough to look over them [length of the ground's longer side]
 WALL_HEIGHT = 0.18
-# a start up to this high, in widths of what the spheres move over, is seen whole
+# largest height of a start that is in view as a whole [widths of the spheres' range]
 START_HEIGHT = 3.0
 
 
@@ -24,8 +24,8 @@ class Quad:
     """A rectangle.
 
     Args:
-        corners: Counter-clockwise seen from its front [m], shape (4, 3).
-        endless: Whether the surface goes on beyond it.
+        corners: Corners, counter-clockwise seen from the front [m], shape (4, 3).
+        endless: Whether the surface extends beyond it.
     """
 
     corners: Array
@@ -33,7 +33,7 @@ class Quad:
 
 
 def extent(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
-    """Corners of the box around all spheres at all times [m], each of shape (3,)."""
+    """Corners of the bounding box of all spheres at all times [m], each of shape (3,)."""
     radius = scene.per_sphere('radius', trajectories[0].count)[:, None]
     low = np.min([(t.positions - radius).min(axis=(0, 1)) for t in trajectories], axis=0)
     high = np.max([(t.positions + radius).max(axis=(0, 1)) for t in trajectories], axis=0)
@@ -41,14 +41,14 @@ def extent(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 
 
 def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
-    """Return the box that most spheres are in mostly: what a camera shows, each of shape (3,)."""
+    """Corners of the box of most spheres at most times, for the camera [m], each of shape (3,)."""
     places = np.concatenate([t.positions.reshape(-1, 3) for t in trajectories])
     radius = float(np.max(scene.radius))
     low, high = np.quantile(places, (0.03, 0.97), axis=0)
     heights = np.quantile(places @ scene.up, (0.03, 0.85))
     across = (high - low) - ((high - low) @ scene.up) * scene.up
     start = max(float((t.positions[0] @ scene.up).max()) for t in trajectories)
-    # what falls from farther above is seen when it arrives
+    # spheres from further above come into view later
     if start - heights[0] <= START_HEIGHT * (float(np.abs(across).max()) + 2 * radius):
         heights[1] = max(heights[1], start)
     for point, height in zip((low, high), heights, strict=True):
@@ -59,8 +59,8 @@ def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
     """Rectangles of all surfaces.
 
-    An endless side ends where the box from `low` to `high` [m], shape (3,), and the finite
-    surfaces do, upwards a little above the lowest point.
+    Infinite sides are cut at the box from `low` to `high` [m], shape (3,), and the finite
+    surfaces; upwards, `WALL_HEIGHT` above the lowest point.
     """
     corners = [c for plane in scene.surfaces for c in _sure_corners(plane)]
     points = np.array([low, high, *corners])
@@ -68,14 +68,14 @@ def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
     across = points - np.outer(heights, scene.up)
     sides = across.max(axis=0) - across.min(axis=0)
     top = heights.min() + WALL_HEIGHT * float(sides.max())
-    # of the ground a little more, so that nothing stands on its edge
+    # a margin of the ground, so that no sphere stands on its edge
     margin = 0.04 * float(sides.max())
     box = np.array([points.min(axis=0), points.max(axis=0)])
     return [_quad(plane, box, margin, scene.up, top) for plane in scene.surfaces]
 
 
 def _sure_corners(plane: Plane) -> list[Array]:
-    """Points that the plane has for sure: of an endless side only the middle."""
+    """Corners of a plane, with infinite sides reduced to their middle [m], shape (3,) each."""
     half = [0.5 * length if np.isfinite(length) else 0.0 for length in _lengths(plane)]
     centre = np.asarray(plane.point)
     return [

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the axes of all charts look."""
+"""Common style of the axes of all charts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ INK, SPINE, GRID = '#333333', '#8c8c8c', '#e6e6e6'
 
 
 def clean_axes(axes: Axes, label_size: int = 9) -> None:
-    """Axes without a box, the look of all charts; labels in points."""
+    """Style axes without a box; `label_size` in points."""
     for side in ('top', 'right'):
         axes.spines[side].set_visible(False)
     for side in ('left', 'bottom'):

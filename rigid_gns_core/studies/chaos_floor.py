@@ -1,14 +1,13 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The floor of chaos: the teacher against itself, beside which errors of a model are read.
+"""The floor of chaos: errors of the teacher against itself, to which a model's are compared.
 
-A chaotic scene has no absolute error: a start moved by 1e-6 m gives 22 m^2 after 400 steps. The
-floor of an error is the teacher against itself at half and at twice the substeps, the larger of
-the two; a ratio to it takes no less than a quarter of a squared radius, for distances half a
-radius.
-A reference whose floor at short horizons is not small has not converged, and is refined first
-(96 substeps or more where there are few bounces).
+Errors in a chaotic scene have no absolute meaning: a start moved by 1e-6 m gives 22 m^2 after 400
+steps. The floor of an error is the larger error of the teacher at half and at twice the substeps;
+for ratios it is at least a quarter of a squared radius, for distances half a radius. A reference
+with a large floor at short horizons has not converged, and is refined first (96 substeps or more
+where there are few bounces).
 """
 
 from __future__ import annotations
@@ -30,16 +29,16 @@ from ..teacher.bullet import simulate as bullet
 from ..teacher.settings import TeacherError, TeacherSettings
 
 LEAST_FLOOR = 0.25
-"""Squared errors below this [r^2], half a radius, are not told apart."""
+"""Least floor of squared errors [r^2], half a radius squared."""
 _LESS_IS_WORSE = ('predictability_time', 'predictable_to_end', 'rest_share')
-_FORMAT = 1  # counts up where files in the cache no longer mean the same
+_FORMAT = 1  # version of the files in the cache
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')
 
 Values = Mapping[str, float | None]
 
 
 def worst(errors: Sequence[Values]) -> dict[str, float | None]:
-    """Return the worst of several errors by name: the largest, but of `_LESS_IS_WORSE`."""
+    """Worst of several errors by name: the largest, or the least of `_LESS_IS_WORSE`."""
     found = {}
     for name in {name: None for one in errors for name in one}:
         known = [value for one in errors if (value := one.get(name)) is not None]
@@ -49,11 +48,11 @@ def worst(errors: Sequence[Values]) -> dict[str, float | None]:
 
 
 def least_floor(name: str, radius: ArrayLike) -> float | None:
-    """Below it errors of this name are not told apart; None: they have no ratio to a floor.
+    """Least floor of the errors of a metric; None: it has no ratio to a floor.
 
     Args:
-        name: As in docs/metrics.md; with a step at its end it has the unit of the first.
-        radius: Of the spheres [m].
+        name: Name of the metric as in docs/metrics.md, also with a step at its end.
+        radius: Radii of the spheres [m].
     """
     if name.startswith(('mse', 'chamfer')):
         return LEAST_FLOOR * float(np.mean(np.square(np.asarray(radius))))
@@ -63,24 +62,24 @@ def least_floor(name: str, radius: ArrayLike) -> float | None:
 
 
 def over_floor(error: float | None, floor: float | None, least: float | None) -> float | None:
-    """Ratio of an error to its floor, which is no less than `least`; None: one is not known."""
+    """Ratio of an error to its floor, or to `least` if that is more; None: one is not known."""
     if error is None or floor is None or least is None:
         return None
     return error / max(floor, least)
 
 
 def half_and_twice(settings: TeacherSettings) -> list[TeacherSettings]:
-    """Return the same settings at half and at twice the substeps."""
+    """The settings at half and at twice the substeps."""
     substeps = settings.substeps
     return [replace(settings, substeps=count) for count in (max(1, substeps // 2), 2 * substeps)]
 
 
 class References:
-    """The teacher's trajectories: at its substeps, at half and at twice as many.
+    """Trajectories of the teacher at its substeps, at half and at twice as many.
 
     Args:
-        settings: Of the first; the others differ in substeps alone.
-        cache: Folder for the results; None: they are kept for the last scene only.
+        settings: Settings of the first; the others differ in substeps only.
+        cache: Folder of cached results; None: only those of the last scene are kept, in memory.
     """
 
     def __init__(self, settings: TeacherSettings, cache: Path | None = None) -> None:
@@ -91,7 +90,10 @@ class References:
     def of(
         self, name: str, scene: Scene, start: State, steps: int, dt: float
     ) -> list[Trajectory] | None:
-        """Return steps of `dt` [s] from a start; `name` begins the files. None: Bullet refuses."""
+        """The trajectories of `steps` of `dt` [s]; None: Bullet does not support the scene.
+
+        `name` begins the names of the cached files.
+        """
         runs: dict[str, Trajectory] = {}
         for settings in self._settings:
             key = _key(scene, start, steps, dt, settings)
@@ -112,7 +114,7 @@ class References:
 
 
 def _key(scene: Scene, start: State, steps: int, dt: float, settings: TeacherSettings) -> str:
-    """Return what a trajectory of the teacher depends on, as a hash."""
+    """Hash of all that a trajectory of the teacher depends on."""
     given = {name: getattr(start, name).tolist() for name in _ARRAYS}
     content = [_FORMAT, scene.to_mapping(), given, steps, dt, asdict(settings)]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From frames of poses without names to spheres with velocities."""
+"""Tracks of spheres from frames of poses that carry no identity: association and velocities."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What spheres of a scene can touch, and how they fall."""
+"""The known surroundings of tracked spheres: surfaces, gravity and radii."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ..scenes.state import Array
 
 @dataclass(frozen=True)
 class Environment:
-    """Surfaces, gravity and radii.
+    """Surfaces and gravity of a scene, and the radii of its spheres.
 
     Args:
-        surfaces: And gravity, for compiled code.
-        radius: Of the spheres [m]: one for all, or one per sphere id.
+        surfaces: Surfaces and gravity, for compiled code.
+        radius: Radius [m]: one for all spheres, shape (), or one per sphere id, shape (n,).
     """
 
     surfaces: Surfaces
@@ -29,36 +29,38 @@ class Environment:
 
     @classmethod
     def of(cls, scene: Scene) -> Environment:
-        """Return that of a scene; materials that differ between spheres enter with their mean."""
+        """Environment of a scene; materials that differ between spheres enter by their mean."""
         planes = scene.surfaces
         x, y, z = np.asarray(scene.gravity, dtype=np.float64).tolist()
         surfaces = Surfaces(
             gravity=(x, y, z),
             points=np.array([plane.point for plane in planes]).reshape(-1, 3),
             axes=np.array([plane.axes for plane in planes]).reshape(-1, 3, 3),
-            halves=np.array([(p.length_x / 2, p.length_y / 2) for p in planes]).reshape(-1, 2),
+            half_lengths=np.array([(p.length_x / 2, p.length_y / 2) for p in planes]).reshape(
+                -1, 2
+            ),
             restitution=scene.surface_values('restitution') * float(np.mean(scene.restitution)),
             friction=scene.surface_values('friction') * float(np.mean(scene.friction)),
             rolling_friction=float(np.mean(scene.rolling_friction)),
-            bounce=float(np.mean(scene.restitution)) ** 2,
+            sphere_restitution=float(np.mean(scene.restitution)) ** 2,
             known=True,
         )
         return cls(surfaces, np.asarray(scene.radius, dtype=np.float64))
 
     @classmethod
     def unknown(cls, gravity: ArrayLike, radius: float) -> Environment:
-        """Gravity alone, where no scene is given."""
+        """Environment of gravity alone [m/s^2], shape (3,), where no scene is given."""
         x, y, z = np.asarray(gravity, dtype=np.float64).tolist()
-        none = np.zeros((0, 3))
+        no_points = np.zeros((0, 3))
         surfaces = Surfaces(
             gravity=(x, y, z),
-            points=none,
+            points=no_points,
             axes=np.zeros((0, 3, 3)),
-            halves=np.zeros((0, 2)),
+            half_lengths=np.zeros((0, 2)),
             restitution=np.zeros(0),
             friction=np.zeros(0),
             rolling_friction=0.0,
-            bounce=1.0,
+            sphere_restitution=1.0,
             known=False,
         )
         return cls(surfaces, np.asarray(radius, dtype=np.float64))
@@ -70,11 +72,11 @@ class Environment:
 
     @property
     def known(self) -> bool:
-        """Whether the surfaces are known; without, spheres may be held anywhere."""
+        """Whether the surfaces are known; if not, spheres may be supported anywhere."""
         return self.surfaces.known
 
     def radii(self, ids: NDArray[np.int64]) -> Array:
-        """Radius of each sphere [m]; one that the scene does not know has the largest."""
+        """Radius of each sphere [m], shape (n,); an id that the scene lacks gets the largest."""
         if self.radius.ndim == 0:
             return np.full(len(ids), float(self.radius))
         known = (ids >= 0) & (ids < len(self.radius))

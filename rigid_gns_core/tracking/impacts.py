@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a flight meets a surface, and what the impact makes of it."""
+"""Impacts of a sphere in flight on a surface: time of contact, velocity and spin after it."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from ..scenes.state import Array
 
 
 class Surfaces(NamedTuple):
-    """What spheres can touch, for compiled code.
+    """Surfaces and gravity, for compiled code.
 
     Args:
         gravity: Acceleration of free flight [m/s^2].
         points: A point of each surface [m], shape (k, 3).
-        axes: Direction, the other direction and normal of each surface, shape (k, 3, 3).
-        halves: Half lengths along the two directions [m], shape (k, 2).
-        restitution: Of a sphere on each surface, shape (k,).
-        friction: Of a sphere on each surface, shape (k,).
-        rolling_friction: Of a sphere.
-        bounce: Restitution of two spheres.
-        known: Whether these are all; without, spheres may be held anywhere.
+        axes: First and second tangent and normal of each surface, shape (k, 3, 3).
+        half_lengths: Half lengths along the two tangents [m], shape (k, 2).
+        restitution: Restitution of a sphere on each surface, shape (k,).
+        friction: Friction of a sphere on each surface, shape (k,).
+        rolling_friction: Rolling friction of a sphere.
+        sphere_restitution: Restitution of two spheres.
+        known: Whether these are all surfaces; if not, spheres may be supported anywhere.
     """
 
     gravity: Vector
     points: Array
     axes: Array
-    halves: Array
+    half_lengths: Array
     restitution: Array
     friction: Array
     rolling_friction: float
-    bounce: float
+    sphere_restitution: float
     known: bool
 
 
 class Impact(NamedTuple):
-    """Where a flight first meets a surface.
+    """First contact of a flight with a surface.
 
     Args:
-        time: Of the contact [s], infinite where there is none.
-        normal: Of the surface.
-        restitution: Of the pair.
-        friction: Of the pair.
+        time: Time of the contact [s], infinite where there is none.
+        normal: Normal of the surface.
+        restitution: Restitution of the pair.
+        friction: Friction of the pair.
     """
 
     time: float
@@ -56,42 +56,44 @@ class Impact(NamedTuple):
 
 
 @in_place
-def nearest(surfaces: Surfaces, place: Vector, radius: float) -> tuple[int, float]:
-    """Return the surface nearest above or below a sphere, and its distance [m], else infinite."""
+def nearest_surface(surfaces: Surfaces, position: Vector, radius: float) -> tuple[int, float]:
+    """Index of the surface nearest above or below a sphere, and its distance [m], or infinity."""
     index, least = 0, math.inf
     for k in range(len(surfaces.points)):
-        offset = minus(place, row(surfaces.points, k))
+        offset = minus(position, row(surfaces.points, k))
         gap = abs(dot(offset, row(surfaces.axes[k], 2)) - radius)
-        if gap < least and _on(surfaces, k, offset):
+        if gap < least and _is_over(surfaces, k, offset):
             index, least = k, gap
     return index, least
 
 
 @in_place
-def _on(surfaces: Surfaces, k: int, offset: Vector) -> bool:
-    """Whether an offset from the middle of surface k is above or below it."""
-    axes, halves = surfaces.axes[k], surfaces.halves[k]
+def _is_over(surfaces: Surfaces, k: int, offset: Vector) -> bool:
+    """Whether an offset from the middle of surface k [m] lies above or below its rectangle."""
+    axes, half_lengths = surfaces.axes[k], surfaces.half_lengths[k]
     x, y = dot(offset, row(axes, 0)), dot(offset, row(axes, 1))
-    return bool(abs(x) <= halves[0] and abs(y) <= halves[1])
+    return bool(abs(x) <= half_lengths[0] and abs(y) <= half_lengths[1])
 
 
 @in_place
-def placed(place: Vector, speed: Vector, acceleration: Vector, time: float) -> Vector:
-    """Where a motion is after some time."""
-    return plus(plus(place, times(time, speed)), times(0.5 * time * time, acceleration))
+def position_after(
+    position: Vector, velocity: Vector, acceleration: Vector, time: float
+) -> Vector:
+    """Position after `time` [s] at constant acceleration [m/s^2]."""
+    return plus(plus(position, times(time, velocity)), times(0.5 * time * time, acceleration))
 
 
 @in_place
 def first_impact(
-    surfaces: Surfaces, place: Vector, speed: Vector, radius: float, begin: float, end: float
+    surfaces: Surfaces, position: Vector, velocity: Vector, radius: float, begin: float, end: float
 ) -> Impact:
-    """First descent on to a surface of a flight.
+    """First impact of a flight on a surface.
 
     Args:
-        surfaces: And gravity.
-        place: Centre at time 0 [m].
-        speed: Velocity at time 0 [m/s].
-        radius: [m].
+        surfaces: Surfaces and gravity.
+        position: Centre at time 0 [m].
+        velocity: Velocity at time 0 [m/s].
+        radius: Radius [m].
         begin: Earliest time [s].
         end: Latest time [s].
     """
@@ -99,18 +101,18 @@ def first_impact(
     for k in range(len(surfaces.points)):
         normal, point = row(surfaces.axes[k], 2), row(surfaces.points, k)
         a = 0.5 * dot(normal, surfaces.gravity)
-        b = dot(speed, normal)
-        c = dot(minus(place, point), normal) - radius
-        square = b * b - 4.0 * a * c
-        if not square > 0:
+        b = dot(velocity, normal)
+        c = dot(minus(position, point), normal) - radius
+        discriminant = b * b - 4.0 * a * c
+        if not discriminant > 0:
             continue
-        root = math.sqrt(square)
-        # the same root, each form where its terms do not cancel
+        root = math.sqrt(discriminant)
+        # one root in two forms, each where its terms do not cancel
         when = (-b - root) / (2.0 * a) if b > 0 else 2.0 * c / (root - b)
         if not (when >= begin and when <= end and when < first):
             continue
-        at = placed(place, speed, surfaces.gravity, when)
-        if _on(surfaces, k, minus(at, point)):
+        at = position_after(position, velocity, surfaces.gravity, when)
+        if _is_over(surfaces, k, minus(at, point)):
             index, first = k, when
     if index < 0:
         return Impact(math.inf, (0.0, 0.0, 0.0), 0.0, 0.0)
@@ -121,15 +123,18 @@ def first_impact(
 
 @in_place
 def after_impact(
-    speed: Vector, spin: Vector, impact: Impact, radius: float
+    velocity: Vector, spin: Vector, impact: Impact, radius: float
 ) -> tuple[Vector, Vector]:
-    """Velocity and spin of a solid sphere after an impact, by restitution and Coulomb friction."""
+    """Velocity [m/s] and spin [rad/s] of a solid sphere after an impact.
+
+    Newton's restitution along the normal, Coulomb friction across it.
+    """
     normal = impact.normal
-    into = min(dot(speed, normal), 0.0)
-    slip = minus(across(speed, normal), times(radius, cross(spin, normal)))
-    kick = (1.0 + impact.restitution) * into
-    # 2/7 of the slip stops it; friction may not reach that far
+    approach = min(dot(velocity, normal), 0.0)
+    slip = minus(across(velocity, normal), times(radius, cross(spin, normal)))
+    kick = (1.0 + impact.restitution) * approach
+    # an impulse of 2/7 m stops the slip of a solid sphere; Coulomb's bound may be lower
     part = min(2.0 / 7.0, -impact.friction * kick / max(length(slip), 1e-300))
     push = times(-part, slip)
-    after = plus(minus(speed, times(kick, normal)), push)
+    after = plus(minus(velocity, times(kick, normal)), push)
     return after, minus(spin, times(2.5 / radius, cross(normal, push)))

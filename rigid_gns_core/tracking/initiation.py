@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Track initiation: new spheres, in the poses that are associated with no track.
+"""Track initiation: new tracks from poses that are associated with none.
 
-Three such poses in three frames in a row that agree with one flight, or with uniform motion, are a
-sphere; false detections seldom do. Before there is any sphere, also those are taken that are
-nearest to each other from frame to frame, as they may be bouncing.
+Three such poses in three consecutive frames that agree with one flight, or with uniform motion,
+start a track; false detections seldom agree. Before there is any track, nearest neighbours from
+frame to frame start one too, as the first spheres may be bouncing.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .association import GATE_SIGMAS, Indices, match
+from .association import Indices, match
+from .gating import GATE_SIGMAS
 from ..scenes.state import Array
 
 INITIATION_FRAMES = 3
-# three such poses agree with one motion up to so many radii, beside the noise
+# tolerance of that agreement [radii], beside the noise
 _AGREE = 0.02
-# the first spheres are sought a radius away, and as far as so many sqrt(g r) of speed reach
+# the first spheres move at most a radius, and at this speed [sqrt(g r)], between two frames
 _SLOW = 10.0
 
 
 def initiate_tracks(
-    places: list[Array],
+    positions: list[Array],
     times: Array,
     *,
     gravity: Array,
@@ -33,26 +34,26 @@ def initiate_tracks(
     max_speed: float,
     any_track: bool,
 ) -> Indices:
-    """Return new spheres in the unassociated poses of one to three frames.
+    """Find new tracks in the unassociated poses of one to three frames.
 
     Args:
-        places: Positions of each frame [m], shapes (k, 3).
-        times: Of the frames [s].
+        positions: Positions of each frame [m], shapes (k, 3).
+        times: Times of the frames [s], shape (frames,).
         gravity: Acceleration of free flight [m/s^2], shape (3,).
-        radius: [m].
+        radius: Radius of the largest sphere [m].
         noise: Standard deviation of each coordinate [m].
-        max_speed: Faster ones are not sought [m/s].
-        any_track: Whether there are spheres already.
+        max_speed: Largest speed of a new track [m/s].
+        any_track: Whether there are tracks already.
 
     Returns:
         Indices into the positions of each frame, in the order of the first, shape (m, frames).
     """
-    if len(places) == 1:
-        return np.arange(len(places[0]), dtype=np.int64)[:, None]
-    found = np.zeros((0, len(places)), dtype=np.int64)
-    if len(places) == INITIATION_FRAMES:
+    if len(positions) == 1:
+        return np.arange(len(positions[0]), dtype=np.int64)[:, None]
+    found = np.zeros((0, len(positions)), dtype=np.int64)
+    if len(positions) == INITIATION_FRAMES:
         found = triples(
-            (places[0], places[1], places[2]),
+            (positions[0], positions[1], positions[2]),
             (float(times[0]), float(times[1]), float(times[2])),
             gravity=gravity,
             radius=radius,
@@ -62,24 +63,26 @@ def initiate_tracks(
         if any_track:
             return found
     free = [
-        np.setdiff1d(np.arange(len(place)), column)
-        for place, column in zip(places, found.T, strict=True)
+        np.setdiff1d(np.arange(len(centres)), column)
+        for centres, column in zip(positions, found.T, strict=True)
     ]
     size = float(np.linalg.norm(gravity)) or 1.0
     chain = free[0][:, None]
-    for frame in range(1, len(places)):
+    for frame in range(1, len(positions)):
         reach = radius + _SLOW * np.sqrt(size * radius) * (times[frame] - times[frame - 1])
         index = match(
-            places[frame - 1][chain[:, -1]], places[frame][free[frame]], np.full(len(chain), reach)
+            positions[frame - 1][chain[:, -1]],
+            positions[frame][free[frame]],
+            np.full(len(chain), reach),
         )
-        kept = index >= 0
-        chain = np.c_[chain[kept], free[frame][index[kept]]]
+        continued = index >= 0
+        chain = np.c_[chain[continued], free[frame][index[continued]]]
     rows = np.concatenate([found, chain])
     return rows[np.argsort(rows[:, 0])]
 
 
 def triples(
-    places: tuple[Array, Array, Array],
+    positions: tuple[Array, Array, Array],
     times: tuple[float, float, float],
     *,
     gravity: Array,
@@ -87,31 +90,31 @@ def triples(
     noise: float,
     max_speed: float,
 ) -> Indices:
-    """Unassociated poses of three frames that agree with one flight, or with uniform motion.
+    """Triples of poses of three frames that agree with one flight, or with uniform motion.
 
-    Of several that agree, the slow ones are taken: in a row of spheres at rest, each agrees with a
-    motion from sphere to sphere too.
+    Of several that agree the slowest is taken: in a row of spheres at rest, a motion from sphere
+    to sphere agrees too.
 
     Args:
-        places: Positions of the frames [m], shapes (a, 3), (b, 3) and (c, 3).
-        times: Of the frames [s].
+        positions: Positions of the frames [m], shapes (a, 3), (b, 3) and (c, 3).
+        times: Times of the frames [s].
         gravity: Acceleration of free flight [m/s^2], shape (3,).
-        radius: [m].
+        radius: Radius of the largest sphere [m].
         noise: Standard deviation of each coordinate [m].
-        max_speed: Faster ones are not sought [m/s].
+        max_speed: Largest speed of a new track [m/s].
 
     Returns:
         Indices into each frame, in the order of the first, shape (m, 3).
     """
-    first, second, third = places
+    first, second, third = positions
     if not (len(first) and len(second) and len(third)):
         return np.zeros((0, 3), dtype=np.int64)
     before, after = times[1] - times[0], times[2] - times[1]
-    near = cKDTree(second).query_ball_point(first, max_speed * before + radius)
-    a = np.repeat(np.arange(len(first)), [len(one) for one in near])
+    neighbours = cKDTree(second).query_ball_point(first, max_speed * before + radius)
+    a = np.repeat(np.arange(len(first)), [len(one) for one in neighbours])
     if not len(a):
         return np.zeros((0, 3), dtype=np.int64)
-    b = np.concatenate([np.asarray(one, dtype=np.int64) for one in near])
+    b = np.concatenate([np.asarray(one, dtype=np.int64) for one in neighbours])
     ratio = after / before
     step = second[b] - first[a]
     straight = second[b] + ratio * step
@@ -127,12 +130,12 @@ def triples(
         candidates.append(np.c_[cost, a[good], b[good], c[good]])
     rows = np.concatenate(candidates)
     rows = rows[np.lexsort(rows.T[::-1])]
-    used: tuple[set[int], set[int], set[int]] = (set(), set(), set())
+    taken_poses: tuple[set[int], set[int], set[int]] = (set(), set(), set())
     taken = []
     for row in rows[:, 1:].astype(np.int64).tolist():
-        if any(index in known for index, known in zip(row, used, strict=True)):
+        if any(index in known for index, known in zip(row, taken_poses, strict=True)):
             continue
         taken.append(row)
-        for index, known in zip(row, used, strict=True):
+        for index, known in zip(row, taken_poses, strict=True):
             known.add(index)
     return np.array(sorted(taken), dtype=np.int64).reshape(-1, 3)

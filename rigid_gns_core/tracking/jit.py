@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the filter is compiled: as the engine, whose code it calls, but without fused sums."""
+"""How the filter is compiled: like the engine, whose code it calls, but without fused sums."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ compiling = partial(_CODE.compiling, 'the tracking filter', 'about 15 s')
 
 
 def in_place(function: Function) -> Function:
-    """Machine code of `function` for the filter's own use: Python itself must not call it.
+    """Compile a function that only compiled code calls.
 
-    It makes no array, so that nothing counts references. Sums are neither fused nor reordered:
-    between hypotheses that cost the same, rounding decides.
+    It allocates no array, so no references are counted. Sums are neither fused nor reordered:
+    between hypotheses of equal cost, rounding decides.
     """
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
 def entry(function: Function) -> Function:
-    """Return the same for functions that Python calls; no lock is held meanwhile."""
+    """Compile a function that Python calls; it runs without Python's global lock."""
     return _CODE.of(function, nogil=True)
 
 
 def plain(values: ArrayLike) -> Array:
-    """Numbers in the one layout that entries are compiled for; another would be compiled anew."""
+    """Array in the one layout that entries are compiled for; any other would compile anew."""
     return np.require(values, np.float64, ['C', 'W'])

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least-squares lines through parts of a sphere's window, by sums from its beginning."""
+"""Least-squares lines through any part of a sphere's window, from prefix sums."""
 
 from __future__ import annotations
 
@@ -16,21 +16,20 @@ from ..scenes.state import Array
 
 Flags = NDArray[np.bool_]
 
-# columns of sums: weights, times and squared times, then values, times times values and squared
-# values, three of each
+# columns of the prefix sums: count, t, t^2, then x, t x and x^2 of three components each
 COLUMNS = 12
 
 
 class Line(NamedTuple):
-    """A line value = origin + slope t through frames in a row.
+    """Least-squares line value = origin + slope t through consecutive frames.
 
     Args:
         origin: Value at time 0.
-        slope: Per second.
+        slope: Slope per second.
         misfit: Sum of squared residuals over frames and components.
-        seen: Number of frames that show it.
-        middle: Mean time of these [s].
-        span: Sum of squared distances in time from it [s^2].
+        seen: Number of frames with a value.
+        middle: Mean time of these frames [s].
+        span: Sum of their squared distances in time from `middle` [s^2].
     """
 
     origin: Vector
@@ -43,14 +42,14 @@ class Line(NamedTuple):
 
 @in_place
 def accumulate(sums: Array, times: Array, values: Array, seen: Flags, begin: int) -> None:
-    """Sum over the frames before each one.
+    """Prefix sums over the frames.
 
     Args:
         sums: Overwritten, shape (frames + 1, COLUMNS).
-        times: [s], shape (frames,).
-        values: Shape (frames, 3).
-        seen: Whether there is a value, shape (frames,).
-        begin: What is earlier than this frame does not count.
+        times: Times of the frames [s], shape (frames,).
+        values: Values, shape (frames, 3).
+        seen: Whether a frame has a value, shape (frames,).
+        begin: Frames before this one do not count.
     """
     sums[0] = 0.0
     for frame in range(len(times)):
@@ -71,7 +70,7 @@ def accumulate(sums: Array, times: Array, values: Array, seen: Flags, begin: int
 
 @in_place
 def fit_line(sums: Array, begin: int, end: int) -> Line:
-    """Return the line through frames `begin` to `end`, `end` not included."""
+    """Line through the frames from `begin` up to but without `end`."""
     ones = sums[end, 0] - sums[begin, 0]
     first = sums[end, 1] - sums[begin, 1]
     count = max(ones, 1.0)

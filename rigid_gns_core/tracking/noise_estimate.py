@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tracker's noise, from what no motion between contacts can do: third differences."""
+"""Measurement noise from third differences, which vanish for any motion between contacts."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from .pose_noise import normal_spread
 from ..scenes.state import Array
 
-# newest third differences kept: their number gives the noise within some per cent
-KEPT = 1200
-# fewer tell too little
-LEAST = 24
+# third differences kept, the newest ones: enough for the noise within some per cent
+MAX_DIFFERENCES = 1200
+# fewer give no estimate
+MIN_DIFFERENCES = 24
 
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """The estimate of the noise so far.
+    """Estimate of the measurement noise from the third differences so far.
 
     Args:
         values: Newest third differences [m], shape (m,).
@@ -32,22 +32,22 @@ class NoiseEstimate:
 
     @cached_property
     def spread(self) -> float | None:
-        """Standard deviation of their normal part [m]; None where they are too few to tell."""
-        return normal_spread(self.values) if len(self.values) >= LEAST else None
+        """Standard deviation of a coordinate [m], contacts left out; None from too few values."""
+        return normal_spread(self.values) if len(self.values) >= MIN_DIFFERENCES else None
 
-    def after(self, values: Array, most: int) -> NoiseEstimate:
-        """Return it with newer ones, of which and of the older ones at most so many are kept."""
+    def updated(self, values: Array, limit: int) -> NoiseEstimate:
+        """Estimate with newer third differences [m], shape (k,), from at most `limit` values."""
         both = np.concatenate([self.values, values])
-        return NoiseEstimate(both[len(both) - min(most, len(both)) :])
+        return NoiseEstimate(both[len(both) - min(limit, len(both)) :])
 
 
 def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -> Array:
-    """Those of four frames, each with the standard deviation of one coordinate [m], shape (m,).
+    """Third differences of four frames, scaled to the noise of one coordinate [m], shape (m,).
 
     Args:
-        times: [s], shape (4,), at any distances.
+        times: Times of the frames [s], shape (4,), at any intervals.
         positions: Centres [m], shape (4, n, 3).
-        seen: Shape (4, n); spheres that were not seen in all are left out.
+        seen: Whether a sphere was seen, shape (4, n); those not seen in all four are left out.
     """
     gaps = times[:, None] - times + np.eye(4)
     factors = 1.0 / gaps.prod(axis=1)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A window of frames, sphere by sphere, as sums from which lines follow."""
+"""A window of frames, sphere by sphere, as prefix sums for line fits."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .line_fit import accumulate, COLUMNS, Flags
 from ..kernels.vector import length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
-# a sphere within so many radii, and standard deviations of noise, of something may touch it
+# a gap below this many radii plus this many standard deviations of noise may be a contact
 _NEAR, _NEAR_SIGMAS = 0.02, 4.0
-# collisions are sought in so many of the last intervals
+# collisions are sought in this many of the last intervals between frames
 INTERVALS = 2
 
 
@@ -26,20 +26,20 @@ class Observations(NamedTuple):
     """Frames of n spheres.
 
     Args:
-        stamps: Times of the frames, the last is 0 [s], shape (frames,).
+        stamps: Times of the frames, the last of which is 0 [s], shape (frames,).
         seen: Whether a sphere was seen in a frame, at least once each, shape (n, frames).
-        last: The last frame that shows a sphere, shape (n,).
-        origin: Where it was there [m], shape (n, 3).
+        last: Last frame that shows a sphere, shape (n,).
+        origin: Position of the sphere in that frame [m], shape (n, 3).
         offsets: Centres, less `origin`; 0 where not seen [m], shape (n, frames, 3).
-        turned: Rotation vectors since the first frame [rad], shape (n, frames, 3).
-        flights: Sums of offsets less the fall, shape (n, frames + 1, COLUMNS).
-        straight: Sums of offsets.
-        turns: Sums of rotation vectors.
-        radii: [m], shape (n,).
-        sigma: Noise [m], shape (n,).
-        near: What is so near to a sphere's surface may touch it [m], shape (n,).
-        touch: The same from its centre.
-        met: As far from its centre may be what it has met lately [m], shape (n,).
+        angles: Rotation vectors since the first frame [rad], shape (n, frames, 3).
+        flight_sums: Prefix sums of offsets less the fall, shape (n, frames + 1, COLUMNS).
+        uniform_sums: Prefix sums of offsets, of the same shape.
+        angle_sums: Prefix sums of rotation vectors, of the same shape.
+        radii: Radii [m], shape (n,).
+        sigma: Noise of a coordinate [m], shape (n,).
+        near: Largest gap to a sphere's surface that may be a contact [m], shape (n,).
+        touch: Largest distance from a sphere's centre that may be a contact [m], shape (n,).
+        met: Farthest from its centre that what it met lately can be [m], shape (n,).
     """
 
     stamps: Array
@@ -47,10 +47,10 @@ class Observations(NamedTuple):
     last: NDArray[np.int64]
     origin: Array
     offsets: Array
-    turned: Array
-    flights: Array
-    straight: Array
-    turns: Array
+    angles: Array
+    flight_sums: Array
+    uniform_sums: Array
+    angle_sums: Array
     radii: Array
     sigma: Array
     near: Array
@@ -59,7 +59,7 @@ class Observations(NamedTuple):
 
     @classmethod
     def of(cls, stamps: Array, count: int, radii: Array, sigma: Array) -> Observations:
-        """One to be filled, for `count` spheres."""
+        """Uninitialised observations of `count` spheres, for `fill`."""
         frames = len(stamps)
         return cls(
             stamps=stamps,
@@ -67,10 +67,10 @@ class Observations(NamedTuple):
             last=np.zeros(count, dtype=np.int64),
             origin=np.empty((count, 3)),
             offsets=np.zeros((count, frames, 3)),
-            turned=np.zeros((count, frames, 3)),
-            flights=np.empty((count, frames + 1, COLUMNS)),
-            straight=np.empty((count, frames + 1, COLUMNS)),
-            turns=np.empty((count, frames + 1, COLUMNS)),
+            angles=np.zeros((count, frames, 3)),
+            flight_sums=np.empty((count, frames + 1, COLUMNS)),
+            uniform_sums=np.empty((count, frames + 1, COLUMNS)),
+            angle_sums=np.empty((count, frames + 1, COLUMNS)),
             radii=radii,
             sigma=sigma,
             near=np.empty(count),
@@ -81,17 +81,22 @@ class Observations(NamedTuple):
 
 @entry
 def fill(
-    window: Observations, places: Array, turns: Array, shown: Flags, gravity: Vector, fallen: Array
+    window: Observations,
+    positions: Array,
+    quaternions: Array,
+    shown: Flags,
+    gravity: Vector,
+    fallen: Array,
 ) -> None:
-    """Fill a window with frames.
+    """Fill the observations from frames.
 
     Args:
-        window: One that is empty yet.
-        places: Centres [m], shape (frames, n, 3).
-        turns: Rotations (x, y, z, w), shape (frames, n, 4).
+        window: Overwritten, as `Observations.of` returns it.
+        positions: Centres [m], shape (frames, n, 3).
+        quaternions: Rotations (x, y, z, w), shape (frames, n, 4).
         shown: Whether a sphere was seen in a frame, shape (frames, n).
         gravity: Acceleration of free flight [m/s^2].
-        fallen: Overwritten, shape (frames, 3).
+        fallen: Scratch, overwritten, shape (frames, 3).
     """
     stamps, frames = window.stamps, len(window.stamps)
     for i in range(len(window.last)):
@@ -100,17 +105,17 @@ def fill(
             seen[frame] = shown[frame, i]
             if seen[frame]:
                 window.last[i] = frame
-        put(window.origin, i, row(places[window.last[i]], i))
+        put(window.origin, i, row(positions[window.last[i]], i))
         for frame in range(frames):
             for axis in range(3):
                 if seen[frame]:
-                    offsets[frame, axis] = places[frame, i, axis] - window.origin[i, axis]
+                    offsets[frame, axis] = positions[frame, i, axis] - window.origin[i, axis]
                 fall = 0.5 * stamps[frame] ** 2 * gravity[axis]
                 fallen[frame, axis] = offsets[frame, axis] - fall
-        _add_turns(window.turned[i], turns, seen, i)
-        accumulate(window.flights[i], stamps, fallen, seen, 0)
-        accumulate(window.straight[i], stamps, offsets, seen, 0)
-        accumulate(window.turns[i], stamps, window.turned[i], seen, 0)
+        _sum_rotations(window.angles[i], quaternions, seen, i)
+        accumulate(window.flight_sums[i], stamps, fallen, seen, 0)
+        accumulate(window.uniform_sums[i], stamps, offsets, seen, 0)
+        accumulate(window.angle_sums[i], stamps, window.angles[i], seen, 0)
         window.near[i] = _NEAR * window.radii[i] + _NEAR_SIGMAS * window.sigma[i]
         window.touch[i] = window.radii[i] + window.near[i]
         window.met[i] = window.radii[i] + _way(stamps, offsets, seen)
@@ -118,11 +123,11 @@ def fill(
 
 @in_place
 def _way(stamps: Array, offsets: Array, seen: Flags) -> float:
-    """How far a sphere may have come since it met another lately [m].
+    """Upper bound of the distance that a sphere travelled in the last `INTERVALS` intervals [m].
 
     Args:
         stamps: Times of the frames, the last is 0 [s], shape (frames,).
-        offsets: Its centres, less where it was seen last [m], shape (frames, 3).
+        offsets: Its centres relative to the last measured one [m], shape (frames, 3).
         seen: Whether it was seen in a frame, shape (frames,).
     """
     first = max(0, len(stamps) - INTERVALS - 1)
@@ -131,31 +136,31 @@ def _way(stamps: Array, offsets: Array, seen: Flags) -> float:
         if seen[frame] and seen[frame - 1]:
             step = length(minus(row(offsets, frame), row(offsets, frame - 1)))
             fastest = max(fastest, step / (stamps[frame] - stamps[frame - 1]))
-    # half as fast again, as a step may have been there and back
+    # a factor of 1.5, as a step may have been there and back
     return float(-1.5 * stamps[first] * fastest)
 
 
 @in_place
-def _add_turns(turned: Array, turns: Array, seen: Flags, i: int) -> None:
+def _sum_rotations(angles: Array, quaternions: Array, seen: Flags, i: int) -> None:
     """Rotation vectors of sphere i since the first frame with it [rad], shape (frames, 3)."""
     before = -1
     total = (0.0, 0.0, 0.0)
-    for frame in range(len(turned)):
+    for frame in range(len(angles)):
         if seen[frame]:
             # summed increments: the total may pass half a turn, and to first order their noise
             # telescopes
             if before >= 0:
-                total = plus(total, _rotation(turns[before, i], turns[frame, i]))
+                total = plus(total, _rotation(quaternions[before, i], quaternions[frame, i]))
             before = frame
-        put(turned, frame, total)
+        put(angles, frame, total)
 
 
 @in_place
 def _rotation(before: Array, after: Array) -> Vector:
-    """As `rigid_gns_core.scenes.state.rotation_between`."""
+    """Rotation vector from one quaternion to another [rad], as `scenes.state.rotation_between`."""
     bx, by, bz, bw = before[0], before[1], before[2], before[3]
     ax, ay, az, aw = after[0], after[1], after[2], after[3]
-    # terms in the order of that function: of a rotation that stays, rounding is to be the same
+    # terms in the order of that function, so that an unchanged rotation gives exactly zero
     vector = (
         ax * bw - aw * bx - ay * bz + az * by,
         ax * bz - aw * by + ay * bw - az * bx,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Spheres that roll on a surface, at the height of the radius."""
+"""Hypotheses of spheres that roll on a surface, one radius above it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .observations import Observations
 from ..kernels.vector import across, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
-# what a surface that carries may do to the height of a sphere [radii]
+# standard deviation of the height of a supported sphere, beside the noise [radii]
 _HEIGHT = 5e-3
 
 
@@ -27,37 +27,37 @@ def try_rolling(
     sums: Array,
     level: Array,
 ) -> None:
-    """Try rolling on a surface.
+    """Try rolling on a surface from each frame on.
 
     Args:
-        best: Takes it where it costs least.
-        i: Of the sphere.
-        window: Its frames.
-        surfaces: And gravity.
-        index: Of the surface.
-        sums: Overwritten, shape (frames + 1, COLUMNS).
-        level: Overwritten, shape (frames + 1, 4).
+        best: Hypotheses, replaced where one of these is cheaper.
+        i: Index of the sphere.
+        window: Observations of its frames.
+        surfaces: Surfaces and gravity.
+        index: Index of the surface.
+        sums: Scratch, overwritten, shape (frames + 1, COLUMNS).
+        level: Scratch, overwritten, shape (frames + 1, 4).
     """
     stamps, seen, offsets = window.stamps, window.seen[i], window.offsets[i]
     radius, sigma = window.radii[i], window.sigma[i]
     normal = row(surfaces.axes[index], 2)
     height = dot(minus(row(window.origin, i), row(surfaces.points, index)), normal) - radius
-    # a solid sphere that rolls; its line tells the direction in which rolling friction acts
+    # a solid sphere rolls down a slope at 5/7 of the pull; rolling friction opposes its velocity
     rolling = times(5.0 / 7.0, across(surfaces.gravity, normal))
     _roll_back(level, stamps, offsets, normal, rolling)
     accumulate(sums, stamps, level, seen, 0)
     slope = fit_line(sums, 0, len(stamps)).slope
     speed = length(slope)
     brake = surfaces.rolling_friction / 1.4 * abs(dot(surfaces.gravity, normal))
-    # slower than this it may stop within the window
+    # a slower sphere may stop within the window, so that its friction is left out
     if speed > brake * -stamps[0]:
         rolling = minus(rolling, times(brake / speed, slope))
         _roll_back(level, stamps, offsets, normal, rolling)
         accumulate(sums, stamps, level, seen, 0)
     spread = sigma**2 + (_HEIGHT * radius) ** 2
-    # from the measured centre to the height of the radius
+    # from the measured centre to one radius above the surface
     back = times(-height, normal)
-    # how far it is from the height of its radius, from each frame on
+    # squared residuals of the height, summed from each frame on
     level[-1, 3] = 0.0
     for frame in range(len(stamps) - 1, -1, -1):
         above = dot(row(offsets, frame), normal) + height if seen[frame] else 0.0
@@ -70,7 +70,7 @@ def try_rolling(
 def _roll_back(
     level: Array, stamps: Array, offsets: Array, normal: Vector, rolling: Vector
 ) -> None:
-    """Overwrite `level` with offsets along a surface, less what rolling did to them."""
+    """Overwrite `level` with offsets along the surface without the acceleration of rolling."""
     for frame in range(len(stamps)):
         along = across(row(offsets, frame), normal)
         put(level, frame, minus(along, times(0.5 * stamps[frame] ** 2, rolling)))

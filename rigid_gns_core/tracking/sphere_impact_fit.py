@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Impacts of two spheres in the last two intervals of a window, fitted as those on surfaces are.
+"""Collisions of two spheres in the last intervals of a window, fitted like impacts on surfaces.
 
-Earlier ones leave frames enough to tell the motion after them without.
+After earlier collisions there are frames enough to fit the motion by itself.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .collisions import Pairs, time_of_contact, velocity_change, within
-from .impacts import placed, Surfaces
+from .impacts import position_after, Surfaces
 from .jit import in_place
 from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, Indices, try_contact, UNIFORM
 from .observations import INTERVALS, Observations
@@ -31,118 +31,126 @@ from .surface_impact_fit import (
 from ..kernels.vector import length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
-# prior of a collision: standard deviations, as parts of the change of velocity
+# prior of the velocity after a collision: standard deviations as parts of its change
 _ALONG, _ACROSS = 0.1, 0.15
-_HELD = (0.0, 0.0, 0.0)  # acceleration of what something holds
+_HELD = (0.0, 0.0, 0.0)  # acceleration of a sphere that is supported
 
 
 class Encounters(NamedTuple):
-    """Spheres in the middle of an interval, and whom they meet in it.
+    """Predicted spheres in the middle of an interval, and the first collision of each in it.
 
     Args:
-        who: Spheres that may meet another, shape (n,); only these have the rest.
-        places: [m], shape (n, 3).
-        speeds: [m/s], shape (n, 3).
-        spreads: Standard deviation of the places, infinite where nothing is known [m], shape (n,).
-        times: From the middle to the first meeting [s], infinite where there is none, shape (n,).
-        partner: With whom, shape (n,).
+        candidates: Spheres that may collide, shape (n,); the rest is of these alone.
+        positions: Positions [m], shape (n, 3).
+        velocities: Velocities [m/s], shape (n, 3).
+        spreads: Standard deviation of a position [m], infinite where it is unknown, shape (n,).
+        times: From the middle to the first collision [s], infinite without one, shape (n,).
+        partner: Index of the other sphere, shape (n,).
     """
 
-    who: NDArray[np.bool_]
-    places: Array
-    speeds: Array
+    candidates: NDArray[np.bool_]
+    positions: Array
+    velocities: Array
     spreads: Array
     times: Array
     partner: Indices
 
     @classmethod
     def none(cls, count: int) -> Encounters:
-        """Return empty ones to be filled, for `count` spheres."""
+        """No encounters of `count` spheres, to be filled."""
         none = np.zeros(count)
-        places, speeds = np.zeros((2, count, 3))
+        positions, velocities = np.zeros((2, count, 3))
         return cls(
-            np.zeros(count, dtype=bool), places, speeds, none, none.copy(), np.arange(count)
+            np.zeros(count, dtype=bool), positions, velocities, none, none.copy(), np.arange(count)
         )
 
 
 @in_place
 def try_sphere_impacts(
-    best: Hypotheses, window: Observations, surfaces: Surfaces, pairs: Pairs, found: Encounters
+    best: Hypotheses,
+    window: Observations,
+    surfaces: Surfaces,
+    pairs: Pairs,
+    encounters: Encounters,
 ) -> None:
-    """Try a collision in front of each of the last frames, of spheres of equal mass.
+    """Try a collision of spheres of equal mass before each of the last frames.
 
     Args:
-        best: Takes those that cost least.
-        window: Three frames or more.
-        surfaces: Gravity and the restitution of spheres.
-        pairs: Of spheres that may have met, and others.
-        found: Overwritten; nobody may meet another yet.
+        best: Hypotheses, replaced where one of these is cheaper.
+        window: Observations of three frames or more.
+        surfaces: Gravity and the restitution of two spheres.
+        pairs: Pairs of spheres, at least those that may have collided.
+        encounters: Overwritten, as `Encounters.none` returns it.
     """
     for k in range(len(pairs[0])):
         i, j = pairs[0][k], pairs[1][k]
         if within(window.origin, window.met, i, j):
-            found.who[i] = found.who[j] = True
-    if not found.who.any():
+            encounters.candidates[i] = encounters.candidates[j] = True
+    if not encounters.candidates.any():
         return
     count = len(window.stamps)
     for frame in range(max(2, count - INTERVALS), count):
         begin, end = window.stamps[frame - 1], window.stamps[frame]
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        _predict(found, window, surfaces.gravity, frame, middle)
+        _predict(encounters, window, surfaces.gravity, frame, middle)
         for k in range(len(pairs[0])):
             i, j = pairs[0][k], pairs[1][k]
-            if found.who[i] and found.who[j] and within(window.origin, window.met, i, j):
-                _keep_first(found, window.radii, i, j, half)
-        for i in range(len(found.who)):
-            if found.times[i] < math.inf:
-                _take(best, i, window, surfaces, found, frame, middle, half)
+            if (
+                encounters.candidates[i]
+                and encounters.candidates[j]
+                and within(window.origin, window.met, i, j)
+            ):
+                _keep_first(encounters, window.radii, i, j, half)
+        for i in range(len(encounters.candidates)):
+            if encounters.times[i] < math.inf:
+                _take(best, i, window, surfaces, encounters, frame, middle, half)
 
 
 @in_place
 def _predict(
-    found: Encounters, window: Observations, gravity: Vector, frame: int, middle: float
+    encounters: Encounters, window: Observations, gravity: Vector, frame: int, middle: float
 ) -> None:
-    """Where spheres are in the middle of an interval; nobody has met another yet."""
-    for i in range(len(found.who)):
-        found.times[i], found.partner[i], found.spreads[i] = math.inf, i, math.inf
-        if not found.who[i]:
+    """Predict the spheres in the middle of an interval, before any collision in it."""
+    for i in range(len(encounters.candidates)):
+        encounters.times[i], encounters.partner[i], encounters.spreads[i] = math.inf, i, math.inf
+        if not encounters.candidates[i]:
             continue
-        before, falls = _before(window, i, frame)
+        before, falls = _motion_before(window, i, frame)
         if before.cost == math.inf:
             continue
         g = gravity if falls else _HELD
-        place = plus(row(window.origin, i), before.origin)
-        put(found.places, i, placed(place, before.slope, g, middle))
-        put(found.speeds, i, plus(before.slope, times(middle, g)))
-        found.spreads[i] = window.sigma[i] * math.sqrt(variance_at(before, middle))
+        position = plus(row(window.origin, i), before.origin)
+        put(encounters.positions, i, position_after(position, before.slope, g, middle))
+        put(encounters.velocities, i, plus(before.slope, times(middle, g)))
+        encounters.spreads[i] = window.sigma[i] * math.sqrt(variance_at(before, middle))
 
 
 @in_place
-def _before(window: Observations, i: int, frame: int) -> tuple[MotionBefore, bool]:
-    """Return the motion of sphere i before a frame, and whether it is a flight."""
-    sigma, turns = window.sigma[i], window.turns[i]
-    flying = motion_before(window.flights[i], turns, sigma, frame)
-    held = motion_before(window.straight[i], turns, sigma, frame)
+def _motion_before(window: Observations, i: int, frame: int) -> tuple[MotionBefore, bool]:
+    """Motion of sphere i before a frame, and whether it is free flight."""
+    sigma, angle_sums = window.sigma[i], window.angle_sums[i]
+    flying = motion_before(window.flight_sums[i], angle_sums, sigma, frame)
+    held = motion_before(window.uniform_sums[i], angle_sums, sigma, frame)
     falls = flying.cost <= held.cost
     return flying if falls else held, falls
 
 
 @in_place
-def _keep_first(found: Encounters, radii: Array, i: int, j: int, half: float) -> None:
-    """Keep a meeting of i and j within half an interval from its middle, if it is their first."""
-    if not (found.spreads[i] < math.inf and found.spreads[j] < math.inf):
+def _keep_first(encounters: Encounters, radii: Array, i: int, j: int, half: float) -> None:
+    """Keep a collision of i and j in the interval if it is the first of either."""
+    if not (encounters.spreads[i] < math.inf and encounters.spreads[j] < math.inf):
         return
-    relative = minus(row(found.speeds, j), row(found.speeds, i))
-    offset = minus(row(found.places, j), row(found.places, i))
+    relative = minus(row(encounters.velocities, j), row(encounters.velocities, i))
+    offset = minus(row(encounters.positions, j), row(encounters.positions, i))
     met = time_of_contact(offset, relative, radii[i] + radii[j])
-    doubt = SLACK * math.hypot(found.spreads[i], found.spreads[j])
+    doubt = SLACK * math.hypot(encounters.spreads[i], encounters.spreads[j])
     slack = min(doubt / max(length(relative), 1e-300), 2.0 * MOST_SLACK * half)
     if not abs(met) <= half + slack:
         return
-    if met <= found.times[i]:
-        found.times[i], found.partner[i] = met, j
-    if met <= found.times[j]:
-        found.times[j], found.partner[j] = met, i
+    if met <= encounters.times[i]:
+        encounters.times[i], encounters.partner[i] = met, j
+    if met <= encounters.times[j]:
+        encounters.times[j], encounters.partner[j] = met, i
 
 
 @in_place
@@ -151,30 +159,56 @@ def _take(
     i: int,
     window: Observations,
     surfaces: Surfaces,
-    found: Encounters,
+    encounters: Encounters,
     frame: int,
     middle: float,
     half: float,
 ) -> None:
     """Try the first collision of sphere i in an interval."""
-    before, falls = _before(window, i, frame)
-    sigma, gravity, partner = window.sigma[i], surfaces.gravity, found.partner[i]
-    since = min(max(found.times[i], -half), half)
-    theirs = min(max(found.times[partner], -half), half)
-    speed, their_speed = row(found.speeds, i), row(found.speeds, partner)
+    before, falls = _motion_before(window, i, frame)
+    sigma, gravity, partner = window.sigma[i], surfaces.gravity, encounters.partner[i]
+    since = min(max(encounters.times[i], -half), half)
+    partner_time = min(max(encounters.times[partner], -half), half)
+    velocity, partner_velocity = row(encounters.velocities, i), row(encounters.velocities, partner)
     offset = minus(
-        plus(row(found.places, partner), times(theirs, their_speed)),
-        plus(row(found.places, i), times(since, speed)),
+        plus(row(encounters.positions, partner), times(partner_time, partner_velocity)),
+        plus(row(encounters.positions, i), times(since, velocity)),
     )
-    change = velocity_change(offset, minus(their_speed, speed), surfaces.bounce)
+    change = velocity_change(
+        offset, minus(partner_velocity, velocity), surfaces.sphere_restitution
+    )
     size, t = length(change), middle + since
     g = gravity if falls else _HELD
-    law = plus(plus(before.slope, times(t, g)), change)
-    blur = size * found.spreads[i] / window.radii[i]
+    law_velocity = plus(plus(before.slope, times(t, g)), change)
+    blur = size * encounters.spreads[i] / window.radii[i]
     drift = sigma**2 / before.span + blur**2 + 1e-30
     afters = (
-        _after(window.flights[i], frame, t, before, law, g, gravity, offset, size, drift, sigma),
-        _after(window.straight[i], frame, t, before, law, g, _HELD, offset, size, drift, sigma),
+        _after(
+            window.flight_sums[i],
+            frame,
+            t,
+            before,
+            law_velocity,
+            g,
+            gravity,
+            offset,
+            size,
+            drift,
+            sigma,
+        ),
+        _after(
+            window.uniform_sums[i],
+            frame,
+            t,
+            before,
+            law_velocity,
+            g,
+            _HELD,
+            offset,
+            size,
+            drift,
+            sigma,
+        ),
     )
     flies = afters[0].cost <= afters[1].cost
     after = afters[0] if flies else afters[1]
@@ -189,7 +223,7 @@ def _after(
     frame: int,
     t: float,
     before: MotionBefore,
-    law: Vector,
+    law_velocity: Vector,
     g: Vector,
     fall: Vector,
     offset: Vector,
@@ -197,14 +231,14 @@ def _after(
     drift: float,
     sigma: float,
 ) -> Hypothesis:
-    """Return the motion after a collision, less the fall that the sums are without."""
+    """Motion after a collision, without the acceleration that is left out of the sums too."""
     return motion_after(
         sums,
         frame,
         t,
-        placed(before.origin, before.slope, minus(g, fall), t),
+        position_after(before.origin, before.slope, minus(g, fall), t),
         1.0 / variance_at(before, t),
-        minus(law, times(t, fall)),
+        minus(law_velocity, times(t, fall)),
         times(1.0 / length(offset), offset),
         sigma**2 / (drift + (_ALONG * size) ** 2),
         sigma**2 / (drift + (_ACROSS * size) ** 2),

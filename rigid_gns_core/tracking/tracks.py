@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The spheres that are tracked: who is who, who is new, who is gone, and how each moves.
+"""The tracks: association, initiation, coasting and deletion of spheres, and their motion.
 
-A `Tracks` is the outcome of frames in the order of their stamps, and is never changed, so that
-a late frame can be put in its place by going on from the set before it. Arrival times play no
-part.
+A `Tracks` follows from the frames in the order of their stamps and is never changed. A late frame
+is inserted by updating again from the tracks before it. Arrival times play no part.
 """
 
 from __future__ import annotations
@@ -15,39 +14,40 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .association import gates, Indices, match
+from .association import Indices, match
 from .coasting import coast, turn_on
 from .environment import Environment
+from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
 from .motion_models import FLIGHT, Motion
-from .noise_estimate import KEPT, NoiseEstimate, third_differences
+from .noise_estimate import MAX_DIFFERENCES, NoiseEstimate, third_differences
 from .velocity import estimate_motion
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 
-# frames before noise can be estimated
+# frames of one third difference
 _NOISE_FRAMES = 4
-# noise is taken for so many radii until it is estimated
+# noise until it is estimated [radii]
 _NOISE_GUESS = 5e-3
-# a sphere is coasted for so many intervals at least
+# a track is coasted at least for this many intervals between frames
 _COAST_FRAMES = 2.5
-# one whose frames agree with no motion so many times in a row has been matched wrongly, and is
-# left for what is there to be found anew
+# a track whose frames agree with no motion this many times in a row is a wrong association: it is
+# deleted, and the sphere starts a new one
 _MOST_MISFITS = 5
 
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """How spheres are followed.
+    """Settings of the tracking filter.
 
     Args:
         environment: Surfaces, gravity and radii.
-        length: Frames from which motion is estimated.
-        matched: Whether poses are matched; else they always come in the same order.
-        noise: Of each coordinate of a position [m]; None: estimated.
-        coast_time: A sphere not seen for longer is dropped [s], but never for two frames.
-        max_speed: New spheres that are faster are not found [m/s].
-        radius: Of the largest sphere [m].
+        length: Number of frames from which motion is estimated.
+        matched: Whether poses are associated with tracks; if not, they keep their order.
+        noise: Standard deviation of each coordinate of a position [m]; None: estimated.
+        coast_time: A track not seen for longer is deleted [s], but not within two frames.
+        max_speed: Largest speed of a new track [m/s].
+        radius: Radius of the largest sphere [m].
     """
 
     environment: Environment
@@ -66,20 +66,21 @@ class TrackerSettings:
 
 @dataclass(frozen=True)
 class Tracks:
-    """Spheres at the newest frame, in the order of their ids.
+    """Tracks at the newest frame, in the order of their ids.
 
     Args:
-        stamps: Of the frames in memory [ns], rising, shape (m,).
-        ids: Shape (n,).
-        poses: In each frame, shape (m, n, 7); what was not seen is zero.
+        stamps: Stamps of the frames in memory [ns], rising, shape (m,).
+        ids: Id of each track, shape (n,).
+        poses: Position [m] and quaternion (x, y, z, w) in each frame, zero where not seen, shape
+            (m, n, 7).
         seen: Whether a sphere was seen in a frame, shape (m, n).
-        last_seen: Stamp of the last frame that holds it [ns], shape (n,).
-        motion: Of all spheres at the newest frame, where poses are matched.
-        next_id: Of the next new sphere.
-        unassociated: Poses that no sphere claimed, of each of the newest frames, shapes (k, 7).
-        noise_estimate: Of the noise.
-        missed: Number of spheres that were not seen in the newest frame.
-        misfits: How many times in a row no motion explained three frames, shape (n,).
+        last_seen: Stamp of the last frame that shows each sphere [ns], shape (n,).
+        motion: Motion at the newest frame, where poses are matched.
+        next_id: Id of the next new track.
+        unassociated: Poses associated with no track, of each of the newest frames, shapes (k, 7).
+        noise_estimate: Estimate of the measurement noise.
+        missed: Number of tracks without a pose in the newest frame.
+        misfits: Consecutive times that no motion explained three frames, shape (n,).
     """
 
     stamps: NDArray[np.int64]
@@ -96,7 +97,7 @@ class Tracks:
 
     @classmethod
     def empty(cls, next_id: int = 0, noise_estimate: NoiseEstimate | None = None) -> Tracks:
-        """No frame and no sphere yet."""
+        """Tracks before the first frame."""
         no_ids = np.zeros(0, dtype=np.int64)
         return cls(
             stamps=no_ids,
@@ -110,27 +111,27 @@ class Tracks:
         )
 
     def noise(self, settings: TrackerSettings) -> float:
-        """Return the standard deviation of each coordinate [m]: given, estimated, or a guess."""
+        """Standard deviation of each coordinate [m]: given, estimated, or a guess."""
         if settings.noise is not None:
             return settings.noise
         observed = self.noise_estimate.spread
         return _NOISE_GUESS * settings.radius if observed is None else observed
 
-    def after(self, frame: PoseArrayFrame, settings: TrackerSettings) -> Tracks:
-        """Return the set after the next frame, whose stamp is later than that of all before."""
+    def updated(self, frame: PoseArrayFrame, settings: TrackerSettings) -> Tracks:
+        """Tracks after the next frame, whose stamp is later than all before."""
         step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
         poses = frame.poses.copy()
         poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-        expected = self.motion
+        predicted = self.motion
         if settings.matched:
-            expected = _expected(self, settings, step_ns * 1e-9)
-        found = self._found(poses, expected, settings, step_ns * 1e-9)
-        held = found >= 0
+            predicted = _predict(self, settings, step_ns * 1e-9)
+        found = self._associate(poses, predicted, settings, step_ns * 1e-9)
+        detected = found >= 0
         row = np.zeros((len(self.ids), 7))
-        row[held] = poses[found[held]]
+        row[detected] = poses[found[detected]]
         claimed = np.zeros(len(poses), dtype=bool)
-        claimed[found[held]] = True
-        since = frame.stamp_ns - np.where(held, frame.stamp_ns, self.last_seen)
+        claimed[found[detected]] = True
+        since = frame.stamp_ns - np.where(detected, frame.stamp_ns, self.last_seen)
         keep = (self.misfits < _MOST_MISFITS) | (not settings.matched)
         keep &= since <= max(settings.coast_time * 1e9, _COAST_FRAMES * step_ns)
         tail = slice(-(settings.memory - 1), None)
@@ -138,44 +139,44 @@ class Tracks:
             stamps=np.append(self.stamps[tail], np.int64(frame.stamp_ns)),
             ids=self.ids[keep],
             poses=np.concatenate([self.poses[tail], row[None]])[:, keep],
-            seen=np.concatenate([self.seen[tail], held[None]])[:, keep],
-            last_seen=np.where(held, frame.stamp_ns, self.last_seen)[keep],
-            motion=expected.part(keep),
+            seen=np.concatenate([self.seen[tail], detected[None]])[:, keep],
+            last_seen=np.where(detected, frame.stamp_ns, self.last_seen)[keep],
+            motion=predicted.part(keep),
             next_id=self.next_id,
             unassociated=(*self.unassociated[-(INITIATION_FRAMES - 1) :], poses[~claimed]),
             noise_estimate=self.noise_estimate,
-            missed=int((~held & keep).sum()),
+            missed=int((~detected & keep).sum()),
             misfits=self.misfits[keep],
         )
         grown = grown._initiate(settings)
         grown = grown._estimate_noise(settings)
-        if not settings.matched:  # motion is asked for by `window_motion`, not by the next frame
+        if not settings.matched:  # only `window_motion` needs the motion, not the next frame
             return grown
-        motion = grown._estimated(max(settings.length, INITIATION_FRAMES), settings)
+        motion = grown._estimate_motion(max(settings.length, INITIATION_FRAMES), settings)
         return replace(grown, motion=motion, misfits=grown._count_misfits(motion))
 
-    def _found(
-        self, poses: Array, expected: Motion, settings: TrackerSettings, time: float
+    def _associate(
+        self, poses: Array, predicted: Motion, settings: TrackerSettings, time: float
     ) -> Indices:
         if not settings.matched:
             return np.arange(len(self.ids), dtype=np.int64)
         radii = settings.environment.radii(self.ids)
         noise = self.noise(settings)
         limit = settings.max_speed
-        spread = np.hypot(noise, np.minimum(expected.errors, limit) * time)
-        speeds = np.minimum(np.linalg.norm(expected.velocities, axis=1), limit)
-        reliable = expected.frames > 2
-        width = gates(speeds, expected.positions, radii, spread, time, reliable)
-        found = match(expected.positions, poses[:, :3], width)
+        spread = np.hypot(noise, np.minimum(predicted.errors, limit) * time)
+        speeds = np.minimum(np.linalg.norm(predicted.velocities, axis=1), limit)
+        reliable = predicted.frames > 2
+        width = gates(speeds, predicted.positions, radii, spread, time, reliable)
+        found = match(predicted.positions, poses[:, :3], width)
         lost, free = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(poses)), found)
-        if len(lost) and len(free):  # one that was thrown back is off by twice its way
-            width = gates(2.0 * speeds, expected.positions, radii, spread, time, reliable)
-            again = match(expected.positions[lost], poses[free, :3], width[lost])
+        if len(lost) and len(free):  # a sphere that was thrown back is off by twice its travel
+            width = gates(2.0 * speeds, predicted.positions, radii, spread, time, reliable)
+            again = match(predicted.positions[lost], poses[free, :3], width[lost])
             found[lost[again >= 0]] = free[again[again >= 0]]
         return found
 
     def _initiate(self, settings: TrackerSettings) -> Tracks:
-        """Return them with the new tracks that unassociated poses give."""
+        """Tracks with those added that the unassociated poses initiate."""
         need = min(settings.length, INITIATION_FRAMES) if settings.matched else 1
         unassociated = self.unassociated[-need:]
         if len(unassociated) < need or not all(len(poses) for poses in unassociated):
@@ -194,10 +195,10 @@ class Tracks:
         count, total = len(chains), len(self.stamps)
         poses = np.zeros((total, count, 7))
         seen = np.zeros((total, count), dtype=bool)
-        rest = []
-        for back, (one, index) in enumerate(zip(unassociated, chains.T, strict=True)):
-            poses[total - need + back], seen[total - need + back] = one[index], True
-            rest.append(np.delete(one, index, axis=0))
+        remaining = []
+        for back, (frame_poses, index) in enumerate(zip(unassociated, chains.T, strict=True)):
+            poses[total - need + back], seen[total - need + back] = frame_poses[index], True
+            remaining.append(np.delete(frame_poses, index, axis=0))
         ids = self.next_id + np.arange(count, dtype=np.int64)
         return replace(
             self,
@@ -208,7 +209,7 @@ class Tracks:
             misfits=np.append(self.misfits, np.zeros(count, dtype=np.int64)),
             motion=self.motion.joined(Motion.unknown(poses[-1])),
             next_id=self.next_id + count,
-            unassociated=tuple(rest),
+            unassociated=tuple(remaining),
         )
 
     def _estimate_noise(self, settings: TrackerSettings) -> Tracks:
@@ -220,19 +221,19 @@ class Tracks:
             self.poses[newest, :, :3],
             self.seen[newest],
         )
-        kept = KEPT
+        kept = MAX_DIFFERENCES
         if not settings.matched:
-            # then a start is a function of the frames of its window alone
+            # so that a start depends on the frames of its window alone
             kept = values.size * max(settings.length - _NOISE_FRAMES + 1, 0)
-        return replace(self, noise_estimate=self.noise_estimate.after(values, kept))
+        return replace(self, noise_estimate=self.noise_estimate.updated(values, kept))
 
-    def _estimated(self, frames: int, settings: TrackerSettings) -> Motion:
-        """Estimates where spheres were seen twice in the window and now, else the expected."""
+    def _estimate_motion(self, frames: int, settings: TrackerSettings) -> Motion:
+        """Motion from the last frames; the prediction where these do not show a sphere twice."""
         window = slice(-frames, None)
         seen = self.seen[window]
         observed = seen[-1] & (seen.sum(axis=0) > 1)
         if not observed.any():
-            return self._corrected(self.motion)
+            return self._at_detections(self.motion)
         estimate = estimate_motion(
             (self.stamps[window] - self.stamps[-1]) * 1e-9,
             self.poses[window][:, observed, :3],
@@ -245,7 +246,7 @@ class Tracks:
         if observed.all():
             return estimate
         fields = {}
-        for name, value in vars(self._corrected(self.motion)).items():
+        for name, value in vars(self._at_detections(self.motion)).items():
             fields[name] = value.copy()
             fields[name][observed] = getattr(estimate, name)
         return Motion(**fields)
@@ -255,27 +256,31 @@ class Tracks:
         return np.where(observed, np.where(motion.frames > 2, 0, self.misfits + 1), self.misfits)
 
     def window_motion(self, settings: TrackerSettings) -> Motion:
-        """Motion from the last `length` frames: at rest from one, and two have no third to ask."""
+        """Motion from the last `length` frames; one frame gives spheres at rest."""
         if settings.length >= INITIATION_FRAMES:
-            return self.motion if settings.matched else self._estimated(settings.length, settings)
-        rest = self._corrected(self.motion)
+            return (
+                self.motion
+                if settings.matched
+                else self._estimate_motion(settings.length, settings)
+            )
+        remaining = self._at_detections(self.motion)
         if settings.length == 1:
-            none = np.zeros_like(rest.velocities)
-            return replace(rest, velocities=none, angular_velocities=none)
-        return self._estimated(2, settings)
+            none = np.zeros_like(remaining.velocities)
+            return replace(remaining, velocities=none, angular_velocities=none)
+        return self._estimate_motion(2, settings)
 
-    def _corrected(self, expected: Motion) -> Motion:
-        """Return what was expected, at the places where spheres were seen."""
+    def _at_detections(self, predicted: Motion) -> Motion:
+        """The predicted motion, with the measured poses of the spheres that were seen."""
         now = self.seen[-1][:, None]
         return replace(
-            expected,
-            positions=np.where(now, self.poses[-1, :, :3], expected.positions),
-            quaternions=np.where(now, self.poses[-1, :, 3:], expected.quaternions),
+            predicted,
+            positions=np.where(now, self.poses[-1, :, :3], predicted.positions),
+            quaternions=np.where(now, self.poses[-1, :, 3:], predicted.quaternions),
         )
 
 
-def _expected(before: Tracks, settings: TrackerSettings, time: float) -> Motion:
-    """Return the spheres at the next frame, as far as those before tell."""
+def _predict(before: Tracks, settings: TrackerSettings, time: float) -> Motion:
+    """Predicted motion at the next frame, `time` [s] later."""
     motion = before.motion
     if not len(before.ids):
         return motion

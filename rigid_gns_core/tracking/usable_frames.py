@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which tracked frames are usable, in what order, and where a tracker paused or began anew.
+"""Which tracked frames are usable, in what order, and where a tracker paused or restarted.
 
-The one rule of node, import and evaluation: a recording is decided frame by frame as the node
-decides on arrival.
+Node, import and evaluation share these rules: in a recording, each frame is judged as the node
+judges it on arrival.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 
-# so many frames in a row that are refused for their stamps, which rise, are a tracker begun anew
+# this many consecutive frames with unusable but rising stamps are a tracker that restarted
 RESTART_FRAMES = 5
-# a stamp may be ahead of those before, by the time of arrival, by so much [ns]
+# a stamp may run ahead of earlier ones, relative to the arrival time, by at most this [ns]
 MAX_AHEAD_NS = 1_000_000_000
-# a position further out than so many radii is not in metres
+# a position further out than this many radii is not in metres
 MAX_DISTANCE = 1e6
-# so many frames in a row may be missing: longer, in intervals, is a gap
+# consecutive frames that may be missing, and the interval that is a gap [median intervals]
 MISSING = 2
 GAP = MISSING + 1.5
-# frames so far apart, as those of a tracker of 1 Hz, are fitted together [s]
+# frames this far apart, as those of a tracker at 1 Hz, are still fitted together [s]
 WINDOW_GAP = 1.25
-# a late frame of a recording has a place among so many, as with the node's default window
+# frames among which a late one is inserted in a recording: the node's default window
 MEMORY = 6
 
 Stamps = NDArray[np.int64]
@@ -47,33 +47,33 @@ class RejectedFrame(UserError):
 
 
 class FrameOrder:
-    """Checks frames on arrival: what they hold, and whether they have a place after those before.
+    """Checks frames on arrival: their content, and whether their stamp can be used.
 
     Args:
         frame_id: Coordinate frame that they must be in.
-        radius: Of the largest sphere [m].
+        radius: Radius of the largest sphere [m].
     """
 
     def __init__(self, frame_id: str, radius: float) -> None:
         self.frame_id, self._far = frame_id, MAX_DISTANCE * radius
-        self._waiting: list[PoseArrayFrame] = []  # refused for their stamps, which rise
+        self._refused: list[PoseArrayFrame] = []  # consecutive ones with unusable, rising stamps
         self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
 
     @property
     def lead_ns(self) -> int:
-        """Stamp minus arrival of the frame that was fastest, of the newest 20 [ns]."""
+        """Largest stamp minus arrival time of the newest 20 frames [ns]."""
         return max(self._leads, default=0)
 
     def clear(self) -> None:
         """Forget all frames."""
-        self._waiting.clear()
+        self._refused.clear()
         self._leads.clear()
 
     def check(self, frame: PoseArrayFrame) -> None:
-        """Refuse a frame for what it holds.
+        """Check the content of a frame.
 
         Raises:
-            RejectedFrame: Says why.
+            RejectedFrame: It cannot be used; the message says why.
         """
         if frame.frame_id != self.frame_id:
             raise RejectedFrame(
@@ -86,35 +86,35 @@ class FrameOrder:
     def admit(
         self, frame: PoseArrayFrame, now_ns: int, known: Sequence[int], *, full: bool
     ) -> list[PoseArrayFrame]:
-        """Find the place of a frame that arrived at `now_ns`.
+        """Check the stamp of a frame that arrived at `now_ns`.
 
         Args:
-            frame: One that `check` has passed.
+            frame: Frame that passed `check`.
             now_ns: Time of arrival [ns].
             known: Stamps of the frames in memory, rising [ns].
-            full: Whether there are enough to tell a stamp that is ahead of its time.
+            full: Whether these are enough to detect a stamp that runs ahead.
 
         Returns:
-            The frame; or several, in the order of their stamps, where the tracker has begun anew:
-            then `known` is to be forgotten.
+            The frame; or several, in the order of their stamps, where the tracker has restarted:
+            the frames in memory are then to be dropped.
 
         Raises:
-            RejectedFrame: It has no place.
+            RejectedFrame: The stamp cannot be used.
         """
         try:
             self._check_stamp(frame.stamp_ns, now_ns, known, full=full)
         except RejectedFrame:
-            if self._waiting and frame.stamp_ns <= self._waiting[-1].stamp_ns:
-                self._waiting.clear()
-            self._waiting.append(frame)
-            if len(self._waiting) < RESTART_FRAMES:
+            if self._refused and frame.stamp_ns <= self._refused[-1].stamp_ns:
+                self._refused.clear()
+            self._refused.append(frame)
+            if len(self._refused) < RESTART_FRAMES:
                 raise
-            return self._waiting.copy()
+            return self._refused.copy()
         return [frame]
 
-    def taken(self, stamp_ns: int, now_ns: int, *, late: bool) -> None:
-        """Note a frame that was taken; `late` ones tell nothing of the tracker's clock."""
-        self._waiting.clear()
+    def accepted(self, stamp_ns: int, now_ns: int, *, late: bool) -> None:
+        """Note an accepted frame; `late` ones do not count for the clock of the tracker."""
+        self._refused.clear()
         if not late:
             self._leads.append(stamp_ns - now_ns)
 
@@ -122,7 +122,7 @@ class FrameOrder:
         if known and stamp <= known[-1]:
             there = stamp in known
             if not there and stamp > known[0]:
-                return  # it is late, but has a place
+                return  # late, but it can be inserted
             why = 'and is that of a frame taken' if there else 'nor into the window'
             raise RejectedFrame(
                 'duplicate' if there else 'late',
@@ -148,18 +148,18 @@ def usable_passes(
     radius: float,
     count: int | None = None,
 ) -> tuple[list[list[int]], Counter[str]]:
-    """Sort the frames of a recording as a node takes them.
+    """Sort the frames of a recording as the node does on arrival.
 
     Args:
         frames: In the order of recording.
-        times: Of their arrival [ns], shape (frames,).
+        times: Times of their arrival [ns], shape (frames,).
         frame_id: Coordinate frame that they must be in.
-        radius: Of the largest sphere [m].
-        count: Of spheres in each; None: any but none.
+        radius: Radius of the largest sphere [m].
+        count: Number of spheres that each must hold; None: at least one.
 
     Returns:
-        Indices of usable frames in the order of their stamps, by pass: each begins where the
-        tracker began anew. And the number of other frames, by reason.
+        Indices of usable frames in the order of their stamps, for each pass: a new one begins
+        where the tracker restarted. And the number of other frames, by reason.
     """
     order = FrameOrder(frame_id, radius)
     index = {id(frame): k for k, frame in enumerate(frames)}
@@ -179,26 +179,26 @@ def usable_passes(
             order.clear()
             known = []
             passes.append([])
-        for one in admitted:
-            late = bool(known) and one.stamp_ns < known[-1]
-            if known and one.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
+        for accepted in admitted:
+            late = bool(known) and accepted.stamp_ns < known[-1]
+            if known and accepted.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
                 known = []
-            insort(known, one.stamp_ns)
+            insort(known, accepted.stamp_ns)
             known = known[-MEMORY:]
-            insort(passes[-1], index[id(one)], key=lambda other: frames[other].stamp_ns)
-            refused.pop(index[id(one)], None)
-            order.taken(one.stamp_ns, time, late=late)
+            insort(passes[-1], index[id(accepted)], key=lambda other: frames[other].stamp_ns)
+            refused.pop(index[id(accepted)], None)
+            order.accepted(accepted.stamp_ns, time, late=late)
     return passes, Counter(refused.values())
 
 
 def median_interval(stamps: Stamps) -> float:
-    """Median of the steps forward of stamps [ns]; 0 where there is none."""
+    """Median of the positive steps between stamps [ns]; 0 where there is none."""
     steps = np.diff(stamps)
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
 
 def covered(wanted: Stamps, stamps: Stamps) -> NDArray[np.bool_]:
-    """Which times lie on or between frames without a gap, shape (m,).
+    """Whether each time lies on a frame or between two without a gap, shape (m,).
 
     Args:
         wanted: Times [ns], shape (m,).
@@ -213,11 +213,11 @@ def covered(wanted: Stamps, stamps: Stamps) -> NDArray[np.bool_]:
 
 
 def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Frames in which a sphere was not seen, but in those before and after without a gap.
+    """Indices of the frames in which a sphere is missing within a gap short enough to fill.
 
     Args:
         stamps: Times of the frames [ns], rising, shape (k,).
-        seen: Whether it was seen in each, shape (k,).
+        seen: Whether the sphere was seen in each, shape (k,).
     """
     longest = GAP * median_interval(stamps)
     gaps = [
@@ -229,10 +229,10 @@ def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _check_poses(poses: Array, far: float) -> None:
-    """Refuse poses that are no measurement, such as positions beyond `far` [m].
+    """Check that poses are measurements: finite, within `far` [m], with usable quaternions.
 
     Raises:
-        RejectedFrame: Says which pose, and why.
+        RejectedFrame: A pose cannot be used; the message says which, and why.
     """
     finite = np.isfinite(poses).all(axis=1)
     if not finite.all():
@@ -260,7 +260,7 @@ def _check_poses(poses: Array, far: float) -> None:
 
 
 def seconds(stamp_ns: int) -> str:
-    """Return a stamp in seconds with all its digits, which a float would not keep."""
+    """Stamp in seconds with all nine decimals, which a float would not keep."""
     sign = '-' if stamp_ns < 0 else ''
     whole, rest = divmod(abs(stamp_ns), 10**9)
     return f'{sign}{whole}.{rest:09d}'

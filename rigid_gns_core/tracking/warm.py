@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The filter, ready: compiled before the first tracked frame, not in the middle of a run."""
+"""Compile the filter before the first tracked frame, not in the middle of a run."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from functools import cache
 
 import numpy as np
 
-from .association import gates, match
+from .association import match
 from .coasting import turn_on
 from .environment import Environment
+from .gating import gates
 from .jit import compiling
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
@@ -19,19 +20,19 @@ from ..scenes.scene import Plane, Scene
 
 @cache
 def warm_up() -> None:
-    """Compile what is not compiled yet, or read it from the disk; once in a process."""
+    """Load the machine code from the disk, or compile it; once in a process."""
     with compiling():
-        _use_everything()
+        _call_entries()
 
 
-def _use_everything() -> None:
+def _call_entries() -> None:
     frames, ones = 4, np.ones(2)
-    places = np.tile([[0.0, 0.0, 1.0], [0.0, 1.5, 1.0]], (frames, 1, 1))
+    centres = np.tile([[0.0, 0.0, 1.0], [0.0, 1.5, 1.0]], (frames, 1, 1))
     seen = np.ones((frames, 2), dtype=bool)
     seen[-1, 0] = False  # is coasted
     motion = estimate_motion(
         0.1 * np.arange(frames),
-        places,
+        centres,
         np.tile([0.0, 0.0, 0.0, 1.0], (frames, 2, 1)),
         environment=Environment.of(Scene(surfaces=(Plane(),))),
         radii=ones,
@@ -40,4 +41,4 @@ def _use_everything() -> None:
     )
     turn_on(motion.quaternions, motion.angular_velocities, 0.1)
     width = gates(ones, motion.positions, ones, ones, 0.1, seen[0])
-    match(motion.positions, motion.positions[:1], width)  # both want it
+    match(motion.positions, motion.positions[:1], width)  # contested: compiles the clusters too

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which tracked frames are accepted, and the start state that a window of them gives."""
+"""The window of tracked frames: which are accepted, and the start state that they give."""
 
 from __future__ import annotations
 
@@ -19,41 +19,39 @@ from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import State
 
-# defaults: spheres are coasted for so many times sqrt(r / g), and found up to so many times
-# sqrt(g r) of speed
+# defaults: coast time [sqrt(r / g)] and largest speed of a new track [sqrt(g r)]
 _COAST, _MAX_SPEED = 2.0, 50.0
-# frames of the same poses are refused so many times in a row, where spheres move by so many radii
+# repeated poses are refused this many times in a row, where spheres move by this many radii
 _REPEATS, _STILL = 3, 0.01
 
-_NOTHING = Tracks.empty()
+_NO_TRACKS = Tracks.empty()
 
 
 class TrackingWindow:
-    """The newest frames of a tracker, each checked on arrival, and the spheres that they show.
+    """The newest frames of a tracker, each checked on arrival, and the tracks that they give.
 
-    What comes out is a function of the frames accepted since `clear`, in the order of their stamps
-    (where poses are not matched, of those in the window alone): neither the time nor the order of
-    arrival matters, as long as a late frame still finds its place among those in memory.
+    The tracks depend only on the frames accepted since `clear`, in the order of their stamps
+    (where poses are not matched, on those in the window alone). Neither the time nor the order of
+    arrival matters, as long as a late frame can be inserted among those in memory.
 
     Args:
         frame_id: Coordinate frame that messages must be in.
-        length: Number of frames from which velocities are estimated; 1 means at rest.
+        length: Number of frames from which velocities are estimated; 1: spheres start at rest.
         max_spheres: Largest number of spheres accepted.
         gravity: Acceleration of free flight [m/s^2].
-        max_gap: Longest time between two frames of a window [s]; after a longer one it starts
-            anew.
-        radius: Of the largest sphere [m]; positions beyond a million radii are refused.
-        check: Called with the number of spheres of a first frame; UserError where there cannot be
-            so many.
-        on_gap: Called with a time between two frames [s] that is longer than `max_gap`, where the
-            window was not yet full, as so slow a tracker never fills it.
-        scene: Surfaces that spheres bounce off; None: only frames that do not fit tell bounces.
-        matched: Whether poses are matched to spheres, which may then come in any order, be
-            missing, appear and vanish; else there is always the same number in the same order.
+        max_gap: Longest time between two frames of a window [s]; a longer one empties it.
+        radius: Radius of the largest sphere [m]; positions beyond a million radii are refused.
+        check: Called with the number of spheres of a first frame; raises UserError where that
+            number is not possible.
+        on_gap: Called with the time between two frames [s] where it exceeds `max_gap` before the
+            window is full: so slow a tracker never fills it.
+        scene: Surfaces that spheres bounce off; None: bounces show only as outliers.
+        matched: Whether poses are associated with tracks, so that they may come in any order, be
+            missing, appear and vanish; if not, their number and order are fixed.
         noise: Standard deviation of each coordinate of a position [m]; None: estimated.
-        coast_time: A sphere that is not seen is coasted for so long [s], and for two frames at
-            least; None: 2 sqrt(radius / gravity).
-        max_speed: New spheres that are faster are not found [m/s]; None: 50 sqrt(radius gravity).
+        coast_time: How long a track is coasted without a pose [s], at least two frames; None:
+            2 sqrt(radius / gravity).
+        max_speed: Largest speed of a new track [m/s]; None: 50 sqrt(radius gravity).
     """
 
     def __init__(
@@ -98,14 +96,14 @@ class TrackingWindow:
             max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
             radius=radius,
         )
-        # newest frames, each with the spheres before it, to go on from when one comes late
+        # newest frames, each with the tracks before it, to insert a late frame
         self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.memory)
-        self._now = _NOTHING
-        self._state: State | None = None  # of the newest frame, where it was asked for
-        self._repeats = 0  # frames of the same content, in a row
-        self.arrival_ns = 0  # of the newest frame, by this node's clock
-        self.generation = 0  # changes with the set of spheres
-        self.counts: Counter[str] = Counter()  # of frames and spheres, by what became of them
+        self._tracks = _NO_TRACKS
+        self._state: State | None = None  # at the newest frame, computed on demand
+        self._repeats = 0  # consecutive frames with the same poses
+        self.arrival_ns = 0  # of the newest frame, by the node's clock
+        self.generation = 0  # changes with the set of tracks
+        self.counts: Counter[str] = Counter()  # of frames and tracks, by outcome
 
     @property
     def frame_id(self) -> str:
@@ -114,23 +112,23 @@ class TrackingWindow:
 
     @property
     def full(self) -> bool:
-        """Whether there are enough frames to start from, and spheres in them."""
-        return len(self._now.stamps) >= self.length and len(self._now.ids) > 0
+        """Whether there are enough frames, with spheres in them, to start from."""
+        return len(self._tracks.stamps) >= self.length and len(self._tracks.ids) > 0
 
     @property
     def count(self) -> int | None:
         """Number of spheres; None before the first."""
-        return len(self._now.ids) or None
+        return len(self._tracks.ids) or None
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Of the spheres, in the order of `start`; a sphere keeps its own while tracked."""
-        return tuple(self._now.ids.tolist())
+        """Ids of the tracks, in the order of `start`; a track keeps its id."""
+        return tuple(self._tracks.ids.tolist())
 
     @property
     def noise(self) -> float:
         """Standard deviation of each coordinate of a position, given or estimated [m]."""
-        return self._now.noise(self.settings)
+        return self._tracks.noise(self.settings)
 
     @property
     def stamp_ns(self) -> int | None:
@@ -139,29 +137,29 @@ class TrackingWindow:
 
     @property
     def window_ns(self) -> tuple[int, ...]:
-        """Stamps of the frames that velocities come from, the newest last [ns]."""
+        """Stamps of the frames from which velocities are estimated, the newest last [ns]."""
         return tuple(frame.stamp_ns for frame, _ in self._frames)[-self.length :]
 
     @property
     def lead_ns(self) -> int:
-        """Stamp minus arrival of the frame that was fastest, of the newest 20 [ns]."""
+        """Largest stamp minus arrival time of the newest 20 frames [ns]."""
         return self._order.lead_ns
 
     def clear(self) -> None:
-        """Forget all frames and spheres."""
+        """Drop all frames and tracks."""
         self._frames.clear()
         self._order.clear()
         self._repeats = 0
-        self._become(_NOTHING)
+        self._set_tracks(_NO_TRACKS)
 
     def add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
-        """Take the next frame, which arrived at `now_ns` of this node's clock.
+        """Add the next frame, which arrived at `now_ns` of the node's clock.
 
         Returns:
-            Whether all before were forgotten, as the tracker has begun anew.
+            Whether all earlier frames were dropped, as the tracker has restarted.
 
         Raises:
-            RejectedFrame: It cannot be used; what was there before is kept.
+            RejectedFrame: The frame cannot be used; the window is unchanged.
         """
         try:
             restarted = self._add(frame, now_ns)
@@ -174,62 +172,64 @@ class TrackingWindow:
     def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         self._order.check(frame)
         self._check_count(len(frame.poses))
-        known = [one.stamp_ns for one, _ in self._frames]
+        known = [known_frame.stamp_ns for known_frame, _ in self._frames]
         admitted = self._order.admit(frame, now_ns, known, full=self.full)
         restarted = len(admitted) > 1
         if restarted:
             self.clear()
         else:
             self._check_content(frame)
-        for one in admitted:
-            self._take(one, now_ns)
+        for admitted_frame in admitted:
+            self._take(admitted_frame, now_ns)
         return restarted
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
         later: list[PoseArrayFrame] = []
-        now, newborn = self._now, self._now.next_id
-        frames = self._frames.copy()  # what fails below leaves all as it was
+        tracks, next_id = self._tracks, self._tracks.next_id
+        frames = self._frames.copy()  # an error below leaves the window unchanged
         while frames and frames[-1][0].stamp_ns > frame.stamp_ns:
-            after, now = frames.pop()
-            later.insert(0, after)
-        anew = now.next_id < newborn
-        for one in (frame, *later):
-            if len(now.stamps) and one.stamp_ns - now.stamps[-1] > self.max_gap_ns:
+            last, tracks = frames.pop()
+            later.insert(0, last)
+        ids_reused = tracks.next_id < next_id
+        for queued in (frame, *later):
+            if len(tracks.stamps) and queued.stamp_ns - tracks.stamps[-1] > self.max_gap_ns:
                 if not self.full:
-                    self._on_gap((one.stamp_ns - int(now.stamps[-1])) * 1e-9)
+                    self._on_gap((queued.stamp_ns - int(tracks.stamps[-1])) * 1e-9)
                 frames.clear()
                 matched = self.settings.matched
-                now = Tracks.empty(now.next_id, now.noise_estimate) if matched else _NOTHING
-            frames.append((one, now))
-            now = now.after(one, self.settings)
+                tracks = (
+                    Tracks.empty(tracks.next_id, tracks.noise_estimate) if matched else _NO_TRACKS
+                )
+            frames.append((queued, tracks))
+            tracks = tracks.updated(queued, self.settings)
         self._frames = frames
-        self._order.taken(frame.stamp_ns, now_ns, late=bool(later))
+        self._order.accepted(frame.stamp_ns, now_ns, late=bool(later))
         if later:
             self.counts['reordered'] += 1
         else:
             self.arrival_ns = now_ns
-            self.counts['missed'] += now.missed
-        # a late frame may have given other spheres the same ids
-        self._become(now, changed=anew)
+            self.counts['missed'] += tracks.missed
+        # after a late frame the same ids may be of other spheres
+        self._set_tracks(tracks, changed=ids_reused)
 
-    def _become(self, now: Tracks, *, changed: bool = False) -> None:
-        before, self._now, self._state = self._now.ids, now, None
-        if changed or not np.array_equal(before, now.ids):
+    def _set_tracks(self, tracks: Tracks, *, changed: bool = False) -> None:
+        before, self._tracks, self._state = self._tracks.ids, tracks, None
+        if changed or not np.array_equal(before, tracks.ids):
             self.generation += 1
-            self.counts['appeared'] += len(np.setdiff1d(now.ids, before))
-            self.counts['vanished'] += len(np.setdiff1d(before, now.ids))
+            self.counts['appeared'] += len(np.setdiff1d(tracks.ids, before))
+            self.counts['vanished'] += len(np.setdiff1d(before, tracks.ids))
 
     def start(self) -> tuple[int, State]:
-        """Stamp [ns] and state of the newest frame, with velocities from the whole window."""
+        """Stamp [ns] of the newest frame, and the state at it, from the whole window."""
         if self._state is None:
-            motion = self._now.window_motion(self.settings)
+            motion = self._tracks.window_motion(self.settings)
             self._state = State(
                 positions=motion.positions,
                 quaternions=motion.quaternions,
                 velocities=motion.velocities,
                 angular_velocities=motion.angular_velocities,
             )
-        return int(self._now.stamps[-1]), self._state
+        return int(self._tracks.stamps[-1]), self._state
 
     def _check_count(self, count: int) -> None:
         known, matched = self.count, self.settings.matched
@@ -254,15 +254,15 @@ class TrackingWindow:
             )
 
     def _check_content(self, frame: PoseArrayFrame) -> None:
-        """Refuse the poses of the newest frame under a new stamp, where spheres move."""
+        """Refuse the poses of the newest frame with a new stamp, where spheres move."""
         if not self.settings.matched or not self._frames or not len(frame.poses):
             return
         newest = self._frames[-1][0]
         same = np.array_equal(newest.poses, frame.poses) and frame.stamp_ns > newest.stamp_ns
         time = (frame.stamp_ns - newest.stamp_ns) * 1e-9
-        velocities = self._now.motion.velocities
+        velocities = self._tracks.motion.velocities
         travel = time * float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
-        # what stopped at once is believed after a few
+        # spheres may stop at once: after a few repeats the poses are accepted
         if not same or self._repeats >= _REPEATS or travel <= _STILL * self.settings.radius:
             self._repeats = 0
             return

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All hypotheses of a window, sphere by sphere, and what the cheapest one says of its end."""
+"""Tries all hypotheses of a window, sphere by sphere, and evaluates the cheapest at its end."""
 
 from __future__ import annotations
 
 from .collisions import Pairs, within
-from .impacts import nearest, placed, Surfaces
+from .impacts import nearest_surface, position_after, Surfaces
 from .jit import entry, in_place
 from .line_fit import accumulate, fit_line
 from .motion_models import FLIGHT, Hypotheses, try_tail, UNIFORM
@@ -18,7 +18,7 @@ from ..kernels.quaternions import turn
 from ..kernels.vector import plus, put, row, times, Vector
 from ..scenes.state import Array
 
-# charge for flight beside a surface, which has two unknowns more than rolling on it
+# cost of flight beside a surface: it has two more unknowns than rolling
 _FREEDOM = 4.0
 _NONE = (0.0, 0.0, 0.0)
 
@@ -34,17 +34,17 @@ def fit(
     sums: Array,
     level: Array,
 ) -> None:
-    """Find the best hypotheses.
+    """Find the cheapest hypothesis of each sphere.
 
     Args:
-        best: At rest; takes what costs less.
-        window: Two frames or more.
-        surfaces: And gravity.
-        pairs: Of spheres that may touch, or have met lately.
-        held: Charge of each for being held by what the scene does not know, shape (n,).
-        encounters: Overwritten.
-        sums: Overwritten, shape (frames + 1, COLUMNS).
-        level: Overwritten, shape (frames + 1, 4).
+        best: Hypotheses at rest, replaced by cheaper ones.
+        window: Observations of two frames or more.
+        surfaces: Surfaces and gravity.
+        pairs: Pairs of spheres that may touch, or have collided lately.
+        held: Cost of uniform motion without a known support, overwritten, shape (n,).
+        encounters: Scratch, overwritten.
+        sums: Scratch, overwritten, shape (frames + 1, COLUMNS).
+        level: Scratch, overwritten, shape (frames + 1, 4).
     """
     for k in range(len(pairs[0])):
         i, j = pairs[0][k], pairs[1][k]
@@ -66,27 +66,27 @@ def _try_alone(
     sums: Array,
     level: Array,
 ) -> None:
-    """Try all motions of one sphere alone.
+    """Try all motions of one sphere without collisions.
 
     Args:
-        best: Takes those that cost least.
-        i: Of the sphere.
-        window: Two frames or more.
-        surfaces: And gravity.
-        held: Charge for being held.
-        sums: Overwritten, shape (frames + 1, COLUMNS).
-        level: Overwritten, shape (frames + 1, 4).
+        best: Hypotheses, replaced by cheaper ones.
+        i: Index of the sphere.
+        window: Observations of two frames or more.
+        surfaces: Surfaces and gravity.
+        held: Cost of uniform motion.
+        sums: Scratch, overwritten, shape (frames + 1, COLUMNS).
+        level: Scratch, overwritten, shape (frames + 1, 4).
     """
     frames, sigma = len(window.stamps), window.sigma[i]
-    index, gap = nearest(surfaces, row(window.origin, i), window.radii[i])
+    index, gap = nearest_surface(surfaces, row(window.origin, i), window.radii[i])
     beside = gap <= window.near[i]
     freedom = _FREEDOM if beside else 0.0
     for begin in range(frames - 1):
-        try_tail(best, i, window.flights[i], begin, sigma, FLIGHT, freedom, _NONE)
-    # two frames fit every motion: without a scene it is flight
+        try_tail(best, i, window.flight_sums[i], begin, sigma, FLIGHT, freedom, _NONE)
+    # every motion fits two frames: without a scene, flight is taken
     if surfaces.known or frames > 2:
         for begin in range(frames - 1):
-            try_tail(best, i, window.straight[i], begin, sigma, UNIFORM, held, _NONE)
+            try_tail(best, i, window.uniform_sums[i], begin, sigma, UNIFORM, held, _NONE)
     if beside:
         try_rolling(best, i, window, surfaces, index, sums, level)
     if surfaces.known and frames > 2:
@@ -98,33 +98,33 @@ def finish(
     best: Hypotheses,
     window: Observations,
     gravity: Vector,
-    places: Array,
-    speeds: Array,
+    positions: Array,
+    velocities: Array,
     spins: Array,
     quaternions: Array,
     sums: Array,
 ) -> None:
-    """Find what the best hypotheses say of spheres where they were seen last.
+    """Evaluate the hypotheses at the frame that shows each sphere last.
 
     Args:
         best: The hypotheses.
-        window: Their frames.
+        window: Observations of the frames.
         gravity: Acceleration of free flight [m/s^2].
-        places: Overwritten, shape (n, 3).
-        speeds: Overwritten, shape (n, 3).
-        spins: Overwritten, shape (n, 3).
-        quaternions: As measured, turned to where they are at the last frame, shape (n, 4).
-        sums: Overwritten, shape (frames + 1, COLUMNS).
+        positions: Overwritten [m], shape (n, 3).
+        velocities: Overwritten [m/s], shape (n, 3).
+        spins: Overwritten [rad/s], shape (n, 3).
+        quaternions: Measured rotations, turned on to the last frame, shape (n, 4).
+        sums: Scratch, overwritten, shape (frames + 1, COLUMNS).
     """
-    for i in range(len(places)):
+    for i in range(len(positions)):
         at, slope = window.stamps[window.last[i]], row(best.slopes, i)
         g = gravity if best.kinds[i] == FLIGHT else _NONE
         origin = plus(row(window.origin, i), row(best.origins, i))
-        put(places, i, placed(origin, slope, g, at))
-        put(speeds, i, plus(slope, times(at, g)) if best.frames[i] > 1 else _NONE)
+        put(positions, i, position_after(origin, slope, g, at))
+        put(velocities, i, plus(slope, times(at, g)) if best.frames[i] > 1 else _NONE)
         # from the frames since the last contact
         begin = best.begin[i]
-        accumulate(sums, window.stamps, window.turned[i], window.seen[i], begin)
+        accumulate(sums, window.stamps, window.angles[i], window.seen[i], begin)
         if best.struck[i] and sums[-1, 0] < 1.5:
             put(spins, i, spin_since(best, i, window))
         else:

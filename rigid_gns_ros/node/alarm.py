@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A timer that rings once, at a time of the node's clock, be it real or simulated."""
+"""A one-shot timer on the node's clock, real or simulated."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import time
 
 from rclpy.node import Node
 
-from .set_clock import simulated
+from .clock_jumps import simulated
 
-EARLY = 1_000_000  # by which the timer fires, and the rest is slept: it wakes late by that [ns]
+EARLY = 1_000_000  # the timer fires this early, as it wakes late by that; the rest is slept [ns]
 
 
 class Alarm:
     """Calls `callback` once for each `set`, from the node's executor.
 
-    A periodic timer of rclpy drops a tick that comes a period late, and its ticks are counted from
-    its own start; an alarm that is set from stamps neither drops nor drifts.
+    A periodic timer of rclpy drops ticks that are a period late and counts from its own start; an
+    alarm that is set from stamps neither drops nor drifts.
     """
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
@@ -28,15 +28,15 @@ class Alarm:
         self._due: int | None = None
 
     def set(self, time_ns: int) -> None:
-        """Ring when the node's clock reaches `time_ns`; at once where that is past."""
+        """Call back when the node's clock reaches `time_ns`, at once where that is past."""
         self._due = time_ns
-        # a simulated clock does not run while one sleeps
+        # a simulated clock does not advance during a sleep
         early = 0 if simulated(self._node) else EARLY
         self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
 
     def cancel(self) -> None:
-        """Do not ring."""
+        """Cancel the pending call."""
         self._timer.cancel()
         self._due = None
 
@@ -49,7 +49,7 @@ class Alarm:
         if left > 0 and not simulated(self._node):
             time.sleep(left * 1e-9)
             if not self._node.context.ok():
-                return  # stopped meanwhile
+                return  # the node was stopped during the sleep
         self._callback()
 
     def _left(self, time_ns: int) -> int:

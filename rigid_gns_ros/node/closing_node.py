@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What both nodes have in common: an end."""
+"""Base class of the nodes, which are closed at their end."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from rclpy.node import Node
 
 
 class ClosingNode(Node, ABC):
-    """A node with something to finish at its end."""
+    """A node that is closed at its end."""
 
     @abstractmethod
     def close(self) -> None:
-        """Finish; ROS may be down already."""
+        """Finish the work; ROS may be shut down already."""
 
 
 def log_end(text: str) -> None:
-    """Log when ROS may be down already, so that a node's own logger cannot publish it."""
+    """Log a line after ROS may have been shut down, when a node's logger fails to publish."""
     get_logger('rigid_gns_ros').info(text)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The whole future on a topic: asked for at each tracked frame, published when it is there."""
+"""Futures: the predicted trajectory from each tracked frame, published when it is computed."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, steps_of
 from rigid_gns_core.tracking.window import TrackingWindow
 
-from .channels import Channels
-from .drawing import Drawing
-from .health import Health
+from .diagnostics import Diagnostics
+from .markers import MarkerPublisher
+from .topics import NodeTopics
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-SIZE = 104  # of a sphere at one time in the message: pose and twist [bytes]
-MOST = 100_000_000  # of a message, which is copied several times [bytes]
+SIZE = 104  # pose and twist of a sphere at one time in the message [bytes]
+MOST = 100_000_000  # largest message, as it is copied several times [bytes]
 
 
 class Futures:
-    """Publishes the future from the newest frame, computed beside the executor.
+    """Publisher of the trajectory from the newest frame, computed beside the executor.
 
     Args:
         node: Its executor publishes.
         model: Makes the forecasts.
         window: Tracked frames.
-        channels: Topics.
-        drawing: Draws the futures.
-        health: Is told of them.
-        warn: Called with a kind and a sentence; may be called often.
+        topics: Topics of the node.
+        markers: Publishes the paths.
+        diagnostics: Counts results and failures.
+        warn: Called with a kind and a sentence, possibly often.
     """
 
     def __init__(
@@ -43,13 +43,13 @@ class Futures:
         model: Forecaster,
         window: TrackingWindow,
         *,
-        channels: Channels,
-        drawing: Drawing,
-        health: Health,
+        topics: NodeTopics,
+        markers: MarkerPublisher,
+        diagnostics: Diagnostics,
         warn: Callable[[str, str], None],
     ) -> None:
         self._model, self._window = model, window
-        self._channels, self._drawing, self._health = channels, drawing, health
+        self._topics, self._markers, self._diagnostics = topics, markers, diagnostics
         self._warn = warn
         self._seconds = 0.0
         ready = node.create_guard_condition(self._on_ready)
@@ -57,7 +57,7 @@ class Futures:
 
     @property
     def seconds(self) -> float:
-        """How far ahead the future is predicted [s]; 0: not at all."""
+        """How far ahead trajectories are predicted [s]; 0: none."""
         return self._seconds
 
     @seconds.setter
@@ -66,25 +66,25 @@ class Futures:
         self.cancel()
 
     def cancel(self) -> None:
-        """Drop what was asked for."""
+        """Drop all requests."""
         self._horizon.cancel()
 
     def close(self) -> None:
-        """End the thread that computes."""
+        """End the computing thread."""
         self._horizon.close()
 
     def request(self) -> None:
-        """Ask for the future of the newest frame."""
+        """Request the trajectory from the newest frame."""
         if not self._seconds:
             return
         if not self._horizon.request(self._begin):
-            self._health.future_superseded()
+            self._diagnostics.future_superseded()
 
     def _begin(self) -> Job | None:
-        """Return the future of what is then the newest frame, at its start."""
+        """Job from the newest frame; None: no start, or the message would be too large."""
         window = self._window
         if not window.full:
-            return None  # the tracker paused, and its frames are too few again
+            return None  # the tracker paused, and there are too few frames again
         try:
             stamp_ns, state = window.start()
             rollout = self._model.forecast(state, stamp_ns, window.ids).rollout
@@ -104,19 +104,19 @@ class Futures:
     def _on_ready(self) -> None:
         try:
             future = self._horizon.take()
-        except Exception as error:  # of a thread: it must not end the predictions
+        except Exception as error:  # of the thread: it must not end the node
             self._none(f'no future: {type(error).__name__}: {error}')
             return
         if future is not None:
             self._publish(future)
 
     def _none(self, why: str) -> None:
-        self._health.future_failed(why)
+        self._diagnostics.future_failed(why)
         self._warn('horizon', why)
 
     def _publish(self, future: Future) -> None:
-        self._health.future_computed(future.took, future.error)
+        self._diagnostics.future_computed(future.took, future.error)
         if future.error:
             self._warn('horizon', f'a future ends early: {future.error}')
-        self._channels.send(self._channels.trajectory, future.cdr)
-        self._drawing.future(future)
+        self._topics.send(self._topics.trajectory, future.cdr)
+        self._markers.future(future)

@@ -3,8 +3,8 @@
 
 """A node as a process: signals, exit codes, and errors in one line.
 
-rclpy and the nodes take a second to import, so that a signal may well come meanwhile: whatever
-imports this module before has handlers in place that know what to do.
+rclpy and the nodes take a second to import, in which a signal may come. So `run_node` installs its
+handlers first and imports them afterwards.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
 
 
 OF_RCLPY = ('use_sim_time', 'start_type_description_service')
-"""Parameters that every node may be given."""
+"""Parameters that rclpy itself declares."""
 
 
 class Finished(Exception):
-    """Raised in a callback when a node has nothing left to do."""
+    """Raised in a callback by a node that has finished."""
 
 
 def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
-    """Make a node and run it until it has finished, or until SIGINT, SIGTERM or SIGHUP.
+    """Create a node and run it until it has finished, or until SIGINT, SIGTERM or SIGHUP.
 
     Args:
-        name: Of the node, for the log.
-        load: Imports what makes the node.
+        name: Name of the node, for the log.
+        load: Imports the node and returns what creates it.
 
     Returns:
-        The exit code: 0, or 1 where the node could not be made, or a word is none of ROS.
+        The exit code: 0, or 1 where the node cannot be created or an argument is unknown.
     """
     up = False
 
     def leave(*_: object) -> None:
-        # rclpy's own handlers end the spinning; Python's would also raise KeyboardInterrupt, which
-        # at the second SIGINT of a Ctrl-C under `ros2 launch` would strike while the bag is closed
+        # rclpy's own handlers end the spinning. Python's would also raise KeyboardInterrupt, and
+        # the second SIGINT of a Ctrl-C under `ros2 launch` would hit while the bag is closed
         if not up:
-            os._exit(0)  # nothing has begun that would have to be finished
+            os._exit(0)  # nothing has begun that must be finished
 
     signal.signal(signal.SIGINT, leave)
     signal.signal(signal.SIGTERM, leave)
@@ -63,7 +63,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
 
     unusable = (
         *(UserError, OSError, ImportError, ParameterException, NameValidationException),
-        rclpy_implementation.RCLError,  # an argument of --ros-args
+        rclpy_implementation.RCLError,  # a bad argument after --ros-args
         rclpy_implementation.UnknownROSArgsError,
     )
     node = None
@@ -76,7 +76,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
         executor = SingleThreadedExecutor()
         node = make()
         _warn_of_unknown(node)
-        # what is there now stays: a collection of all of it would take a tenth of a second
+        # these objects stay: a collection of all of them would take a tenth of a second
         gc.collect()
         gc.freeze()
         rclpy.spin(node, executor)
@@ -84,7 +84,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
         pass
     except Exception as error:
         if up and not rclpy.ok():
-            return 0  # a signal came while the node was being made, or within a callback
+            return 0  # a signal came while the node was created, or within a callback
         if node is None and isinstance(error, unusable):
             unknown = isinstance(error, rclpy_implementation.UnknownROSArgsError)
             text = f'unknown words after --ros-args: {error}' if unknown else str(error)
@@ -101,7 +101,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
 
 
 def _answer(name: str, words: list[str]) -> int:
-    """Answer words that are none of ROS: help, or an error; returns the exit code."""
+    """Print help or an error for arguments that are not ROS'; the exit code."""
     if '-h' in words or '--help' in words:
         print(f'usage: {name} --ros-args -p NAME:=VALUE ...; parameters: docs/node.md', flush=True)
         return 0
@@ -114,9 +114,9 @@ def _answer(name: str, words: list[str]) -> int:
 
 
 def _warn_of_unknown(node: Node) -> None:
-    """Warn of parameters given at start that the node does not have, which rclpy ignores."""
+    """Warn of parameters that the node does not declare, which rclpy ignores."""
     known = [name for name in node.list_parameters([], 0).names if name not in OF_RCLPY]
-    for name in node._parameter_overrides:  # nothing public tells them
+    for name in node._parameter_overrides:  # there is no public access
         if name in OF_RCLPY or name in known or name.startswith('qos_overrides.'):
             continue
         near = get_close_matches(name, known)
@@ -127,10 +127,10 @@ def _warn_of_unknown(node: Node) -> None:
 
 
 def _terminate_on_hangup() -> None:
-    """Make a SIGHUP a SIGTERM, as rclpy knows how to end at that one only; not under nohup."""
+    """Turn a SIGHUP into a SIGTERM, which rclpy handles; not under nohup."""
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         return
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})  # in all threads to come
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})  # inherited by all later threads
 
     def wait() -> None:
         signal.sigwait({signal.SIGHUP})

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Statistics of the last seconds."""
+"""Statistics over a sliding window of time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import time
 
 import numpy as np
 
-SPAN = 10.0  # [s]
+SPAN = 10.0  # length of the window [s]
 
 
 class Recent:
-    """Numbers of the last 10 s.
+    """Values of the last `SPAN` seconds.
 
     Args:
-        clock: A steady clock [s].
+        clock: Monotonic clock [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -27,7 +27,7 @@ class Recent:
         self._values: deque[tuple[float, float]] = deque()
 
     def add(self, value: float = 1.0) -> None:
-        """Take the next number."""
+        """Add a value."""
         self._last = self._clock()
         self._values.append((self._last, value))
         self._trim()
@@ -38,16 +38,16 @@ class Recent:
 
     @property
     def rate(self) -> float:
-        """Numbers per second; over the time since the start, where that is shorter [Hz]."""
+        """Values per second, over the time since creation where that is shorter [Hz]."""
         return len(self) / min(SPAN, max(self._clock() - self._begun, 1e-9))
 
     @property
     def since_last(self) -> float:
-        """Time since the last number, or since the start [s]."""
+        """Time since the last value, or since creation [s]."""
         return self._clock() - self._last
 
     def quantile(self, share: float) -> float:
-        """Quantile, 0 to 1; NaN where there are no numbers."""
+        """Quantile of the values, `share` from 0 to 1; NaN without values."""
         if not len(self):
             return float('nan')
         return float(np.quantile([value for _, value in self._values], share))

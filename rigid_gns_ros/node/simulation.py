@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator at work: tracked messages in, predictions out, each at its time."""
+"""The simulator at work: tracked poses in, predictions out, each when it is due."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from rigid_gns_core.messages.poses import (
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES, seconds
 
 from .alarm import Alarm
-from .channels import Channels
-from .drawing import Drawing
+from .clock_jumps import ClockWatch
+from .diagnostics import Diagnostics
 from .futures import Futures
-from .health import Health
-from .set_clock import SetClock
+from .markers import MarkerPublisher
 from .throttle import Throttle
+from .topics import NodeTopics
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-LOG_PERIOD = 5.0  # [s], of lines that could repeat
-# what frames are refused for that a tracker begun anew may have sent
+LOG_PERIOD = 5.0  # least time between warnings of one kind [s]
+# reasons for which frames of a restarted tracker are first refused
 STAMPS = ('duplicate', 'late', 'ahead')
 
 
 class Simulation:
-    """Predicts on a node, from its executor alone.
+    """Predicts on behalf of a node, from its executor alone.
 
     Args:
         node: Gives clock, log and topics.
         model: Makes the forecasts.
-        parameters: The node's, by name.
+        parameters: Parameters of the node by name.
 
     Raises:
-        OSError: The bag cannot be made.
+        OSError: The bag cannot be created.
         UserError: A parameter cannot be used.
     """
 
@@ -71,70 +71,70 @@ class Simulation:
             error=node.get_logger().error,
         )
         name = node.get_fully_qualified_name().lstrip('/')
-        self.health = Health(name, model, self.predictor, self.window)
+        self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
         self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
-        self._reason: Reason = 'first'  # of the next start from nothing
-        self._generation = self.window.generation  # that the forecast is of
+        self._reason: Reason = 'first'  # of the next start from an empty window
+        self._generation = self.window.generation  # of the tracks of the present forecast
         self._codec = PoseArrayCodec(self._frame_id, 0)
-        self._alarm, self._clock = Alarm(node, self._on_due), SetClock(node)
-        self.channels = Channels(
+        self._alarm, self._clock = Alarm(node, self._on_due), ClockWatch(node)
+        self.topics = NodeTopics(
             node,
             self.on_tracked,
             str(parameters['record']),
             max_size=float(parameters['record_max_size']),
             max_duration=float(parameters['record_max_duration']),
         )
-        self._drawing = Drawing(self.channels.markers, model, self.window, gap)
+        self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
             node,
             model,
             self.window,
-            channels=self.channels,
-            drawing=self._drawing,
-            health=self.health,
+            topics=self.topics,
+            markers=self._markers,
+            diagnostics=self.diagnostics,
             warn=self.warn,
         )
         self.futures.seconds = float(parameters['horizon'])
 
     def close(self) -> str:
-        """Stop, and finish the bag; returns what became of all."""
+        """Stop and finish the bag; a line of counts, for the log."""
         self._alarm.cancel()
         self.futures.close()
-        bag = self.channels.close()
-        counts = {**self.predictor.counts, 'rejected': self.health.rejected}
+        bag = self.topics.close()
+        counts = {**self.predictor.counts, 'rejected': self.diagnostics.rejected}
         text = ', '.join(f'{count} {name}' for name, count in counts.items())
         return text + (f'; {bag}' if bag else '')
 
     # --- tracked frames ---
 
     def on_tracked(self, cdr: bytes) -> None:
-        """Take a tracked message."""
-        self._look_at_clock()
+        """Process a message on tracked_poses."""
+        self._check_clock()
         now = self._now()
         try:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
             restarted = self.window.add(decode_pose_array(cdr), now)
         except UserError as error:
-            self.health.frame_rejected(str(error))
+            self.diagnostics.frame_rejected(str(error))
             kind = getattr(error, 'kind', 'bytes')
             if kind in STAMPS:
                 self._refused.append((cdr, now))
             self.warn(kind, f'tracked message rejected: {error}')
             return
-        if restarted:  # those before are accepted with this one
+        if restarted:  # the frames refused before are accepted with this one
             for earlier, arrival in self._refused:
-                self.channels.received(earlier, arrival)
+                self.topics.received(earlier, arrival)
         self._refused.clear()
-        self.channels.received(cdr, now)
-        self.health.frame_accepted()
+        self.topics.received(cdr, now)
+        self.diagnostics.frame_accepted()
         if restarted:
             self._stop('restart')
             self.warn(
                 'restarted',
-                f'the tracker has begun anew: {RESTART_FRAMES} frames in a row with '
-                'stamps that rise, but do not follow those before; starting again from them',
+                f'the tracker has restarted: {RESTART_FRAMES} frames in a row have stamps that '
+                'rise, but do not follow the earlier ones; starting again from them',
             )
         if self.window.full:
             self._follow(now)
@@ -142,19 +142,19 @@ class Simulation:
             self._stop('spheres')
 
     def _follow(self, now: int) -> None:
-        """Start, start anew or go on, as the newest frame tells."""
+        """Start, restart or continue the forecast with the newest frame."""
         window, predictor = self.window, self.predictor
-        if self._drawing.watched:
+        if self._markers.watched:
             stamp_ns, state = window.start()
-            self._drawing.tracked(stamp_ns, state.positions, window.ids)
+            self._markers.tracked(stamp_ns, state.positions, window.ids)
         if predictor.forecast is None:
             self._start(now)
         elif self.paused:
             return
         elif window.generation != self._generation:
-            self._start_anew(now, 'spheres')
+            self._restart(now, 'spheres')
         elif predictor.has_diverged():
-            self._start_anew(now, 'diverged')
+            self._restart(now, 'diverged')
         if predictor.forecast is not None and not self.paused:
             self.futures.request()
 
@@ -186,9 +186,9 @@ class Simulation:
         )
         self.compute()
 
-    def _start_anew(self, now: int, reason: Reason) -> None:
+    def _restart(self, now: int, reason: Reason) -> None:
         try:
-            self.predictor.start_anew(now, reason)
+            self.predictor.restart(now, reason)
         except PredictionError as error:
             self._give_up(error)
             return
@@ -199,11 +199,11 @@ class Simulation:
 
     def _on_start(self, start: Start) -> None:
         self._reason, self._generation = 'restart', self.window.generation
-        self.health.started()
-        self.channels.send(self.channels.start, encode_string(start.json))
+        self.diagnostics.started()
+        self.topics.send(self.topics.start, encode_string(start.json))
 
     def compute(self) -> str:
-        """Compute the next prediction, to be published when it is due; returns why it failed."""
+        """Compute the next prediction, to publish it when due; why it failed, or an empty text."""
         try:
             prediction = self.predictor.compute(self._now(), paused=self.paused)
         except PredictionError as error:
@@ -215,22 +215,22 @@ class Simulation:
         return ''
 
     def _report_steps(self, step_times: Sequence[float]) -> None:
-        self.health.stepped(step_times)
+        self.diagnostics.stepped(step_times)
         for step_time in step_times:
-            self.channels.send(self.channels.step_time, encode_float64(step_time))
+            self.topics.send(self.topics.step_time, encode_float64(step_time))
 
     def _on_due(self) -> None:
-        self._look_at_clock()
+        self._check_clock()
         predictor = self.predictor
         if predictor.forecast is None:
             return
-        if predictor.pending is None:  # half a period before the next
-            self.channels.drain()
+        if predictor.pending is None:  # with `every`, half a period before the next is due
+            self.topics.drain()
             if predictor.forecast is not None and predictor.pending is None:
                 self.compute()
             return
         now = self._now()
-        self.health.due((now - predictor.due_ns) * 1e-9)
+        self.diagnostics.due((now - predictor.due_ns) * 1e-9)
         prediction = predictor.take_in_time(now)
         if prediction is not None:
             self.publish(prediction)
@@ -244,11 +244,11 @@ class Simulation:
         if self._codec.count != len(prediction.poses):
             self._codec = PoseArrayCodec(self._frame_id, len(prediction.poses))
         cdr = self._codec.encode(prediction.poses, prediction.stamp_ns)
-        self.channels.send(self.channels.predicted, cdr)
+        self.topics.send(self.topics.predicted, cdr)
         start = self.predictor.last_start
         if start is not None and start.ids is not None:
             positions = prediction.poses[:, :3]
-            self._drawing.predicted(prediction.stamp_ns, positions, start.ids)
+            self._markers.predicted(prediction.stamp_ns, positions, start.ids)
 
     def _give_up(self, error: PredictionError) -> None:
         self.forget('restart')
@@ -257,7 +257,7 @@ class Simulation:
     # --- control ---
 
     def pause(self, wanted: bool) -> bool:
-        """Stop predictions, or let them go on; whether that changed anything."""
+        """Pause or resume predictions; whether that changed anything."""
         if wanted == self.paused:
             return False
         self.paused = wanted
@@ -266,7 +266,7 @@ class Simulation:
             self._alarm.cancel()
             self.futures.cancel()
         elif predictor.resync.start != 'first':
-            self.forget('restart')  # what is tracked has moved on meanwhile
+            self.forget('restart')  # the spheres have moved on meanwhile
         elif predictor.forecast is not None:
             if predictor.pending is None:
                 self.compute()
@@ -276,12 +276,12 @@ class Simulation:
         return True
 
     def forget(self, reason: Reason) -> None:
-        """Forget all frames and predictions; `reason` is that of the next start."""
+        """Drop all frames and predictions; `reason` is that of the next start."""
         self.window.clear()
         self._stop(reason)
 
-    def clock_set(self, ahead_ns: int) -> None:
-        """Start again after the clock was set, or a simulated one has jumped, by so much."""
+    def on_clock_jump(self, ahead_ns: int) -> None:
+        """Start again after a jump of the clock [ns]."""
         if self.window.stamp_ns is None:
             return
         self.forget('restart')
@@ -289,28 +289,28 @@ class Simulation:
         way = 'backwards' if ahead < 0 else f'forward by {ahead:.3f} s at once'
         self._node.get_logger().info(f'the clock went {way}: waiting for new tracked frames')
 
-    def _look_at_clock(self) -> None:
-        if ahead_ns := self._clock.set_by():
-            self.clock_set(ahead_ns)
+    def _check_clock(self) -> None:
+        if ahead_ns := self._clock.jump_ns():
+            self.on_clock_jump(ahead_ns)
 
     def _stop(self, reason: Reason) -> None:
         self._alarm.cancel()
         self.futures.cancel()
         self.predictor.stop()
-        if self.predictor.last_start is not None:  # else the next is the first
+        if self.predictor.last_start is not None:  # else the next start is the first
             self._reason = reason
 
     def report(self) -> None:
         """Publish diagnostics."""
-        bag, size = self.channels.bag, self.channels.recorded_bytes
-        statuses = self.health.report(
+        bag, size = self.topics.bag, self.topics.recorded_bytes
+        statuses = self.diagnostics.report(
             paused=self.paused, horizon=self.futures.seconds, bag=bag, size=size
         )
         cdr = encode_diagnostics(self._now(), statuses)
-        self.channels.send(self.channels.diagnostics, cdr)
+        self.topics.send(self.topics.diagnostics, cdr)
 
     def warn(self, kind: str, text: str) -> None:
-        """Log a warning, the same kind not too often."""
+        """Log a warning, unless one of the same kind was logged within `LOG_PERIOD`."""
         held = self._throttle.admit(kind, time.monotonic())
         if held is not None:
             more = f' ({held} more since the last line)' if held else ''

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator as a node: its parameters, services and clock."""
+"""The node `simulator`: its parameters, services and clock."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
-from rigid_gns_core.forecasts.forecaster import Forecaster, turned_gravity
-from rigid_gns_core.forecasts.parameters import SIMULATOR
+from rigid_gns_core.forecasts.forecaster import Forecaster, with_gravity_along
+from rigid_gns_core.forecasts.node_parameters import SIMULATOR
 from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.tracking.usable_frames import seconds
 from std_srvs.srv import SetBool, Trigger
 
+from .clock_jumps import on_jump
 from .closing_node import ClosingNode, log_end
-from .set_clock import on_jump
 from .simulation import Simulation
 from .threads import bound_threads, switch_often
 from ..parameters import declare
 
-DIAGNOSTICS_PERIOD = 1.0  # [s], of real time
+DIAGNOSTICS_PERIOD = 1.0  # [s] of real time
 
 
 class SimulatorNode(ClosingNode):
-    """Starts from tracked poses, predicts what the spheres do next, publishes and records it.
+    """Predicts the poses of tracked spheres, and publishes and records them.
 
     Args:
         options: Passed on to `rclpy.node.Node`.
 
     Raises:
         UserError: A parameter cannot be used.
-        OSError: The bag cannot be made.
+        OSError: The bag cannot be created.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -42,7 +42,7 @@ class SimulatorNode(ClosingNode):
         values = declare(self, SIMULATOR)
         model = Forecaster(
             str(values['model']),
-            turned_gravity(load_scene(str(values['scene'])), values['gravity_direction']),
+            with_gravity_along(load_scene(str(values['scene'])), values['gravity_direction']),
             scene_name=str(values['scene']),
             rate=float(values['rate']),
             threads=int(values['threads']),
@@ -54,7 +54,7 @@ class SimulatorNode(ClosingNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
-        self._jump_handle = on_jump(self, self.simulation.clock_set)
+        self._jump_handle = on_jump(self, self.simulation.on_clock_jump)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DIAGNOSTICS_PERIOD, self.simulation.report, clock=steady)
         self._tell(model, values)
@@ -65,10 +65,10 @@ class SimulatorNode(ClosingNode):
         log_end(f'stopped: {self.simulation.close()}')
 
     def _tell(self, model: Forecaster, values: dict[str, Any]) -> None:
-        """Say on ~/scene and in the log what is predicted from what."""
-        channels, window = self.simulation.channels, self.simulation.window
-        description = {**model.description, 'parameters': values, 'topics': channels.topics}
-        channels.send(channels.scene, encode_string(json.dumps(description)))
+        """Publish ~/scene, and log model, scene and topics."""
+        topics, window = self.simulation.topics, self.simulation.window
+        description = {**model.description, 'parameters': values, 'topics': topics.names}
+        topics.send(topics.scene, encode_string(json.dumps(description)))
         if not model.level:
             self.get_logger().warning(
                 'no surface is level: none has a normal against gravity '
@@ -77,7 +77,7 @@ class SimulatorNode(ClosingNode):
             )
         self.get_logger().info(
             f'ready: {model}; waiting for {window.length} frames on '
-            f'{channels.tracked.topic_name}'
+            f'{topics.tracked.topic_name}'
             + (f'; recording into {values["record"]}' if values['record'] else '')
         )
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How many CPU threads this process may use, and how they take turns."""
+"""CPU threads of the process: their number, and how often Python switches between them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from threadpoolctl import threadpool_limits
 
 
 def bound_threads(count: int) -> None:
-    """Let BLAS, OpenMP and torch, as far as they are loaded, use `count` threads from now on.
+    """Limit BLAS, OpenMP and torch, as far as they are loaded, to `count` threads.
 
-    The compiled engine has no parallel loops, so that Numba starts no threads.
+    The compiled engine has no parallel loops, so Numba starts no threads.
     """
-    threadpool_limits(count)  # which lasts until somebody lifts it
+    threadpool_limits(count)  # stays in effect
     torch = sys.modules.get('torch')
     if torch is not None:
         torch.set_num_threads(count)
 
 
 def switch_often() -> None:
-    """Let no thread of Python keep the others waiting for long.
+    """Shorten the switch interval of Python's threads.
 
-    A model in Python may compute a future while a prediction is due.
+    A model in Python may compute a future when a prediction is due.
     """
     sys.setswitchinterval(5e-4)

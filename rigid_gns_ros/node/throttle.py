@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Log lines that could repeat, held back."""
+"""Throttling of repeated log messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 
 
 class Throttle:
-    """Admits one message of a kind per period, and counts those held back.
+    """Admits one message of each kind per period, and counts those suppressed.
 
     Args:
         period: Least time between two messages of one kind [s].
@@ -21,11 +21,11 @@ class Throttle:
         self._held: dict[str, int] = {}
 
     def admit(self, kind: str, now: float) -> int | None:
-        """Return how many of that kind were held back since the last one; None: hold back this.
+        """Number of messages of the kind suppressed since the last one; None: suppress this one.
 
         Args:
-            kind: What is counted.
-            now: Time of any steady clock [s].
+            kind: Kind of message.
+            now: Time of a monotonic clock [s].
         """
         if now < self._next.get(kind, -math.inf):
             self._held[kind] = self._held.get(kind, 0) + 1

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tracker as a node: frames of a record or of Bullet, each when its time has come."""
+"""The node `tracker`, a stand-in for a real one: frames of a record or of Bullet, in real time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseArray
 import numpy as np
 from rigid_gns_core.data.records import demo_record, read_record, Record
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.forecasts.parameters import TRACKER
+from rigid_gns_core.forecasts.node_parameters import TRACKER
 from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene_file import load_start
@@ -19,25 +19,25 @@ from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.usable_frames import seconds
 
 from .alarm import Alarm
-from .channels import overridable, sensor_data
+from .clock_jumps import on_jump
 from .closing_node import ClosingNode, log_end
 from .process import Finished
-from .set_clock import on_jump
+from .topics import overridable, sensor_data
 from ..parameters import declare
 
-WAIT_PERIOD_NS = 50_000_000  # between two looks for a subscriber [ns]
-LIVE_SUBSTEPS = 48  # of the teacher per frame: what a slow core does in real time
-LIVE_DT = 0.1  # frame time of a live run of spheres of radius 1 m [s]; it goes with sqrt(radius)
+WAIT_PERIOD_NS = 50_000_000  # period of the check for a subscriber [ns]
+LIVE_SUBSTEPS = 48  # of the teacher per frame: a slow core can do these in real time
+LIVE_DT = 0.1  # frame time of a live run with radius 1 m [s]; it scales with sqrt(radius)
 
 
 class Source(Protocol):
-    """Frames at equal times."""
+    """Frames at equal intervals."""
 
     dt: float
     count: int
 
     def poses(self, index: int) -> Array | None:
-        """Poses of frame `index`, shape (count, 7); None after the end. Indices only increase."""
+        """Poses of frame `index`, shape (count, 7); None: it ended. Calls have rising indices."""
         ...
 
 
@@ -45,8 +45,8 @@ class Playback:
     """Frames of a record.
 
     Args:
-        record: What to play.
-        loop: Begin again after the last frame.
+        record: Record to play.
+        loop: Whether to restart after the last frame.
     """
 
     def __init__(self, record: Record, loop: bool) -> None:
@@ -56,7 +56,7 @@ class Playback:
         self.dt, self.count = trajectory.dt, trajectory.count
 
     def poses(self, index: int) -> Array | None:
-        """Poses of frame `index`, shape (count, 7); None after the end."""
+        """Poses of frame `index`, shape (count, 7); None: it ended."""
         if index >= len(self._poses) and not self._loop:
             return None
         frame: Array = self._poses[index % len(self._poses)]
@@ -64,10 +64,10 @@ class Playback:
 
 
 class Live:
-    """Frames of Bullet while it runs; needs pybullet.
+    """Frames of a live Bullet simulation; needs pybullet.
 
     Args:
-        scene_name: Shipped scene or YAML file, whose start is taken.
+        scene_name: Shipped scene or YAML file; the simulation begins at its start.
 
     Raises:
         ImportError: pybullet is not installed.
@@ -147,13 +147,13 @@ class TrackerNode(ClosingNode):
             self._await.set(now + WAIT_PERIOD_NS)
 
     def _on_jump(self, _: int) -> None:
-        """Go on with the present frame after a simulated clock has jumped."""
+        """Continue with the present frame after a jump of simulated time."""
         if self._published:
             self._start_ns = self._now() - round(self._index * self._pace * 1e9)
             self._alarm.set(self._now())
 
     def _on_due(self) -> None:
-        # a frame that is late by a frame or more is dropped, as a camera would
+        # a frame that is late by an interval or more is dropped, as by a camera
         due = int((self._now() - self._start_ns) * 1e-9 / self._pace)
         self._index = max(self._index, due)
         poses = self._source.poses(self._index)

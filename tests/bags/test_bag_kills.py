@@ -61,7 +61,7 @@ for k in range(100_000):
     assert 'has no end' in bag.warnings[1]
 
 
-def test_a_recorder_that_nobody_closed_is_closed_at_exit(tmp_path):
+def test_an_open_recorder_is_closed_at_exit(tmp_path):
     process = run_writer(
         tmp_path / 'bag',
         """

@@ -15,7 +15,7 @@ import yaml
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_torn_file_gives_all_that_is_whole(tmp_path, write_bag):
+def test_a_truncated_file_gives_its_complete_messages(tmp_path, write_bag):
     written = write_bag(tmp_path / 'bag')['/simulator/step_time']
     path = tmp_path / 'bag' / 'bag_0.mcap'
     whole = path.read_bytes()
@@ -66,7 +66,7 @@ def test_damage_in_the_middle_costs_one_chunk(tmp_path):
     damaged = bytearray(whole)
     damaged[9:17] = b'\xff' * 8
     path.write_bytes(damaged)
-    assert 'torn' in read_bag(path).warnings[0]
+    assert 'truncated' in read_bag(path).warnings[0]
 
 
 def test_what_is_not_a_bag_is_named(tmp_path):
@@ -94,7 +94,7 @@ def test_what_is_not_a_bag_is_named(tmp_path):
         read_bag(tmp_path)
 
 
-def test_a_folder_with_missing_parts_says_so(tmp_path, write_bag):
+def test_missing_parts_of_a_folder_are_reported(tmp_path, write_bag):
     write_bag(tmp_path / 'bag')
     path = tmp_path / 'bag' / 'metadata.yaml'
     text = path.read_text().replace('- bag_0.mcap', '- bag_0.mcap\n  - bag_1.mcap')
@@ -118,4 +118,4 @@ def test_log_times_that_go_back_are_passes_and_slight_disorder_is_sorted(tmp_pat
     topic = read_bag(folder).topics['/a']
     assert [decode_float64(cdr) for cdr in topic.messages] == [0, 2, 1, 3, 4, 5, 6, 7]
     assert list(topic.times) == [times[index] for index in (0, 2, 1, 3, 4, 5, 6, 7)]
-    assert list(topic.places) == [0, 4, 2, 6, 8, 10, 12, 14]
+    assert list(topic.indices) == [0, 4, 2, 6, 8, 10, 12, 14]

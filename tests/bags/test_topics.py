@@ -81,7 +81,7 @@ def test_predictions_are_noticed(tmp_path):
         assert holds_predictions(read_bag(folder)) is expected
 
 
-def test_a_scene_of_somebody_else_is_left_alone(tmp_path):
+def test_a_scene_topic_of_another_node_is_ignored(tmp_path):
     with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic('/stage/scene', 'std_msgs/msg/String', 'reliable')
         bag.write('/stage/scene', encode_string('act one'), START)

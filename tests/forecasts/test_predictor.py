@@ -40,7 +40,7 @@ def follower(
     )
 
 
-def test_a_machine_that_cannot_keep_up_says_so_once(falling: Callable[..., np.ndarray]) -> None:
+def test_overload_is_reported_once(falling: Callable[..., np.ndarray]) -> None:
     """One is in time and two are left out, as each starts from the newest frame."""
     errors: list[str] = []
     window, predictor = follower(lambda *_: None, errors.append)

@@ -67,7 +67,7 @@ def test_a_stall_makes_no_burst() -> None:
     assert [k for _, k in published[-3:]] == [117, 118, 119]
 
 
-def test_overload_is_told_from_what_is_left_out() -> None:
+def test_skipped_predictions_show_overload() -> None:
     """As with `start: every`, whose stamps move on to the present and so are in time again."""
     pacer = Pacer(PERIOD)
     for k in range(20):  # one published, two left out

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fitted materials: those of closed-form bounces and slides, what data cannot tell, bad input."""
+"""Fitted materials: closed-form bounces and slides, materials not identifiable, bad input."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_rolling_friction_is_found(laws: Simulator) -> None:
     assert found.materials['rolling_friction'].told
 
 
-def test_what_the_data_cannot_tell_is_kept_and_named(
+def test_materials_that_are_not_identifiable_are_kept_and_named(
     laws: Simulator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Balls that drop without spin never slide nor roll."""
@@ -220,7 +220,7 @@ def test_the_command_writes_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert 'exists' in capsys.readouterr().err
 
 
-def test_pairs_are_told_with_the_materials_of_the_surfaces() -> None:
+def test_values_of_pairs_use_the_materials_of_the_surfaces() -> None:
     own = (Plane(restitution=0.5), Plane(point=(0.0, 0.0, 9.0), normal=(0.0, 0.0, -1.0)))
     one = Fitted(value=0.9, error=0.01, before=0.8, told=True)
     found = Calibration({'restitution': one}, (9, 1), 6, {}, (0.2, 0.1))

@@ -128,7 +128,7 @@ def test_tracked_poses_between_the_predicted_times_are_interpolated(tmp_path):
 
 
 def test_only_the_longest_stretch_of_one_start_is_compared(tmp_path):
-    # 5 predictions, a start anew half a period later, 12 predictions, of which one is missing
+    # 5 predictions, a restart half a period later, 12 predictions, of which one is missing
     stamps = every_period(1, 6) + every_period(6, 18, PERIOD // 2)
     del stamps[9]
     report = evaluate_bag(write_bag(tmp_path / 'bag', stamps, every_period(0, 60, 0)))
@@ -136,7 +136,7 @@ def test_only_the_longest_stretch_of_one_start_is_compared(tmp_path):
     assert (frames['restarts'], frames['missing'], frames['bridged']) == (1, 1, 1)
     assert (frames['predicted'], frames['compared']) == (16, 12)
     notes = ' '.join(report['notes'])
-    assert 'started anew 1 times; the longest stretch, 1.1 s' in notes
+    assert 'restarted 1 times; the longest run, 1.1 s' in notes
     assert '1 predictions are missing and were interpolated' in notes
 
 

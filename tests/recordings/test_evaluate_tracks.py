@@ -65,7 +65,7 @@ def write_tracks(
     return folder
 
 
-def test_a_tracker_that_moves_as_the_model_says_shows_no_error(tmp_path, truth, scene):
+def test_tracks_that_follow_the_model_have_no_error(tmp_path, truth, scene):
     bag = write_tracks(tmp_path / 'bag', truth)
     report = evaluate_bag(bag, tracked='/vicon/balls', scene=scene, starts=8)
     assert list(report['horizon_errors']) == ['0.1', '0.3', '1', '3']

@@ -134,14 +134,14 @@ def test_without_recorded_starts_the_first_window_is_taken(tmp_path, model):
     assert 'holds no ~/start' in every.notes[0]
 
 
-def test_missing_frames_are_told(tmp_path, model):
+def test_missing_frames_are_reported(tmp_path, model):
     folder = write_bag(tmp_path / 'bag', model)
     bag = read_bag(folder)
     topic = bag.topics['/tracked_poses']
     del topic.messages[1]
     bag.topics['/tracked_poses'] = type(topic)(
         topic.name, topic.type_name, np.delete(topic.times, 1), topic.messages,
-        np.delete(topic.places, 1),
+        np.delete(topic.indices, 1),
     )  # fmt: skip
     result = reproduce(bag, find_topics(bag))
     assert (result.same, result.unknown) == (0, 18)
@@ -160,7 +160,7 @@ def test_another_model_is_refused(tmp_path, model):
         again(folder)
 
 
-def test_a_bag_of_somebody_else_cannot_be_reproduced(tmp_path):
+def test_a_bag_of_another_recorder_cannot_be_reproduced(tmp_path):
     with BagWriter(tmp_path / 'bag') as bag:
         for name in ('/tracked_poses', '/predicted_poses'):
             bag.add_topic(name, POSE_ARRAY, 'reliable')
@@ -170,7 +170,7 @@ def test_a_bag_of_somebody_else_cannot_be_reproduced(tmp_path):
         again(tmp_path / 'bag')
 
 
-def test_the_command_tells_by_its_exit_code(tmp_path, model, capsys):
+def test_the_exit_code_shows_differences(tmp_path, model, capsys):
     numbers = tmp_path / 'again.json'
     folder = str(write_bag(tmp_path / 'same', model))
     assert evaluate([folder, '--reproduce', '--json', str(numbers)]) == 0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Spheres that were not seen for a few frames are put in where their motion leads."""
+"""Short gaps in tracks are filled by their motion."""
 
 from __future__ import annotations
 

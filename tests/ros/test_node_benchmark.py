@@ -93,6 +93,6 @@ def test_figures_of_another_machine_are_not_mixed_in(
     assert done.returncode == 2 and 'another machine' in done.stderr
 
 
-def test_an_unknown_part_is_told() -> None:
+def test_an_unknown_part_is_an_error() -> None:
     done = benchmark('rates')
     assert done.returncode == 2 and "no part 'rates'" in done.stderr

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from rigid_gns_core.forecasts.parameters import ParameterSpec, SIMULATOR, TRACKER
+from rigid_gns_core.forecasts.node_parameters import ParameterSpec, SIMULATOR, TRACKER
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.parameters import SIMULATOR
+from rigid_gns_core.forecasts.node_parameters import SIMULATOR
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene_file import load_scene, load_start
 import yaml

@@ -132,7 +132,7 @@ def test_long_replays_keep_some_frames_and_all_of_the_curves(tmp_path: Path) -> 
     assert all(len(chart['times']) == 100 for chart in payload['charts'])
 
 
-def test_curves_are_what_they_say() -> None:
+def test_curves_hold_the_named_quantities() -> None:
     comparison = Comparison(
         title='',
         scene=SCENE,
@@ -229,7 +229,7 @@ def test_from_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         (['--out', 'r.html', '--scene', 'box_154'], '--scene goes with a bag'),
     ],
 )
-def test_what_does_not_fit_is_said_before_anything_is_written(
+def test_bad_input_is_reported_before_anything_is_written(
     options: list[str],
     text: str,
     tmp_path: Path,

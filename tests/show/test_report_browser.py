@@ -139,7 +139,7 @@ def test_the_picture_changes_with_time_and_view(page: Any) -> None:
     assert stage.screenshot() not in (before, later)
 
 
-def test_colours_tell_error_speed_and_island(page: Any) -> None:
+def test_colours_show_error_speed_and_island(page: Any) -> None:
     def colours(mode: str, side: int = 0) -> np.ndarray:
         page.select_option('#colour', mode)
         found = page.evaluate(

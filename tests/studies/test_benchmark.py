@@ -17,15 +17,15 @@ from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
-from rigid_gns_core.studies.benchmark import fresh
-from rigid_gns_core.studies.benchmark.judge import energy_rise, faults, position_errors
+from rigid_gns_core.studies.benchmark import fresh_process
+from rigid_gns_core.studies.benchmark.accuracy import energy_rise, faults, position_errors
+from rigid_gns_core.studies.benchmark.interleaved import PeerRecord, run_interleaved, timing
 from rigid_gns_core.studies.benchmark.peers import all_peers, NOTES, Peer, Run
-from rigid_gns_core.studies.benchmark.race import Lane, race, timing
 from rigid_gns_core.studies.benchmark.scaling import bouncing_box, fitted_exponent
 from rigid_gns_core.studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
 
 
-def test_scenes_are_what_they_say() -> None:
+def test_scenes_match_their_descriptions() -> None:
     scenes = {scene.name: scene for scene in bench_scenes()}
     assert list(scenes) == list(SCENES)
     counts = {name: len(scene.start) for name, scene in scenes.items()}
@@ -116,27 +116,29 @@ def test_race_marks_what_blows_up_and_keeps_what_was_before() -> None:
         scripted('dipping', [stay] * 5 + [stay - [0.0, 0.0, 1.1]] + [stay - [0.0, 0.0, 0.5]] * 6),
         Peer('picky', 'picky', '', refuse),
     ]
-    lanes = {lane.peer.name: lane for lane in race(STILL, peers, repeats=2)}
-    assert [len(seconds) for seconds in lanes['calm'].seconds] == [12, 12]
-    assert [len(seconds) for seconds in lanes['short'].seconds] == [7, 7]
-    assert len(lanes['calm'].positions) == 13
-    assert lanes['picky'].refused == 'not this scene'
-    assert timing(lanes['picky']) is None
+    records = {record.peer.name: record for record in run_interleaved(STILL, peers, repeats=2)}
+    assert [len(seconds) for seconds in records['calm'].seconds] == [12, 12]
+    assert [len(seconds) for seconds in records['short'].seconds] == [7, 7]
+    assert len(records['calm'].positions) == 13
+    assert records['picky'].refused == 'not this scene'
+    assert timing(records['picky']) is None
     grave = {
-        name: ' '.join(faults(STILL, lane)[0]) for name, lane in lanes.items() if lane.seconds
+        name: ' '.join(faults(STILL, record)[0])
+        for name, record in records.items()
+        if record.seconds
     }
     assert grave['calm'] == grave['dipping'] == ''
     assert grave['short'] == 'the script is over'
     assert grave['nan'] == 'a position is not finite'
     assert 'energy rose' in grave['rising']
     assert grave['sinking'] == '1 of 1 spheres are lost behind a surface'
-    (told,) = faults(STILL, lanes['dipping'])[1]
+    (told,) = faults(STILL, records['dipping'])[1]
     assert told == '1 of 1 centres were behind a surface, and came back'
 
 
 def test_timing_is_of_repeats() -> None:
-    lane = Lane(scripted('p', []), seconds=[[0.1, 0.3], [0.2, 0.4], [0.5, 0.5]])
-    times = timing(lane)
+    record = PeerRecord(scripted('p', []), seconds=[[0.1, 0.3], [0.2, 0.4], [0.5, 0.5]])
+    times = timing(record)
     assert times is not None
     assert times['seconds_per_frame']['median'] == pytest.approx(0.3)
     assert times['frames_per_second'] == pytest.approx(1 / 0.3)
@@ -171,10 +173,10 @@ def test_bouncing_boxes_hold_their_spheres(spheres: int) -> None:
     assert np.abs(start.positions[:, :2]).max() <= np.sqrt(area) / 2 - 1.0
 
 
-def test_a_process_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fresh, '__name__', 'rigid_gns_core.no_such')
+def test_a_failed_process_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fresh_process, '__name__', 'rigid_gns_core.no_such')
     with pytest.raises(OSError, match='a process to measure failed'):
-        fresh.memory_per_sphere(1)
+        fresh_process.memory_per_sphere(1)
 
 
 def test_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,7 +80,7 @@ def test_mujoco_spheres_rest_in_a_box() -> None:
     assert np.abs(np.diff(last, axis=0)).max() < 0.02
 
 
-def test_mujoco_refuses_what_it_cannot_say() -> None:
+def test_mujoco_refuses_unsupported_scenes() -> None:
     start = State(positions=np.array([[0.0, 0.0, 5.0], [5.0, 0.0, 5.0]]))
     with pytest.raises(ValueError, match='radius differs'):
         mujoco(Scene(radius=(1.0, 2.0)), start)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The floor of chaos: which of two errors counts, what bounds it, and starts beside a start."""
+"""The floor of chaos: the worst of two errors, the least floor, and moved starts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_the_worse_of_both_is_the_floor() -> None:
     }
 
 
-def test_less_than_half_a_radius_is_not_told_apart() -> None:
+def test_the_least_floor_is_half_a_radius() -> None:
     radii = np.array([1.0, 3.0])
     assert least_floor('mse_30', radii) == least_floor('chamfer', radii) == 0.25 * 5.0
     assert least_floor('position_error', radii) == 0.5 * 2.0

@@ -14,18 +14,18 @@ import pytest
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.files.config import ConfigError
 from rigid_gns_core.files.strict_json import read_json, write_compact_json
+from rigid_gns_core.studies.thesis.aggregate import make_table
 from rigid_gns_core.studies.thesis.budget import Budget, load_budget, merged
 from rigid_gns_core.studies.thesis.cell import Cell, cells_of, Store, teacher_cells
 from rigid_gns_core.studies.thesis.chart import write_chart
-from rigid_gns_core.studies.thesis.points import panels_of
-from rigid_gns_core.studies.thesis.study import (
+from rigid_gns_core.studies.thesis.experiments import (
     Experiment,
     load_experiment,
     shipped_experiments,
     Variant,
 )
-from rigid_gns_core.studies.thesis.table import make_table
-from rigid_gns_core.studies.thesis.text import format_table, printed, spread
+from rigid_gns_core.studies.thesis.panels import panels_of
+from rigid_gns_core.studies.thesis.tables import format_table, printed, spread
 
 pytest.importorskip('pybullet', reason="a cell's key holds the teacher's defaults")
 BUDGET = load_budget('cpu')
@@ -210,7 +210,7 @@ def test_the_cells_that_were_kept_are_found() -> None:
     assert kept and kept <= found
 
 
-def test_what_diverged_rollouts_have_is_as_the_page_says() -> None:
+def test_metrics_of_diverged_rollouts_are_as_documented() -> None:
     """In all cells that were kept: whole-rollout metrics are infinite, the others are not."""
     lost = 0
     for path in KEPT.glob('train_*.json'):

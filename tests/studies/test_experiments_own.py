@@ -16,8 +16,8 @@ from rigid_gns_core.files.config import ConfigError, find_config, load_yaml
 from rigid_gns_core.running.workers import Workers
 from rigid_gns_core.studies.thesis.budget import Data, load_budget
 from rigid_gns_core.studies.thesis.cell import Cell, Store
-from rigid_gns_core.studies.thesis.sets import make_sets, ood_path, references
-from rigid_gns_core.studies.thesis.study import Experiment, Variant
+from rigid_gns_core.studies.thesis.data_sets import make_sets, ood_path, references
+from rigid_gns_core.studies.thesis.experiments import Experiment, Variant
 import yaml
 
 SMOKE = load_budget('smoke')

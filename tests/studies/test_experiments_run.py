@@ -13,9 +13,9 @@ import pytest
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.studies.thesis.budget import load_budget
 from rigid_gns_core.studies.thesis.cell import Cell, Store
-from rigid_gns_core.studies.thesis.sets import training_set
-from rigid_gns_core.studies.thesis.study import shipped_experiments
-from rigid_gns_core.studies.thesis.work import run_cell
+from rigid_gns_core.studies.thesis.data_sets import training_set
+from rigid_gns_core.studies.thesis.experiments import shipped_experiments
+from rigid_gns_core.studies.thesis.runner import run_cell
 
 pytest.importorskip('pybullet', reason='experiments make their own data')
 torch = pytest.importorskip('torch', reason='experiments train')

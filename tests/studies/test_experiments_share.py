@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from rigid_gns_core.running.workers import Workers
-from rigid_gns_core.studies.thesis import work
+from rigid_gns_core.studies.thesis import runner
 from rigid_gns_core.studies.thesis.budget import load_budget
 from rigid_gns_core.studies.thesis.cell import Cell, Store
 
@@ -33,9 +33,9 @@ def test_on_a_gpu_cells_run_one_by_one(
 
     monkeypatch.setattr(torch.cuda, 'is_available', lambda: gpu)
     monkeypatch.setattr(Workers, 'run', run)
-    monkeypatch.setattr(work, 'make_sets', lambda *words: None)
+    monkeypatch.setattr(runner, 'make_sets', lambda *words: None)
     budget = replace(load_budget('full'), device=device)
     cells = [Cell('train', 'base', seed, budget) for seed in (0, 1)]
-    folders = work.Folders(tmp_path, tmp_path, tmp_path)
-    work.run_cells(cells, budget, folders, Store(tmp_path), Workers(8))
+    folders = runner.Folders(tmp_path, tmp_path, tmp_path)
+    runner.run_cells(cells, budget, folders, Store(tmp_path), Workers(8))
     assert used == [count]

@@ -19,7 +19,7 @@ from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.studies.hard_cases import Case, Engine, hard_cases, measure_laws, run_cases
 from rigid_gns_core.studies.hard_cases.cases import QUICK_STEPS
 from rigid_gns_core.studies.hard_cases.checks import failures, measure_errors
-from rigid_gns_core.studies.hard_cases.report import format_summary, format_table
+from rigid_gns_core.studies.hard_cases.table import format_summary, format_table
 
 CASES = {case.name: case for case in hard_cases(quick=True)}
 DT = 0.1
@@ -99,7 +99,7 @@ def test_velocities_are_those_given_or_those_of_poses() -> None:
         measure_laws(case, trajectory.window(0, 100))
 
 
-def test_a_push_out_of_the_first_step_is_told_apart() -> None:
+def test_the_push_out_of_the_first_step_is_no_energy_rise() -> None:
     case = CASES['half_below']
     first = made(case, lambda t: upwards(1.0 * (t > 0)))
     later = made(case, lambda t: upwards(0.4 * (t > 0) + 0.6 * (t > 1.05)))
@@ -124,7 +124,7 @@ def test_depth_and_drift_are_of_the_second_half() -> None:
     assert measure_laws(replace(case, rests=False), late)['drift'] is None
 
 
-def test_who_goes_around_an_edge_has_not_escaped() -> None:
+def test_a_sphere_around_an_edge_has_not_escaped() -> None:
     case = CASES['plane_end']
     # over the edge at x = 5 and then down; or down through the plane
     over = made(
@@ -186,7 +186,7 @@ def test_refusals_breaks_and_warnings() -> None:
 
 
 @pytest.mark.parametrize('name', CASES)
-def test_cases_start_as_they_say(name: str) -> None:
+def test_cases_start_as_described(name: str) -> None:
     case = CASES[name]
     depth = measure_laws(case, frozen(case.scene, case.start, case.steps))['deepest']
     assert (depth > 0.1) == case.overlaps

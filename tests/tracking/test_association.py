@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_gns_core.tracking.association import gates, match
+from rigid_gns_core.tracking.association import match
 from rigid_gns_core.tracking.coasting import coast
 from rigid_gns_core.tracking.environment import Environment
+from rigid_gns_core.tracking.gating import gates
 from rigid_gns_core.tracking.initiation import initiate_tracks, triples
 from scipy.optimize import linear_sum_assignment
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who is who among spheres that bounce between frames."""
+"""Data association of spheres that bounce between frames."""
 
 from __future__ import annotations
 

@@ -14,12 +14,12 @@ from rigid_gns_core.kernels import neighbours
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.tracking import association, coasting, observations, window_fit
+from rigid_gns_core.tracking import association, coasting, gating, observations, window_fit
 from rigid_gns_core.tracking.environment import Environment
 from rigid_gns_core.tracking.velocity import estimate_motion
 from rigid_gns_core.tracking.window import TrackingWindow
 
-MODULES = association, coasting, observations, window_fit, neighbours
+MODULES = association, coasting, gating, observations, window_fit, neighbours
 
 
 def compiled_versions(modules: tuple[ModuleType, ...] = MODULES) -> dict[str, int]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who is who in the poses of a tracker that names nothing, loses, invents, delays and repeats."""
+"""Data association of poses that are shuffled, lost, false, late or repeated."""
 
 from __future__ import annotations
 
@@ -245,7 +245,7 @@ def test_ids_are_never_used_twice() -> None:
     assert target.ids == tuple(range(COUNT + 1, 2 * COUNT + 1))
 
 
-def test_a_tracker_begun_anew_is_followed() -> None:
+def test_a_restarted_tracker_is_followed() -> None:
     target = window()
     feed(target, [frame(100 + index) for index in range(6)])
     for index in range(RESTART_FRAMES - 1):
@@ -259,7 +259,7 @@ def test_a_tracker_begun_anew_is_followed() -> None:
 
 
 @pytest.mark.parametrize('noise', [1e-4, 1e-3, 1e-2])
-def test_noise_is_told_from_the_poses(noise: float) -> None:
+def test_noise_is_estimated_from_the_poses(noise: float) -> None:
     target = window()
     feed(target, [frame(index, poses(0.1 * index, noise)) for index in range(40)])
     # 1200 third differences, of which neighbours are correlated
@@ -304,7 +304,7 @@ def test_a_frame_that_cannot_be_taken_changes_nothing(monkeypatch: pytest.Monkey
     def fail(*_: Any) -> None:
         raise ValueError('not thought of')
 
-    monkeypatch.setattr(Tracks, 'after', fail)
+    monkeypatch.setattr(Tracks, 'updated', fail)
     with pytest.raises(ValueError, match='not thought of'):
         feed(target, [frame(5)])
     assert (target.window_ns, target.lead_ns) == before[:2]

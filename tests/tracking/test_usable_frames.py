@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One rule for usable frames: a recording is decided as a node decides on arrival."""
+"""Usable frames: a recording is judged by the same rules as frames on arrival in the node."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def recorded(rng: np.random.Generator) -> tuple[list[PoseArrayFrame], np.ndarray
         elif trouble < 0.07:
             sent = stamp + 50 * DT
         elif trouble < 0.09:
-            stamp = sent = int(rng.integers(2)) * DT + stamp // 2  # begun anew
+            stamp = sent = int(rng.integers(2)) * DT + stamp // 2  # restarted
         elif trouble < 0.11:
             stamp, now = stamp + 20 * DT, now + 20 * DT  # a pause
         one = frame(sent, frame_id='other' if trouble > 0.98 else 'world')

@@ -88,7 +88,7 @@ def test_errors_after_a_bounce_are_those_claimed(ago: float) -> None:
     assert (np.linalg.norm(off, axis=1) < 6.0 * motion.errors).mean() > 0.99
 
 
-def test_a_wall_and_an_unknown_blow_are_told_from_flight() -> None:
+def test_a_wall_and_an_unknown_contact_differ_from_flight() -> None:
     wall = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), restitution=1.0)
     scene = Scene(surfaces=(wall,), friction=0.0, restitution=1.0)
     times = DT * np.arange(6)

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From bags to data sets."""
+"""Import of tracked poses from bags into data sets."""

@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked poses of bags as a data set to train on.
-
-docs/learn_from_tracks.md says what is done to the poses.
-"""
+"""Import of the tracked poses of bags into a data set, as docs/learn_from_tracks.md describes."""
 
 from __future__ import annotations
 
@@ -36,14 +33,14 @@ from ...running.progress import Progress
 def import_bags(
     bags: Sequence[str | Path], out: str | Path, options: ImportOptions | None = None
 ) -> list[dict[str, Any]]:
-    """Write a data set of the tracked poses of bags; all of it or nothing.
+    """Write a data set of the tracked poses of bags, completely or not at all.
 
     Returns:
         The report of each bag.
 
     Raises:
-        UserError: A bag cannot be read or used; which, and why.
-        FileExistsError: There is something at `out`.
+        UserError: A bag cannot be read or used; the message says which, and why.
+        FileExistsError: `out` exists.
     """
     out = Path(out)
     if out.exists():
@@ -80,7 +77,7 @@ def import_bags(
 
 
 def _recipe(records: list[Record], reports: list[dict[str, Any]]) -> DataRecipe:
-    """Return a recipe as data sets have one; what was drawn for others was tracked here."""
+    """Recipe of the data set, with the tracked values where other recipes have drawn ones."""
     times = {record.trajectory.dt for record in records}
     if max(times) > 1.001 * min(times):
         raise DatasetError(

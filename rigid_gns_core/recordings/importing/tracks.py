@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trajectories at a model's time step from the tracked poses of one bag. No ROS needed."""
+"""Trajectories at a model's time step from the tracked poses of one bag."""
 
 from __future__ import annotations
 
@@ -12,10 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from .kept_places import places_kept, PlacesKept
-from ..recorded_scenes import SaidScenes
+from .sphere_order import check_order, OrderCheck
+from ..recorded_simulators import RecordedSimulators
 from ..resample import resample
-from ..tracked_frames import Cut, cut, decode_topic, Decoded, MATCH_REMEDY, Segment
+from ..tracked_frames import (
+    decode_topic,
+    DecodedTopic,
+    MATCH_REMEDY,
+    Segment,
+    segment_frames,
+    Segmentation,
+)
 from ...bags.reader import read_bag
 from ...bags.topics import find_poses
 from ...data.records import Record
@@ -28,31 +35,31 @@ from ...scenes.state import Trajectory
 from ...tracking.pose_noise import PoseNoise
 from ...tracking.usable_frames import GAP, seconds
 
-# frames of the tracker further apart than this many time steps of the data are too few
+# largest interval between tracked frames [time steps of the data]
 _SLOWEST = 2.0
-# a centre so many radii behind a surface is no measurement of a sphere in this scene
+# a centre further behind a surface does not fit the scene [radii]
 _BEHIND = 0.2
 
 
 class ImportBagError(UserError):
-    """A bag holds nothing to learn from, or does not fit its scene."""
+    """A bag holds nothing to import, or does not fit its scene."""
 
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """How bags are read.
+    """Options of the import.
 
     Args:
         topic: Topic of the tracked poses; None: that of the simulator, else .../tracked_poses.
         scene: Shipped name or YAML file; None: the scene that the simulator recorded.
-        radius: Radius of all spheres instead of the scene's [m].
+        radius: Radius of all spheres [m]; None: that of the scene.
         model: Model whose time step the data get, for the scene's radius and gravity.
-        dt: Time step instead of that [s].
-        max_gap: Frames further apart are not joined [s]; None: where more than two time steps, or
-            frames of a tracker that is slower, are missing.
-        min_steps: Shorter stretches are left out.
-        match: Whether poses are matched to spheres, which come in any order or are missing; also
-            where the simulator that recorded them did.
+        dt: Time step [s]; None: that of the model.
+        max_gap: Longest time between frames of a segment [s]; None: two missing frames, of the
+            data or of the tracker, whichever is slower.
+        min_steps: Least number of steps of a segment.
+        match: Whether poses are associated with tracks, as they come in any order or are missing;
+            always where the simulator that recorded them did so.
     """
 
     topic: str | None = None
@@ -77,11 +84,11 @@ class ImportOptions:
 
 @dataclass(frozen=True)
 class Imported:
-    """What one bag gave.
+    """Import of one bag.
 
     Args:
         records: Trajectories.
-        report: Counts, noise and warnings, for people and for the recipe.
+        report: Counts, noise and warnings, for the user and for the recipe.
     """
 
     records: list[Record]
@@ -92,12 +99,12 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     """Trajectories of one bag at the model's time step.
 
     Raises:
-        UserError: It cannot be read, or holds nothing that can be used.
+        UserError: The bag cannot be read, or holds nothing usable.
     """
     bag = read_bag(path)
-    said = SaidScenes.of(bag)
-    topic = find_poses(bag, 'tracked_poses', '--topic', options.topic, said.tracked)
-    scene = said.scene(topic.name) if options.scene is None else load_scene(options.scene)
+    simulators = RecordedSimulators.of(bag)
+    topic = find_poses(bag, 'tracked_poses', '--topic', options.topic, simulators.tracked)
+    scene = simulators.scene(topic.name) if options.scene is None else load_scene(options.scene)
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or _native_dt(scene, options.model)
     decoded = decode_topic(topic)
@@ -108,7 +115,7 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
             f'{_SLOWEST:g} time steps of {dt:.3g} s; track faster, or give a longer --dt'
         )
     gap = options.max_gap or GAP * max(dt, interval)
-    parts, matched = _cut(decoded, scene, options, said, topic.name, gap)
+    parts, matched = _segment(decoded, scene, options, simulators, topic.name, gap)
     noise = parts.noise()
     usable = [part for part in parts.segments if part.times[-1] >= (options.min_steps - 1e-6) * dt]
     if not usable:
@@ -123,7 +130,7 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     records = []
     where = f'{path}: {topic.name}'
     scenes = [_fitting(part, scene, noise, where) for part in usable]
-    warnings = [] if matched else _check_places(usable, scene, where)
+    warnings = [] if matched else _check_order(usable, scene, where)
     for number, (part, own) in enumerate(zip(usable, scenes, strict=True)):
         trajectory = _trajectory(part, own, dt, noise, counts)
         origin = {
@@ -158,49 +165,56 @@ def read_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> I
     return Imported(records, report)
 
 
-def _cut(
-    decoded: Decoded,
+def _segment(
+    decoded: DecodedTopic,
     scene: Scene,
     options: ImportOptions,
-    said: SaidScenes,
+    simulators: RecordedSimulators,
     topic: str,
     gap: float,
-) -> tuple[Cut, str]:
-    """Cut frames into segments, and say who asked for matching; empty: nobody."""
-    parameters = said.parameters(topic)
+) -> tuple[Segmentation, str]:
+    """Segments of the frames, and why poses were matched, as text; empty: they were not."""
+    parameters = simulators.parameters(topic)
     matched = parameters.get('match_spheres', False)
     why = 'as --match asks' if options.match else ''
     why = 'as by the simulator that recorded the bag' if matched else why
     if not why:
-        return cut(decoded, float(np.max(scene.radius)), gap * 1e9), why
+        return segment_frames(decoded, float(np.max(scene.radius)), gap * 1e9), why
     # late: the model need not run otherwise
-    from ..matched_frames import cut_matched
+    from ..matched_frames import segment_matched_frames
 
     model = Forecaster(options.model, scene)
-    return cut_matched(decoded, model, parameters if matched else {}, gap * 1e9), why
+    return segment_matched_frames(decoded, model, parameters if matched else {}, gap * 1e9), why
 
 
-def _check_places(parts: list[Segment], scene: Scene, where: str) -> list[str]:
-    """Refuse poses that come in any order; warn of some that do, and of such as show no motion."""
+def _check_order(parts: list[Segment], scene: Scene, where: str) -> list[str]:
+    """Check the order of the spheres.
+
+    Returns:
+        Warnings of single exchanges, and of poses that show no motion.
+
+    Raises:
+        ImportBagError: The poses are in no fixed order.
+    """
     gravity = np.asarray(scene.gravity, dtype=np.float64)
-    found = PlacesKept()
+    order = OrderCheck()
     for part in parts:
-        found += places_kept(part, scene.per_sphere('radius', part.poses.shape[1]), gravity)
-    if found.lost:
+        order += check_order(part, scene.per_sphere('radius', part.poses.shape[1]), gravity)
+    if order.unordered:
         raise ImportBagError(
-            f'{where}: spheres change places in the message, in {len(found.stamps)} frames, the '
-            f'first of stamp {seconds(found.stamps[0])} s; expected each in its own place '
+            f'{where}: spheres change places in the message, in {len(order.stamps)} frames, the '
+            f'first of stamp {seconds(order.stamps[0])} s; expected each in its own place '
             'throughout; --match finds out who is who'
         )
     warnings = []
-    if found.stamps:
+    if order.stamps:
         warnings.append(
-            f'spheres seem to change places in the message, in {len(found.stamps)} frames, the '
-            f'first of stamp {seconds(found.stamps[0])} s; --match finds out who is who'
+            f'spheres seem to change places in the message, in {len(order.stamps)} frames, the '
+            f'first of stamp {seconds(order.stamps[0])} s; --match finds out who is who'
         )
-    if found.blind:
+    if order.no_motion:
         warnings.append(
-            f'{100 * found.sudden / found.steps:.3g} % of the steps of spheres do not go on from '
+            f'{100 * order.jumps / order.steps:.3g} % of the steps of spheres do not go on from '
             'the step before, so hardly a motion is seen; track faster, or, if poses come in any '
             'order, try --match'
         )
@@ -212,10 +226,10 @@ def _native_dt(scene: Scene, model: str) -> float:
 
 
 def _fitting(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> Scene:
-    """Return the scene of these spheres.
+    """The scene for the spheres of a segment.
 
     Raises:
-        ImportBagError: It is of another number of spheres, or has surfaces that these lie behind.
+        ImportBagError: It is of another number of spheres, or spheres lie behind its surfaces.
     """
     count = part.poses.shape[1]
     if part.ids is not None:
@@ -250,7 +264,7 @@ def _trajectory(
 ) -> Trajectory:
     times = part.times
     steps = int(np.floor(times[-1] / dt + 1e-6))
-    found = resample(
+    resampled = resample(
         times,
         part.poses[..., :3],
         part.poses[..., 3:],
@@ -258,5 +272,5 @@ def _trajectory(
         scene=scene,
         noise=noise.position,
     )
-    counts.update(found.counts)
-    return Trajectory.from_poses(found.positions, found.quaternions, dt)
+    counts.update(resampled.counts)
+    return Trajectory.from_poses(resampled.positions, resampled.quaternions, dt)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Position errors some time after a start, over many starts and all their spheres."""
+"""Position errors at fixed times after a start, over many starts and all their spheres."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..recorded_forecasts import Forecasted
+from ..recorded_forecasts import RecordedForecast
 from ...files.tables import format_rows, number
 from ...forecasts.interpolation import interpolate
 from ...messages.poses import PoseArrayFrame
@@ -18,27 +18,31 @@ from ...scenes.state import Array
 from ...tracking.usable_frames import covered
 
 HORIZONS = (0.1, 0.3, 1.0, 3.0)
-"""Times after a start at which errors are reported [s]."""
+"""Times after a start for which errors are reported [s]."""
 
-# a prediction so close to a horizon, as a part of it, stands for it
+# largest distance of a prediction from its horizon, as a part of the horizon
 TOLERANCE = 0.1
 
 
 class HorizonErrors:
-    """Distances of predicted from tracked centres, gathered by horizon."""
+    """Distances of predicted from tracked centres, collected by horizon."""
 
     def __init__(self) -> None:
         self._distances: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS}
         self._times: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS}
 
     def add(self, horizon: float, time: float, predicted: Array, tracked: Array) -> None:
-        """Take the centres of one start [m], shape (n, 3), at `time` [s] after it."""
+        """Add predicted and tracked centres [m], shape (n, 3), at `time` [s] after a start."""
         distances = np.linalg.norm(predicted - tracked, axis=1)
         self._distances[horizon].append(np.where(np.isfinite(distances), distances, np.inf))
         self._times[horizon].append(time)
 
     def report(self) -> dict[str, dict[str, float]]:
-        """By horizon [s]: `time_s` (mean), `starts`, `mean_m`, `median_m`, `p90_m`, `max_m`."""
+        """Mean time, number of starts and errors by horizon [s].
+
+        Returns:
+            For each horizon: `time_s`, `starts`, `mean_m`, `median_m`, `p90_m`, `max_m`.
+        """
         found = {}
         for horizon, parts in self._distances.items():
             if parts:
@@ -55,17 +59,17 @@ class HorizonErrors:
 
 
 def add_forecast(
-    errors: HorizonErrors, forecast: Forecasted, tracked: list[PoseArrayFrame]
+    errors: HorizonErrors, forecast: RecordedForecast, tracked: list[PoseArrayFrame]
 ) -> None:
-    """Add errors of the predictions of one forecast.
+    """Add the errors of the predictions of one forecast.
 
-    For each horizon the prediction nearest to it is taken, if it is within 10 % of it, and
-    compared at its own stamp with the tracked poses, which are interpolated but not across gaps.
+    For each horizon the nearest prediction is taken, if it is within 10 % of it, and compared at
+    its own stamp with the tracked poses, which are interpolated but not across gaps.
 
     Args:
-        errors: Where to add them.
+        errors: The errors are added to it.
         forecast: Predictions.
-        tracked: Frames with as many spheres, of rising stamps.
+        tracked: Frames with the same spheres, of rising stamps.
     """
     since = (forecast.stamps - forecast.start_ns) * 1e-9
     for horizon in HORIZONS:
@@ -74,7 +78,7 @@ def add_forecast(
             continue
         wanted = forecast.stamps[near : near + 1]
         last = bisect_left(tracked, int(wanted[0]), key=_stamp)
-        # a few frames either way tell the usual interval
+        # a few frames on either side give the usual interval
         around = tracked[max(last - 4, 0) : last + 4]
         stamps = np.array([frame.stamp_ns for frame in around], dtype=np.int64)
         if not len(stamps) or not covered(wanted, stamps)[0]:
@@ -86,7 +90,7 @@ def add_forecast(
 
 
 def format_horizons(report: Mapping[str, Mapping[str, float]], title: str) -> str:
-    """Return a table of `HorizonErrors.report`; empty where there is nothing."""
+    """Table of `HorizonErrors.report`; empty for an empty report."""
     if not report:
         return ''
     rows = []

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scores of the predictions that a bag holds."""
+"""Scores of the predictions in a bag."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from .bag_score import BagScore
 from .horizon_errors import add_forecast, HorizonErrors
-from .scored import Scored
 from .timing import lateness, quantiles
 from ..alignment import align
 from ..prediction_runs import AlignmentError, longest_run
 from ..recorded_forecasts import (
-    Forecasted,
-    forecasts,
+    predictions_by_forecast,
     recorded_futures,
     recorded_starts,
+    RecordedForecast,
     starts_of,
 )
-from ..tracked_frames import decode_topic, Decoded, Passes
+from ..tracked_frames import decode_topic, DecodedTopic, Passes
 from ...bags.reader import Bag
 from ...bags.topics import Topics
 from ...forecasts.starts import Start
@@ -35,41 +35,42 @@ if TYPE_CHECKING:
     from ..matched_frames import IdentifiedFrames
 
 
-def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> Scored:
-    """Score the longest run of predictions, and all of them by the time since their start.
+def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
+    """Score the longest run of predictions, and all predictions by the time since their start.
 
     Args:
         bag: The bag.
-        topics: Its topics.
+        topics: Topics of its simulator.
         scene: Surfaces and spheres.
 
     Raises:
-        AlignmentError: Nothing overlaps.
+        AlignmentError: Predictions and tracked poses do not overlap.
     """
     predicted_topic, tracked_topic, recorded = topics.predicted, topics.tracked, topics.recorded
     every = recorded.get('parameters', {}).get('start') == 'every'
-    ours_all, theirs_all = decode_topic(predicted_topic), decode_topic(tracked_topic)
+    all_predictions, all_tracked = decode_topic(predicted_topic), decode_topic(tracked_topic)
     starts = recorded_starts(topics.start)
-    chosen = starts_of(starts, ours_all.frames, ours_all.places) if starts else None
-    groups = chosen if chosen is None or not every else _sets(starts)[chosen]
-    run, breaks = longest_run(ours_all.frames, every=every, starts=groups)
+    chosen = starts_of(starts, all_predictions.frames, all_predictions.indices) if starts else None
+    groups = chosen if chosen is None or not every else _sphere_sets(starts)[chosen]
+    run, breaks = longest_run(all_predictions.frames, every=every, starts=groups)
     count = run.poses.shape[1]
-    places = ours_all.places[run.part]
-    identified = _identified(theirs_all, starts, scene, recorded)
-    reference_frames = theirs_all
+    identified = _identified(all_tracked, starts, scene, recorded)
+    reference_frames = all_tracked
     if identified and chosen is not None and chosen[run.part.start] >= 0:
         reference_frames = identified.of(starts[chosen[run.part.start]])
     radius = float(np.max(scene.radius))
-    usable, dropped = Passes.of(reference_frames, run.frame_id, count, radius).beside(places)
-    if theirs_all.damaged:
-        dropped['damaged'] = theirs_all.damaged
+    usable, dropped = Passes.of(reference_frames, run.frame_id, count, radius).beside(
+        all_predictions.indices[run.part]
+    )
+    if all_tracked.damaged:
+        dropped['damaged'] = all_tracked.damaged
     if not usable:
         raise AlignmentError(
             f'no frame of {tracked_topic.name} can be compared with {predicted_topic.name} '
             f'({count} spheres in frame {run.frame_id!r}); refused: {_reasons(dropped) or "none"}'
         )
-    ours, reference, alignment = align(run, usable)
-    report = evaluate(ours, reference, scene, velocities='poses')
+    compared, reference, alignment = align(run, usable)
+    report = evaluate(compared, reference, scene, velocities='poses')
     report['recording'] = {
         'bag': str(bag.path),
         'predicted': predicted_topic.name,
@@ -83,9 +84,9 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> Scored:
         'tracked': len(tracked_topic),
         'tracked_refused': sum(dropped.values()),
         'predicted': len(predicted_topic),
-        'predicted_damaged': ours_all.damaged,
-        'compared': len(ours),
-        'compared_s': ours.steps * ours.dt,
+        'predicted_damaged': all_predictions.damaged,
+        'compared': len(compared),
+        'compared_s': compared.steps * compared.dt,
         'restarts': breaks['restarts'],
         'missing': breaks['missing'],
         'bridged': run.bridged,
@@ -93,33 +94,35 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> Scored:
     }
     if starts:
         report['frames']['starts'] = len(starts)
-    predicted = forecasts(starts, ours_all.frames, ours_all.places, theirs_all.stamps, every=every)
+    predicted = predictions_by_forecast(
+        starts, all_predictions.frames, all_predictions.indices, all_tracked.stamps, every=every
+    )
     futures = recorded_futures(topics.trajectory, starts)
     for name, found in (('horizon_errors', predicted), ('future_errors', futures)):
-        report[name] = _horizon_errors(found, theirs_all, starts, identified, radius)
+        report[name] = _horizon_errors(found, all_tracked, starts, identified, radius)
     report['timing'] = (
-        _timing(ours_all) | _step_times(topics) | lateness('tracked_lateness', theirs_all)
+        _timing(all_predictions) | _step_times(topics) | lateness('tracked_lateness', all_tracked)
     )
     report['notes'] = _notes(bag, report, dropped, every)
-    return Scored(report, scene, ours, reference)
+    return BagScore(report, scene, compared, reference)
 
 
-def _sets(starts: list[Start]) -> Stamps:
-    """Return the number of each start's set of spheres, -1 at the end, shape (starts + 1,)."""
+def _sphere_sets(starts: list[Start]) -> Stamps:
+    """Number of each start's set of spheres, and a final -1, shape (starts + 1,)."""
     numbers: dict[tuple[int, ...] | None, int] = {}
     return np.array([*(numbers.setdefault(start.ids, len(numbers)) for start in starts), -1])
 
 
 def _identified(
-    tracked: Decoded, starts: list[Start], scene: Scene, recorded: dict[str, Any]
+    tracked: DecodedTopic, starts: list[Start], scene: Scene, recorded: dict[str, Any]
 ) -> IdentifiedFrames | None:
-    """Who is who in the tracked frames; None where they were in the same order throughout."""
+    """Tracked frames with their association; None where poses kept their order."""
     parameters = recorded.get('parameters', {})
     if not parameters.get('match_spheres') or not starts:
         return None
-    # late: the model, which gives the length of its steps, need not be there otherwise
+    # imported late: only this needs the model, for the length of its steps
     from ..matched_frames import IdentifiedFrames
-    from ..recorded_scenes import find_recorded_model
+    from ..recorded_simulators import find_recorded_model
     from ...forecasts.forecaster import Forecaster
     from ...forecasts.window_setup import window_of
 
@@ -128,31 +131,31 @@ def _identified(
 
 
 def _horizon_errors(
-    predicted: Iterable[Forecasted],
-    theirs: Decoded,
+    predicted: Iterable[RecordedForecast],
+    all_tracked: DecodedTopic,
     starts: list[Start],
     identified: IdentifiedFrames | None,
     radius: float,
 ) -> dict[str, dict[str, float]]:
-    """Errors by time since the start, of forecasts in all passes and of all sets of spheres."""
+    """Errors by time since the start, of all forecasts."""
     errors = HorizonErrors()
     passes: dict[tuple[int, str, int], Passes] = {}
-    for one in predicted:
-        if identified is not None and one.start < 0:
+    for forecast in predicted:
+        if identified is not None and forecast.start < 0:
             continue
-        known = theirs if identified is None else identified.of(starts[one.start])
-        key = id(known), one.frames[0].frame_id, len(one.frames[0].poses)
+        known = all_tracked if identified is None else identified.of(starts[forecast.start])
+        key = id(known), forecast.frames[0].frame_id, len(forecast.frames[0].poses)
         if key not in passes:
             passes[key] = Passes.of(known, *key[1:], radius)
-        tracked, _ = passes[key].beside(one.places)
+        tracked, _ = passes[key].beside(forecast.indices)
         if tracked:
-            add_forecast(errors, one, tracked)
+            add_forecast(errors, forecast, tracked)
     return errors.report()
 
 
-def _timing(predicted: Decoded) -> dict[str, float]:
+def _timing(predicted: DecodedTopic) -> dict[str, float]:
     periods = np.diff(predicted.times) * 1e-6
-    periods = periods[periods >= 0]  # simulated time goes back where it begins anew
+    periods = periods[periods >= 0]  # simulated time goes back where it restarts
     late = lateness('lateness', predicted)
     if not periods.any():
         return late
@@ -192,7 +195,7 @@ def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: boo
         )
     if frames['restarts'] and not every:
         notes.append(
-            f'The prediction started anew {frames["restarts"]} times; the longest stretch, '
+            f'The prediction restarted {frames["restarts"]} times; the longest run, '
             f'{frames["compared_s"]:.1f} s, is compared.'
         )
     if frames['bridged']:

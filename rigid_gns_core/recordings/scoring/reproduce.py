@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Predictions of a bag computed again, from its tracked poses, and compared byte by byte.
+"""Reproduction: predictions of a bag are computed again and compared byte by byte.
 
-On the machine that recorded a bag all bytes are the same, with the same version of this package;
+On the machine that recorded a bag, with the same version of this package, all bytes are the same;
 elsewhere other vector instructions may round differently.
 """
 
@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ..prediction_runs import from_one_start
+from ..prediction_runs import split_by_start
 from ..recorded_forecasts import recorded_starts, starts_of
-from ..recorded_scenes import find_recorded_model
-from ..replay import replayed
-from ..tracked_frames import decode_topic, Decoded
+from ..recorded_simulators import find_recorded_model
+from ..replay import replay_starts
+from ..tracked_frames import decode_topic, DecodedTopic
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
 from ...errors import UserError
@@ -32,15 +32,15 @@ from ...tracking.usable_frames import RejectedFrame, seconds
 
 @dataclass
 class Reproduction:
-    """What became of the predictions of a bag.
+    """Result of a reproduction.
 
     Args:
-        predictions: Messages in the bag.
-        same: Of these, reproduced byte for byte.
-        different: Reproduced with other bytes.
-        unknown: Whose start is not known, or whose tracked frames are not in the bag.
+        predictions: Number of predictions in the bag.
+        same: Number reproduced byte for byte.
+        different: Number reproduced with other bytes.
+        unknown: Number whose start is not known, or whose tracked frames are not in the bag.
         starts: Number of forecasts computed.
-        first_difference: Which prediction differs first, and by how much; None where none does.
+        first_difference: First prediction that differs, and by how much; None: none differs.
         notes: Sentences on what could not be compared.
     """
 
@@ -68,18 +68,18 @@ class Reproduction:
 
 
 def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproduction:
-    """Compute all predictions again.
+    """Compute all predictions of a bag again.
 
-    Where a bag holds no ~/start, those of `start: first` are computed from the first window of
-    tracked frames, up to the first stamp that tells of another start.
+    Where a bag holds no ~/start, predictions with `start: first` are computed from the first
+    window of tracked frames, up to the first stamp that shows another start.
 
     Args:
         bag: The bag.
-        topics: Its topics, see `find_topics`.
-        model: File or name of the model. None: the recorded one, told by the hash of its weights.
+        topics: Topics of its simulator, see `find_topics`.
+        model: Name or path of the model. None: the recorded one, identified by its card.
 
     Raises:
-        UserError: The bag does not say how it was recorded, or the model is not here.
+        UserError: The bag does not say how it was recorded, or the model is missing.
     """
     recorded = topics.recorded
     for key in ('scene', 'model_card', 'parameters'):
@@ -89,41 +89,41 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
                 'computed again; record with this package'
             )
     parameters = recorded['parameters']
-    maker = Forecaster(
+    model_in_scene = Forecaster(
         find_recorded_model(recorded, model, str(bag.path)),
         Scene.from_mapping(recorded['scene'], 'scene of the bag'),
         rate=float(parameters.get('rate', 0.0)),
         threads=int(parameters.get('threads', 1)),
     )
-    ours, theirs = decode_topic(topics.predicted), decode_topic(topics.tracked)
-    result = Reproduction(len(topics.predicted), unknown=ours.damaged)
+    predictions, tracked = decode_topic(topics.predicted), decode_topic(topics.tracked)
+    result = Reproduction(len(topics.predicted), unknown=predictions.damaged)
     starts = recorded_starts(topics.start)
     if starts:
-        chosen = starts_of(starts, ours.frames, ours.places)
+        chosen = starts_of(starts, predictions.frames, predictions.indices)
     else:
-        starts, chosen = _first_start(maker, ours, theirs, parameters, result)
+        starts, chosen = _first_start(model_in_scene, predictions, tracked, parameters, result)
     messages = _whole_messages(topics.predicted)
-    window = window_of(maker, parameters)
-    for index, (start, error) in enumerate(replayed(window, theirs, starts)):
+    window = window_of(model_in_scene, parameters)
+    for index, (start, error) in enumerate(replay_starts(window, tracked, starts)):
         own = np.flatnonzero(chosen == index)
         if not len(own):
             continue
         try:
             if error:
                 raise BagError(error)
-            forecast = maker.forecast(window.start()[1], start.stamp_ns, window.ids)
+            forecast = model_in_scene.forecast(window.start()[1], start.stamp_ns, window.ids)
         except UserError as reason:
             result.unknown += len(own)
             result.notes.append(f'start at {seconds(start.stamp_ns)} s: {reason}')
             continue
         result.starts += 1
-        _compare(result, forecast, [(int(k), ours.frames[k], messages[k]) for k in own])
+        _compare(result, forecast, [(int(k), predictions.frames[k], messages[k]) for k in own])
     result.unknown += int((chosen < 0).sum())
     return result
 
 
 def _whole_messages(topic: Topic) -> list[bytes]:
-    """Bytes of the messages that `decode_topic` gives, in its order."""
+    """Bytes of the messages that `decode_topic` decodes, in its order."""
     whole = []
     for message in topic.messages:
         try:
@@ -135,25 +135,25 @@ def _whole_messages(topic: Topic) -> list[bytes]:
 
 
 def _first_start(
-    maker: Forecaster,
-    ours: Decoded,
-    theirs: Decoded,
+    model_in_scene: Forecaster,
+    predictions: DecodedTopic,
+    tracked: DecodedTopic,
     parameters: dict[str, Any],
     result: Reproduction,
 ) -> tuple[list[Start], np.ndarray]:
-    """Return the start that the first frames give, and which predictions come from it."""
-    chosen = np.full(len(ours.frames), -1, dtype=np.int64)
+    """Start from the first frames, and the index of the start of each prediction, or -1."""
+    chosen = np.full(len(predictions.frames), -1, dtype=np.int64)
     if parameters.get('start') != 'first':
         result.notes.append(
             'the bag holds no ~/start, and its predictions do not all start from the first frames'
         )
         return [], chosen
-    window = window_of(maker, parameters)
+    window = window_of(model_in_scene, parameters)
     taken: list[int] = []
-    for newest in np.argsort(theirs.places, kind='stable'):
-        frame = theirs.frames[newest]
+    for newest in np.argsort(tracked.indices, kind='stable'):
+        frame = tracked.frames[newest]
         try:
-            window.add(frame, int(theirs.times[newest]))
+            window.add(frame, int(tracked.times[newest]))
         except RejectedFrame:
             continue
         taken.append(frame.stamp_ns)
@@ -162,29 +162,30 @@ def _first_start(
     else:
         result.notes.append(f'the bag holds no {window.length} tracked frames to start from')
         return [], chosen
-    period = round(maker.period * 1e9)
-    first = from_one_start(ours.frames)[0]
+    period = round(model_in_scene.period * 1e9)
+    first = split_by_start(predictions.frames)[0]
     for index in range(first.start, first.stop):
-        since = ours.frames[index].stamp_ns - taken[-1]
-        if since <= 0 or abs(since - round(since / period) * maker.period * 1e9) > 2:
+        since = predictions.frames[index].stamp_ns - taken[-1]
+        if since <= 0 or abs(since - round(since / period) * model_in_scene.period * 1e9) > 2:
             break
         chosen[index] = 0
     result.notes.append(
         'the bag holds no ~/start: all is computed from the first tracked frames, up to the first '
         'stamp that tells of a restart; one that no stamp tells of shows as a difference'
     )
-    place = int(theirs.places[newest]) + 1
-    return [Start(taken[-1], tuple(taken), 'first', place=place)], chosen
+    return [
+        Start(taken[-1], tuple(taken), 'first', index=int(tracked.indices[newest]) + 1)
+    ], chosen
 
 
 def _compare(
     result: Reproduction, forecast: Forecast, own: list[tuple[int, PoseArrayFrame, bytes]]
 ) -> None:
-    """Compare predictions, each with its index and bytes, with those of a forecast."""
-    for index, frame, message in sorted(own, key=lambda one: one[1].stamp_ns):
+    """Compare recorded predictions, with their indices and bytes, with those of a forecast."""
+    for index, frame, message in sorted(own, key=lambda item: item[1].stamp_ns):
         try:
             poses = forecast.advance_to(frame.stamp_ns).poses
-        except (UserError, FloatingPointError):  # diverges here, and did not there
+        except (UserError, FloatingPointError):  # it diverges, unlike the recorded one
             poses = np.full_like(frame.poses, np.inf)
         codec = PoseArrayCodec(frame.frame_id, len(poses))
         if codec.encode(poses, frame.stamp_ns) == message:
@@ -192,8 +193,8 @@ def _compare(
             continue
         result.different += 1
         if result.first_difference is None or index < result.first_difference['index']:
-            alike = poses.shape == frame.poses.shape
-            apart = np.abs(poses - frame.poses) if alike else np.full((1, 7), np.inf)
+            same_shape = poses.shape == frame.poses.shape
+            apart = np.abs(poses - frame.poses) if same_shape else np.full((1, 7), np.inf)
             result.first_difference = {
                 'index': index,
                 'stamp_s': seconds(frame.stamp_ns),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scores of a model on the tracked poses of a bag, whoever recorded it."""
+"""Scores of rollouts of a model from the tracked poses of any bag."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from .bag_score import BagScore
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
-from .scored import Scored
 from .timing import lateness
-from ..matched_frames import cut_matched
+from ..matched_frames import segment_matched_frames
 from ..prediction_runs import AlignmentError
 from ..resample import resample
-from ..tracked_frames import cut, decode_topic, MATCH_REMEDY, Segment
+from ..tracked_frames import decode_topic, MATCH_REMEDY, Segment, segment_frames
 from ...bags.reader import Bag, Topic
 from ...errors import UserError
 from ...forecasts.forecaster import Forecast, Forecaster
@@ -29,19 +29,20 @@ from ...scenes.state import Array, Trajectory
 from ...scoring.evaluate import evaluate
 from ...tracking.usable_frames import GAP
 
-# the longest rollout of which laws and errors are told [s]
+# longest rollout for laws and errors [s]
 LONGEST = 30.0
 
 
 @dataclass(frozen=True)
 class RolloutOptions:
-    """How a model is tried on tracked poses.
+    """Options of the rollouts.
 
     Args:
         model: Name or path; empty: the shipped default.
         starts: Number of start times, evenly over the recording.
-        window: Tracked frames from which velocities are fitted at a start.
-        matched: Whether poses are matched to spheres, as they come in any order or are missing.
+        window: Number of tracked frames from which velocities are fitted at a start.
+        matched: Whether poses are associated with tracks, as they come in any order or are
+            missing.
     """
 
     model: str = ''
@@ -56,7 +57,7 @@ class RolloutOptions:
 
 
 class _Reference:
-    """Tracked poses of one segment at any times within it: parabolas in flight, see `resample`."""
+    """Tracked poses of one segment, resampled at any times within it, see `resample`."""
 
     def __init__(self, segment: Segment, scene: Scene, noise: float) -> None:
         self.segment, self._scene, self._noise = segment, scene, noise
@@ -74,31 +75,32 @@ class _Reference:
         return found.positions, found.quaternions
 
 
-def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions) -> Scored:
-    """Roll a model out from tracked frames at several times, and score it against what followed.
+def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions) -> BagScore:
+    """Roll a model out from tracked frames at several times, and score it against later frames.
 
-    Frames are cut where the number of spheres changes (their set, where poses are matched), where
-    more than two frames in a row are missing, and where the tracker began anew. Laws and
-    errors are those of the longest segment, from its start; `horizon_errors` are of all starts.
+    Frames are cut into segments where the number of spheres changes (their set, where poses are
+    matched), where more than two frames in a row are missing, and where the tracker restarted.
+    Laws and errors are of one rollout over the longest segment; `horizon_errors` are of all
+    starts.
 
     Args:
         bag: The bag.
-        topic: Its tracked poses.
+        topic: Topic of the tracked poses.
         scene: Surfaces and spheres.
         options: Model and starts.
 
     Raises:
         AlignmentError: No segment is long enough.
-        UserError: The model cannot be had, or cannot serve the scene.
+        UserError: The model is missing, or does not support the scene.
     """
     decoded = decode_topic(topic)
     interval = decoded.interval(f'{bag.path}: {topic.name}')
     model = Forecaster(options.model, scene)
     gap = GAP * interval * 1e9
     parts = (
-        cut_matched(decoded, model, {'velocity_window': options.window}, gap)
+        segment_matched_frames(decoded, model, {'velocity_window': options.window}, gap)
         if options.matched
-        else cut(decoded, model.radius, gap)
+        else segment_frames(decoded, model.radius, gap)
     )
     noise = parts.noise().position
     refused, notes = Counter(parts.refused), []
@@ -152,32 +154,32 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
     report['horizon_errors'] = errors.report()
     report['timing'] = lateness('tracked_lateness', decoded)
     report['notes'] = _notes(parts.cuts, refused, sorted(set(notes)), options) + list(bag.warnings)
-    return Scored(report, scene, *drawn)
+    return BagScore(report, scene, *drawn)
 
 
 def _starts(
     references: list[_Reference], options: RolloutOptions, shortest: float
 ) -> list[tuple[_Reference, set[int]]]:
-    """Return indices of start frames by segment, evenly over all that can be one."""
+    """Indices of start frames by segment, evenly over all possible ones."""
     found = []
-    for place, one in enumerate(references):
-        times = one.segment.times
+    for segment_index, reference in enumerate(references):
+        times = reference.segment.times
         last = int(np.searchsorted(times, times[-1] - shortest + 1e-9, side='right'))
-        found += [(place, frame) for frame in range(options.window - 1, last)]
+        found += [(segment_index, frame) for frame in range(options.window - 1, last)]
     if not found:
         return []
     chosen = np.unique(np.linspace(0, len(found) - 1, options.starts).round().astype(int))
     by_segment: dict[int, set[int]] = {}
     for index in chosen:
-        place, frame = found[index]
-        by_segment.setdefault(place, set()).add(frame)
-    return [(references[place], frames) for place, frames in by_segment.items()]
+        segment_index, frame = found[index]
+        by_segment.setdefault(segment_index, set()).add(frame)
+    return [(references[segment_index], frames) for segment_index, frames in by_segment.items()]
 
 
 def _forecasts(
     model: Forecaster, segment: Segment, wanted: Container[int], length: int
 ) -> Iterator[Forecast]:
-    """Forecasts from frames of a segment, as a node makes them that has heard all before.
+    """Forecasts from frames of a segment, with all earlier frames in the window as in the node.
 
     Frames that give no start are left out.
     """
@@ -188,7 +190,7 @@ def _forecasts(
             if index in wanted and window.full:
                 start, state = window.start()
                 yield model.forecast(state, start, window.ids)
-        except UserError:  # this frame is refused, or the model cannot go on from it
+        except UserError:  # the frame is refused, or the model cannot start from it
             continue
 
 
@@ -197,9 +199,9 @@ def _duration(reference: _Reference) -> float:
 
 
 def _seconds(model: Forecaster, horizon: float) -> float:
-    """Whole steps of the model where they are within 10 % of a horizon, else the horizon [s].
+    """The horizon, rounded to whole model steps where that changes it by less than 10 % [s].
 
-    Poses between two steps are a straight line, which in flight is up to g dt^2 / 8 off.
+    Between two steps, poses are interpolated linearly, which in flight is off by up to g dt^2 / 8.
     """
     whole = round(horizon / model.native_dt) * model.native_dt
     return whole if abs(whole - horizon) <= TOLERANCE * horizon else horizon
@@ -208,7 +210,7 @@ def _seconds(model: Forecaster, horizon: float) -> float:
 def _score(
     errors: HorizonErrors, forecast: Forecast, reference: _Reference, model: Forecaster
 ) -> bool:
-    """Add the errors of one rollout; whether there were any."""
+    """Add the errors of one rollout; whether it reached any horizon."""
     segment, scored = reference.segment, False
     for horizon in HORIZONS:
         seconds = _seconds(model, horizon)
@@ -228,7 +230,7 @@ def _score(
 def _whole(
     model: Forecaster, reference: _Reference, options: RolloutOptions
 ) -> tuple[dict[str, Any], tuple[Trajectory, Trajectory]]:
-    """Report of one rollout over the longest segment, with both trajectories."""
+    """Report of one rollout over the longest segment, and the two trajectories."""
     segment = reference.segment
     forecast = next(
         _forecasts(model, segment, range(options.window - 1, len(segment.stamps)), options.window),
@@ -253,9 +255,9 @@ def _whole(
     predicted = np.stack(poses)
     dt = model.native_dt
     with np.errstate(invalid='ignore'):
-        ours = Trajectory.from_poses(predicted[..., :3], predicted[..., 3:], dt)
+        predictions = Trajectory.from_poses(predicted[..., :3], predicted[..., 3:], dt)
     theirs = Trajectory.from_poses(positions, quaternions, dt)
-    return evaluate(ours, theirs, model.scene, velocities='poses'), (ours, theirs)
+    return evaluate(predictions, theirs, model.scene, velocities='poses'), (predictions, theirs)
 
 
 def _notes(

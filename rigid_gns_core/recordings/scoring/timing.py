@@ -1,23 +1,23 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How late messages were recorded."""
+"""Lateness of recorded messages."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tracked_frames import Decoded
+from ..tracked_frames import DecodedTopic
 
 
-def lateness(name: str, frames: Decoded) -> dict[str, float]:
-    """Quantiles of log time minus stamp."""
+def lateness(name: str, frames: DecodedTopic) -> dict[str, float]:
+    """Quantiles of log time minus stamp [ms], with `name` as prefix of the keys."""
     return quantiles(name, (frames.times - frames.stamps) * 1e-6) if frames.frames else {}
 
 
 def quantiles(name: str, milliseconds: NDArray[np.floating]) -> dict[str, float]:
-    """Median, 99 % quantile and largest of times [ms]."""
+    """Median, 99 % quantile and maximum of times [ms], with `name` as prefix of the keys."""
     return {
         f'{name}_p50_ms': float(np.median(milliseconds)),
         f'{name}_p99_ms': float(np.quantile(milliseconds, 0.99)),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses as few bytes of text: quantised, differences in time, deflated, base64."""
+"""Compact text of poses: quantised, differences in time, deflated, base64."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ QUATERNION_LEVEL = 127  # half a degree
 
 
 def pack_positions(positions: Array, low: Array, high: Array) -> dict[str, Any]:
-    """Positions between `low` and `high` in 65 535 steps.
+    """Pack positions between `low` and `high` in 65 535 levels.
 
     Args:
         positions: Centres [m], shape (frames, n, 3).
-        low: Least of each coordinate [m], shape (3,).
-        high: Greatest of each coordinate [m], shape (3,).
+        low: Minimum of each coordinate [m], shape (3,).
+        high: Maximum of each coordinate [m], shape (3,).
 
     Returns:
         `data` as text, `offset` and `scale` [m], shape (3,): position = offset + scale * integer.
@@ -35,12 +35,12 @@ def pack_positions(positions: Array, low: Array, high: Array) -> dict[str, Any]:
 
 
 def pack_quaternions(quaternions: Array) -> dict[str, Any]:
-    """Rotations (x, y, z, w), shape (frames, n, 4), to half a degree; the reader normalises."""
+    """Pack rotations (x, y, z, w), shape (frames, n, 4), to half a degree, not normalised."""
     return {'data': _pack(np.rint(quaternions * QUATERNION_LEVEL), 'i1')}
 
 
 def _pack(levels: Array, dtype: str) -> str:
-    """Differences in time wrap around, as the sums of the reader do; each sphere's in a row."""
+    """Pack sphere by sphere; differences in time wrap around, as do the sums of the reader."""
     rows = np.moveaxis(levels.astype(f'<{dtype}'), 0, 2)
     differences = rows.copy()
     with np.errstate(over='ignore'):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One HTML file of a comparison: replay, curves and numbers; it needs nothing from outside."""
+"""The report of a comparison: one self-contained HTML file with replay, curves and numbers."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from ..series import charts
 from ..surfaces import extent, focus, visible_quads
 from ...errors import UserError
 
-# more frames than a screen shows in a minute; the replay is linear between those it has
+# more frames than a screen shows in half a minute; the replay interpolates linearly between them
 MAX_FRAMES = 2001
-# name to import by: file; three.js in two parts, as its makers build it
+# name of the module for imports: file; three.js is built in two parts
 MODULES = {
     'three': 'vendor/three.module.min.js',
     'three/core': 'vendor/three.core.min.js',
@@ -41,12 +41,12 @@ MODULES = {
 def write_report(
     path: str | Path, comparison: Comparison, *, max_frames: int = MAX_FRAMES
 ) -> Path:
-    """Write the report; a file that exists is replaced.
+    """Write the report; an existing file is replaced.
 
     Args:
-        path: HTML file.
-        comparison: What it shows, of the same steps throughout (`comparison.cut`).
-        max_frames: Of a longer replay only every second, third, ... frame is kept.
+        path: HTML file to write.
+        comparison: Comparison to show, with equal steps of all trajectories (`comparison.cut`).
+        max_frames: Largest number of frames; of a longer replay every second, third, ... is kept.
 
     Raises:
         UserError: `max_frames` is below 2.
@@ -74,7 +74,7 @@ def write_report(
 
 
 def payload(comparison: Comparison, max_frames: int = MAX_FRAMES) -> dict[str, Any]:
-    """Return what the page's scripts read: poses, surfaces and curves."""
+    """Data for the scripts of the page: poses, surfaces and curves."""
     scene, sides = comparison.scene, comparison.sides
     trajectories = list(sides.values())
     stride = max(1, -(-comparison.predicted.steps // (max_frames - 1)))
@@ -107,7 +107,7 @@ def payload(comparison: Comparison, max_frames: int = MAX_FRAMES) -> dict[str, A
 
 
 def _fastest(comparison: Comparison) -> float:
-    """Return the end of the scale of speeds [m/s]: all but 1 % of spheres and times are below."""
+    """Upper end of the scale of speeds [m/s], their 99 % quantile over spheres and times."""
     speeds = np.linalg.norm(comparison.predicted.velocities, axis=2)
     return max(float(np.quantile(speeds, 0.99)), 1e-6)
 
@@ -132,7 +132,7 @@ def _static(name: str) -> str:
 
 
 def _module(name: str) -> str:
-    """Return a module as an address that holds it; such modules cannot name others by path."""
+    """Module as a data URL; such modules cannot import others by path."""
     source = _static(name).replace('"./three.core.min.js"', '"three/core"')
     return 'data:text/javascript;charset=utf-8;base64,' + base64.b64encode(
         source.encode('utf-8')
@@ -140,9 +140,9 @@ def _module(name: str) -> str:
 
 
 def _script_safe(text: str) -> str:
-    return text.replace('<', '\\u003c')  # no value can end the script that holds it
+    return text.replace('<', '\\u003c')  # a value must not end the script element
 
 
 def _filled(template: str, **values: str) -> str:
-    """`{{name}}` in the template for its value, once: braces in a value stay as they are."""
+    """Template with each `{{name}}` replaced by its value; braces within values stay."""
     return re.sub(r'\{\{(\w+)\}\}', lambda match: values[match[1]], template)

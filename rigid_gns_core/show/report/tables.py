@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every number of an evaluation as HTML: the most important as tiles, all in tables."""
+"""Numbers of an evaluation as HTML: the most important ones as tiles, all in tables."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ SECTIONS = {
     'diverged_at': 'Diverged at step',
 }
 SINGLE = {'dt': ('Time step', 's'), 'tolerance': ('Tolerance', 'diameters')}
-# long, and read rarely
+# sections that are collapsed
 FOLDED = ('recording',)
 
 
 def leaves(value: Any, path: str = '') -> Iterator[tuple[str, Any]]:
-    """Path and value of every number and word of a nested report, as in `laws.predicted.mse`."""
+    """Path, such as `laws.predicted.mse`, and value of every leaf of a nested report."""
     if isinstance(value, Mapping):
         items: Any = value.items()
     elif isinstance(value, (list, tuple)):
@@ -40,7 +40,7 @@ def leaves(value: Any, path: str = '') -> Iterator[tuple[str, Any]]:
 
 
 def tables(report: Mapping[str, Any]) -> str:
-    """All of a report but its notes, as HTML tables; each cell has its path as `data-key`."""
+    """A report without its notes as HTML tables; each cell has its path as `data-key`."""
     single = {
         key: value
         for key, value in report.items()
@@ -64,13 +64,13 @@ def tables(report: Mapping[str, Any]) -> str:
 
 
 def notes(report: Mapping[str, Any]) -> str:
-    """Sentences that a reader of the numbers needs."""
+    """Notes of a report as an HTML list."""
     items = ''.join(f'<li>{html.escape(str(note))}</li>' for note in report.get('notes', ()))
     return f'<ul class="notes">{items}</ul>' if items else ''
 
 
 def tiles(report: Mapping[str, Any], names: tuple[str, str]) -> str:
-    """Return the numbers that a reader looks for first."""
+    """The most important numbers of a report as HTML; `names` are of prediction and reference."""
     found: list[tuple[str, Any, str, Any]] = []
     errors, laws = report.get('errors', {}), report.get('laws', {})
     ours, theirs = laws.get('predicted', {}), laws.get('reference', {})
@@ -110,7 +110,7 @@ def _tile(label: str, value: Any, unit: str, other: Any, name: str) -> str:
 
 
 def _is_matrix(section: Any) -> bool:
-    """Whether a section is a table of two dimensions: mappings of plain values."""
+    """Whether a section is two-dimensional: a mapping of mappings of plain values."""
     return (
         isinstance(section, Mapping)
         and all(isinstance(row, Mapping) and row for row in section.values())
@@ -123,7 +123,7 @@ def _is_matrix(section: Any) -> bool:
 
 
 def _matrix(key: str, section: Mapping[str, Mapping[str, Any]]) -> str:
-    """Laws have their sides as columns, all others their quantities."""
+    """Two-dimensional table; laws have prediction and reference as columns, others quantities."""
     columns = list(section)
     quantities = list(dict.fromkeys(name for row in section.values() for name in row))
     if key == 'laws':
@@ -177,7 +177,7 @@ def _text(value: Any) -> str:
 
 
 def _label(key: str) -> tuple[str, str]:
-    """Name and unit of a key, as in `scoring.table`, or by its ending."""
+    """Name and unit of a key, from `scoring.table` or by its ending."""
     for known in (LAWS, ERRORS, SINGLE):
         if key in known:
             return known[key]

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed against error: all peers side by side, in one process and one run."""
+"""Benchmark of speed against error, with all peers in one process and one run."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bullet as a peer: the teacher's world without what the teacher adds to Bullet."""
+"""Bullet as a peer: the teacher without its own additions to Bullet."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from ...teacher.settings import TeacherSettings
 
 
 class BulletSpheres(Teacher):
-    """A live Bullet scene that is advanced frame by frame, with nothing in Python but one loop.
+    """A live Bullet scene that is advanced frame by frame, with one loop in Python.
 
     Maximal coordinates, solver and bounce threshold are the teacher's; rolling friction is
-    Bullet's own, and of the state the positions alone are read: the teacher's velocities cost as
-    much as a substep.
+    Bullet's own. Only positions are read, since reading velocities costs as much as a substep.
 
     Args:
         scene: Surfaces, sphere properties and materials.
         start: State at time 0.
         dt: Length of a frame [s].
-        settings: How Bullet is run; without the teacher's rolling friction.
+        settings: Settings of Bullet, without the teacher's rolling friction.
+
+    Raises:
+            UserError: The settings have the teacher's rolling friction.
     """
 
     def __init__(self, scene: Scene, start: State, dt: float, settings: TeacherSettings) -> None:
@@ -37,7 +39,7 @@ class BulletSpheres(Teacher):
         super().__init__(scene, start, dt, settings)
 
     def advance(self) -> Array:
-        """Advance by a frame; centres then [m], shape (n, 3)."""
+        """Advance by a frame; the centres after it [m], shape (n, 3)."""
         step, read, client = (
             self._bullet.stepSimulation,
             self._bullet.getBasePositionAndOrientation,

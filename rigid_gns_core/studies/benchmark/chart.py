@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One chart per scene: speed against error, a line for each family of peers."""
+"""A chart for each scene: speed against error, with a line for each family of peers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LEAST = 1e-6
 """Errors below this [m] are drawn here."""
 
-# Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
+# Okabe-Ito colours, safe for colour-blind readers; the markers differ too
 STYLES = {
     'laws': ('#0072b2', '^'),
     'Bullet': ('#e69f00', 'o'),
@@ -36,15 +36,15 @@ LEGEND = {
 
 
 def write_charts(folder: str | Path, scene: Mapping[str, Any], reference: str) -> list[Path]:
-    """Draw a scene of a report of `command.run` into `benchmark_SCENE.png` and `.svg`.
+    """Draw a scene of the benchmark's report into `benchmark_SCENE.png` and `.svg`.
 
-    Left the error after the first horizon, right after the last: where all peers lie on the dashed
-    line, the reference against itself, chaos has made them equal. No display is needed.
+    Left is the error after the first horizon, right after the last. Peers on the dashed line, the
+    reference against itself, are as far off as chaos alone makes them. No display is needed.
 
     Args:
-        folder: Where; made if absent.
-        scene: With `peers`, their timing and errors.
-        reference: What the errors are against, in words.
+        folder: Folder to write to; created if absent.
+        scene: Scene of the report, with `peers`, their timing and errors.
+        reference: Name of the reference.
 
     Returns:
         The files; none where no peer has an error.
@@ -61,7 +61,7 @@ def write_charts(folder: str | Path, scene: Mapping[str, Any], reference: str) -
     panels: list[Axes] = list(np.atleast_1d(figure.subplots(1, len(names))))
     for axes, name in zip(panels, names, strict=True):
         _draw(axes, scene, name)
-    # a peer may be unstable in one panel alone, and each is named once
+    # a peer may be unstable in one panel only; each label is listed once
     known = dict(pair for axes in panels for pair in zip(*_legend(axes), strict=True))
     texts = sorted(known, key='unstable'.__eq__)
     handles = [known[text] for text in texts]
@@ -95,7 +95,7 @@ def _no_date(path: Path) -> dict[str, Any]:
 
 
 def _horizons(scene: Mapping[str, Any]) -> list[str]:
-    """Return the first and the last of the position errors, without those in between."""
+    """Names of the first and the last of the position errors."""
     measured = [p['errors'] for p in scene['peers'] if p['errors'] and p['timing']]
     names = [name for name in (measured[0] if measured else ()) if name.startswith('position')]
     return list(dict.fromkeys([names[0], names[-1]])) if names else []
@@ -151,7 +151,7 @@ def _draw_family(
         [v - 1.0 / s['p90'] for v, s in zip(speed, spread, strict=True)],
         [1.0 / s['p10'] - v for v, s in zip(speed, spread, strict=True)],
     ]
-    # what is not finite has no place on the chart: on its upper edge
+    # errors that are not finite are drawn on the upper edge
     error = np.array([min(max(LEAST, peer['errors'][name]), 0.9 * top) for peer in peers])
     axes.plot(
         speed,
@@ -186,7 +186,7 @@ def _draw_family(
 
 
 def _limits(values: Sequence[float]) -> tuple[float, float]:
-    """Of the errors' axis: two decades at least, so that small differences look small."""
+    """Limits of the error axis: at least two decades, so that small differences look small."""
     if not values:
         return LEAST, 1.0
     low, high = 0.5 * min(values), 2.0 * max(values)
@@ -195,7 +195,7 @@ def _limits(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _number(axes: Axes) -> None:
-    """Plain numbers, with 2 and 5 between powers of ten where these are few."""
+    """Tick labels as plain numbers, with 2 and 5 between powers of ten on short axes."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):

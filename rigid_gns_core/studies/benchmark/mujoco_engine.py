@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MuJoCo as a peer: spheres on planes, at the settings that were best here.
+"""MuJoCo as a peer: spheres on planes, at the settings that were best in this benchmark.
 
-MuJoCo has no coefficient of restitution: contacts are springs with dampers. The damping ratio that
-makes such a spring rebound with e is known in closed form, so each surface gets that of its pair
-with a sphere. docs/benchmark.md says how the settings were chosen.
+MuJoCo has no coefficient of restitution: contacts are springs with dampers. The damping ratio for
+a restitution e is known in closed form, so that each surface gets that of its pair with a sphere.
+docs/benchmark.md says how the settings were chosen.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from ...scenes.state import Array, State
 
 @dataclass(frozen=True)
 class MujocoSettings:
-    """How MuJoCo is run.
+    """Settings of MuJoCo.
 
     Args:
         substeps: Steps of MuJoCo per frame.
-        solver: Of the constraints.
-        integrator: The same here, where no force but that of contacts depends on the velocity.
-        iterations: Most iterations of the solver in a substep.
-        tolerance: Improvement, scaled as MuJoCo does, below which the solver ends.
-        stiffness: Time over which a contact springs back, 1 over its angular frequency, in
-            substeps; below about 1.5 the substeps cannot resolve a bounce.
-        impedance: MuJoCo's solimp at no and at full depth.
+        solver: Constraint solver.
+        integrator: Integrator; both give the same here, as only contact forces depend on velocity.
+        iterations: Largest number of iterations of the solver in a substep.
+        tolerance: Improvement, scaled as MuJoCo does, below which the solver stops.
+        stiffness: Inverse angular frequency of a contact spring [substeps]; below about 1.5 the
+            substeps do not resolve a bounce.
+        impedance: MuJoCo's solimp at zero and at full depth.
     """
 
     substeps: int = 24
@@ -51,7 +51,7 @@ def load_mujoco() -> ModuleType:
     """Import mujoco.
 
     Raises:
-        ModuleNotFoundError: It is not installed; the message tells how to get it.
+        ModuleNotFoundError: It is not installed; the message says how to install it.
     """
     module: ModuleType = needed('mujoco', 'the peer MuJoCo')
     return module
@@ -61,10 +61,10 @@ class MujocoSpheres:
     """A live MuJoCo scene that is advanced frame by frame.
 
     Args:
-        scene: Surfaces, which MuJoCo takes as endless, and properties, the same for all spheres.
+        scene: Surfaces, infinite for MuJoCo, and properties, the same for all spheres.
         start: State at time 0.
         dt: Length of a frame [s].
-        settings: How MuJoCo is run.
+        settings: Settings of MuJoCo.
 
     Raises:
         UserError: MuJoCo cannot express the scene.
@@ -79,20 +79,20 @@ class MujocoSpheres:
         text = _model(scene, start, dt / settings.substeps, settings)
         model = self._mujoco.MjModel.from_xml_string(text)
         data = self._mujoco.MjData(model)
-        # v += g h; x += v h is exact in flight where v is that of half a substep before x
+        # v += g h; x += v h is exact in flight if v is that of half a substep before x
         early = start.velocities - 0.5 * dt / settings.substeps * np.asarray(scene.gravity)
         poses = np.concatenate([start.positions, np.roll(start.quaternions, 1, axis=1)], axis=1)
         data.qpos[:] = poses.ravel()
-        # MuJoCo has the spin in the frame of the body
+        # MuJoCo takes the spin in the body frame
         spins = _unturned(start.quaternions, start.angular_velocities)
         data.qvel[:] = np.concatenate([early, spins], axis=1).ravel()
         self._model, self._data = model, data
 
     def advance(self) -> Array:
-        """Advance by a frame; centres then [m], shape (n, 3).
+        """Advance by a frame; the centres after it [m], shape (n, 3).
 
         Raises:
-            FloatingPointError: MuJoCo gave up.
+            FloatingPointError: MuJoCo failed.
         """
         try:
             self._mujoco.mj_step(self._model, self._data, self._substeps)
@@ -107,7 +107,7 @@ class MujocoSpheres:
 
 
 def describe(settings: MujocoSettings) -> dict[str, Any]:
-    """Return settings for a report, with what is the same for all."""
+    """Settings for the report, with engine, version and friction cone."""
     return {
         'engine': 'mujoco',
         'version': metadata.version('mujoco'),
@@ -117,7 +117,7 @@ def describe(settings: MujocoSettings) -> dict[str, Any]:
 
 
 def damping_ratio(restitution: float) -> float:
-    """Return that of a spring with damper which gives a blow back with this restitution."""
+    """Damping ratio of a spring-damper contact with this restitution."""
     if restitution <= 0.0:
         return 1.0
     log = float(np.log(restitution))
@@ -135,11 +135,11 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
     radius, rolling = values['radius'], values['rolling_friction'] * values['radius']
     lines = [
         '<mujoco>',
-        # refsafe would soften contacts to two substeps at least; a reset would hide a blow-up
+        # refsafe would soften contacts to at least two substeps; a reset would hide an instability
         f'<option {_option(scene, substep, settings)}>',
         '<flag autoreset="disable" refsafe="disable"/>',
         '</option>',
-        '<size memory="1G"/>',  # is used only where there are so many contacts
+        '<size memory="1G"/>',  # an upper bound, for scenes of many contacts
         '<worldbody>',
     ]
     contact = _contact(values['restitution'] ** 2, substep, settings)
@@ -149,7 +149,7 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
         _check_endless(scene, plane)
         point = ' '.join(map(str, plane.point))
         axis = ' '.join(map(str, plane.normal))
-        # MuJoCo takes the greater friction of a pair; the geom of higher priority alone decides
+        # MuJoCo takes the larger friction of a pair, unless one geom has a higher priority
         lines.append(
             f'<geom type="plane" size="0 0 1" pos="{point}" zaxis="{axis}" priority="1" condim="6"'
             f' friction="{friction[index]} {rolling} {rolling}"'
@@ -180,7 +180,7 @@ def _contact(restitution: float, substep: float, settings: MujocoSettings) -> st
 
 
 def _check_endless(scene: Scene, plane: Plane) -> None:
-    """Check that planes end on or behind others, else spheres meet what is not there."""
+    """Check that finite planes end on or behind others: MuJoCo's infinite ones are not met."""
     along = np.array([plane.length_x, plane.length_y]) / 2
     for axis, half in zip(plane.axes[:2], along, strict=True):
         if np.isinf(half):
@@ -196,7 +196,7 @@ def _check_endless(scene: Scene, plane: Plane) -> None:
 
 
 def _unturned(quaternions: Array, vectors: Array) -> Array:
-    """Vectors of the world in the frames of bodies, shape (n, 3)."""
+    """World vectors in the frames of bodies, shape (n, 3)."""
     from scipy.spatial.transform import Rotation
 
     turned: Array = Rotation.from_quat(quaternions).inv().apply(vectors)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who is compared: Bullet, MuJoCo, the thesis' network and the laws."""
+"""The peers that are compared: Bullet, MuJoCo, the thesis' GNS and the laws."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
 MUJOCO_SUBSTEPS = (6, 12, 24, 48)
 LAWS_SUBSTEPS = (1, 2, 4, 8, 16)
 BULLET_ITERATIONS = 10
-"""Of Bullet's solver: no further off here than with the teacher's 50, and up to twice as fast."""
+"""Iterations of Bullet's solver: errors as with the teacher's 50, and up to twice as fast."""
 
 
 class Run(Protocol):
-    """A scene in progress."""
+    """A running simulation of a scene."""
 
     def advance(self) -> Array:
-        """Advance by `FRAME`; centres then [m], shape (n, 3).
+        """Advance by `FRAME`; the centres after it [m], shape (n, 3).
 
         Raises:
-            FloatingPointError: It blew up.
+            FloatingPointError: The simulation diverged.
         """
         ...
 
@@ -50,14 +50,14 @@ class Run(Protocol):
 
 @dataclass(frozen=True)
 class Peer:
-    """One way to simulate, at one setting.
+    """A simulator at one setting.
 
     Args:
-        name: Unique, as in the table.
-        family: Peers of one family are one line of a chart.
-        label: The setting, as beside a point of a chart.
-        start: Begins a scene; UserError: it refuses the scene.
-        settings: For the report.
+        name: Unique name in the table.
+        family: Family, whose peers form one line of a chart.
+        label: Label of its point in a chart: the setting.
+        start: Begins a scene; raises UserError where it does not support the scene.
+        settings: Settings for the report.
     """
 
     name: str
@@ -68,13 +68,13 @@ class Peer:
 
 
 @dataclass(frozen=True)
-class Field:
-    """All who take part.
+class PeerSet:
+    """The peers of a run.
 
     Args:
-        peers: In the order of the table.
-        absent: Families that cannot, and why.
-        notes: What a reader has to know of a family to compare it.
+        peers: Peers in the order of the table.
+        absent: Families that are not installed, with the reason.
+        notes: Notes on the families.
     """
 
     peers: tuple[Peer, ...]
@@ -86,9 +86,9 @@ NOTES = {
     'Bullet': 'maximal coordinates, its own rolling friction, positions read once per frame; '
     'otherwise the settings of the teacher',
     'MuJoCo': 'has no coefficient of restitution: the damping ratio of its contacts is set to the '
-    'closed form for the restitution of each pair; its planes have no end',
-    'GNS': "the thesis' network; knows one material, so scenes of other materials are not its own",
-    'laws': 'the laws of contact; the number is that of their substeps K, of which 8 are usual',
+    'closed form for the restitution of each pair; its planes are infinite',
+    'GNS': "the thesis' network; trained on one material, not on those of the other scenes",
+    'laws': 'the laws of contact; the number is their substeps K, by default 8',
 }
 
 
@@ -97,16 +97,16 @@ def all_peers(
     *,
     quick: bool = False,
     bullet_iterations: int = BULLET_ITERATIONS,
-) -> Field:
-    """Return the peers, family by family.
+) -> PeerSet:
+    """The peers, family by family.
 
     Args:
-        families: Those wanted; None: all.
-        quick: At few settings.
-        bullet_iterations: Of Bullet's solver.
+        families: Families to include; None: all.
+        quick: Whether to take few settings.
+        bullet_iterations: Iterations of Bullet's solver.
 
     Raises:
-        UserError: A family is unknown, with the known ones.
+        UserError: A family is unknown; the message lists the known ones.
     """
     makers: dict[str, Callable[[], list[Peer]]] = {
         'Bullet': lambda: _bullet((2, 6) if quick else BULLET_SUBSTEPS, bullet_iterations),
@@ -124,11 +124,11 @@ def all_peers(
             peers += makers[family]()
         except ModuleNotFoundError as error:
             absent[family] = str(error)
-    return Field(tuple(peers), absent, {name: NOTES[name] for name in makers if name in wanted})
+    return PeerSet(tuple(peers), absent, {name: NOTES[name] for name in makers if name in wanted})
 
 
 def warm_up(peers: Iterable[Peer]) -> None:
-    """Let each peer take a few steps, so that no measured one compiles or loads anything."""
+    """Run a few steps of each peer, so that compiling and loading are not timed."""
     start = State(positions=np.array([[0.0, 0.0, 1.05], [0.1, 0.0, 3.1], [0.0, 2.5, 1.0]]))
     for peer in peers:
         run = peer.start(Scene(), start)
@@ -166,10 +166,10 @@ def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
 
 
 class OwnSpheres:
-    """A rollout of a simulator of this package, as the others are run.
+    """A rollout of a simulator of this package, with the interface of `Run`.
 
     Raises:
-        UserError: The model cannot serve the scene, or has frames of another length.
+        UserError: The model does not support the scene, or has frames of another length.
     """
 
     def __init__(self, simulator: Simulator, scene: Scene, start: State) -> None:
@@ -180,11 +180,13 @@ class OwnSpheres:
             )
         given = (scene, start.positions, start.velocities, start.angular_velocities)
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # of materials beyond those trained on: in the notes
+            warnings.simplefilter(
+                'ignore'
+            )  # of materials outside the training range: in the notes
             self._rollout = simulator.start(*given, quaternions=start.quaternions)
 
     def advance(self) -> Array:
-        """Advance by a frame; centres then [m], shape (n, 3)."""
+        """Advance by a frame; the centres after it [m], shape (n, 3)."""
         return self._rollout.step().positions
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the time of a step grows with the number of spheres."""
+"""Scaling of the time per step with the number of spheres."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from ...scenes.state import State
 COUNTS = (1, 10, 100, 1000, 3000, 10_000, 30_000, 100_000)
 QUICK_COUNTS = (1, 10, 40)
 FITTED_FROM = 1000
-"""Spheres from which on the exponent is fitted; below, what each step costs anyway counts."""
+"""Least number of spheres for the fit of the exponent; below, fixed costs dominate."""
 AREA = 20.0
-"""Ground for each sphere [m^2], nearly that of the box of 154."""
+"""Ground area per sphere [m^2], nearly that of box_154."""
 STEPS, SKIPPED = 20, 5
-"""Timed steps of a repeat, and those before, in which the first spheres come down."""
+"""Timed steps of a repeat, and steps before them, until the first spheres land."""
 
 
 def bouncing_box(spheres: int) -> tuple[Scene, State]:
-    """Spheres of 1 m that fall from 1.5 to 6 m into a box whose floor grows with their number."""
+    """Spheres of radius 1 m that fall from 1.5 to 6 m into a box with `AREA` for each."""
     side = float(np.sqrt(AREA * spheres))
     columns = int(np.ceil(np.sqrt(spheres)))
     pitch = side / columns
@@ -44,14 +44,19 @@ def measure_scaling(
     simulator: Simulator,
     counts: Sequence[int],
     repeats: int,
-    tell: Callable[[int], None] | None = None,
+    on_run: Callable[[int], None] | None = None,
 ) -> dict[str, Any]:
-    """Seconds per step for each number of spheres; in each repeat all numbers in turn.
+    """Seconds per step for each number of spheres, with all numbers in turn in each repeat.
+
+    Args:
+        simulator: Model to time.
+        counts: Numbers of spheres.
+        repeats: Number of repeats.
+        on_run: Called with the number of spheres after each run.
 
     Returns:
         `rows` with `spheres`, `seconds_per_step` (`median`, `p10`, `p90` over repeats [s]) and
-        `steps_per_second`; `exponent` fitted from `FITTED_FROM` spheres on, None with less than
-        two such rows; `area_per_sphere` [m^2].
+        `steps_per_second`; `exponent`, see `fitted_exponent`; `area_per_sphere` [m^2].
     """
     seconds: dict[int, list[float]] = {count: [] for count in counts}
     for _ in range(repeats):
@@ -63,8 +68,8 @@ def measure_scaling(
                     begin = time.perf_counter()
                 rollout.step()
             seconds[count].append((time.perf_counter() - begin) / STEPS)
-            if tell is not None:
-                tell(count)
+            if on_run is not None:
+                on_run(count)
     rows: list[dict[str, Any]] = []
     for count, values in seconds.items():
         low, middle, high = np.percentile(values, [10, 50, 90]).tolist()
@@ -83,13 +88,13 @@ def measure_scaling(
 
 
 def fitted_exponent(pairs: Sequence[tuple[int, float]]) -> float | None:
-    """Fit the power of seconds = c spheres^power, by least squares in logarithms.
+    """Exponent p of seconds = c spheres^p, by least squares of the logarithms.
 
     Args:
-        pairs: Spheres and seconds; of fewer than `FITTED_FROM` spheres they do not count.
+        pairs: Numbers of spheres, and seconds; pairs below `FITTED_FROM` spheres are left out.
 
     Returns:
-        None where less than two pairs are left.
+        The exponent; None from fewer than two pairs.
     """
     kept = [(spheres, seconds) for spheres, seconds in pairs if spheres >= FITTED_FROM]
     if len(kept) < 2:

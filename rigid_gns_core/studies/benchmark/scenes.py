@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scenes of the benchmark: from no contact at all to a pile."""
+"""The scenes of the benchmark, from free flight to a pile."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from ...scenes.scene_file import load_start
 from ...scenes.state import Array, State, Trajectory
 
 FRAME = 0.1
-"""Time between two frames [s]; that of the learned simulators for spheres of 1 m."""
+"""Time between frames [s], the model's for spheres of radius 1 m."""
 FRAMES = 100
-"""Frames of a scene; the references end there."""
+"""Largest number of frames of a scene, and the length of the references."""
 QUICK_FRAMES = 30
 
 
 @dataclass(frozen=True)
 class BenchScene:
-    """A scene in which all peers are timed.
+    """A scene of the benchmark.
 
     Args:
-        name: Short, as in the table and for `--scenes`.
-        text: What it is, in one line.
-        scene: Surfaces, sphere properties, materials and gravity; spheres of 1 m.
-        start: Spheres at time 0.
-        frames: Frames of `FRAME` that are simulated.
+        name: Short name, for the table and `--scenes`.
+        text: Description in one line.
+        scene: Surfaces, sphere properties, materials and gravity; spheres of radius 1 m.
+        start: State at time 0.
+        frames: Number of frames of `FRAME` seconds.
     """
 
     name: str
@@ -49,7 +49,7 @@ class BenchScene:
             raise UserError(f'frames of {self.name!r} is {self.frames}, expected 1 to {FRAMES}')
 
     def references(self, references: References) -> list[Trajectory] | None:
-        """Return the teacher and those that tell its floor."""
+        """The teacher's trajectory, then those of its floor; None: Bullet does not support it."""
         name = f'bench-{self.name}'
         return references.of(name, self.scene, self.start, self.frames, FRAME)
 
@@ -57,14 +57,14 @@ class BenchScene:
 def bench_scenes(
     names: Iterable[str] | None = None, *, quick: bool = False
 ) -> tuple[BenchScene, ...]:
-    """Return the scenes in the order of the table.
+    """The scenes in the order of the table.
 
     Args:
-        names: Those wanted; None: all.
-        quick: Few spheres and `QUICK_FRAMES`.
+        names: Scenes to include; None: all.
+        quick: Whether to take few spheres and `QUICK_FRAMES`.
 
     Raises:
-        UserError: A name is unknown, with the known ones.
+        UserError: A name is unknown; the message lists the known ones.
     """
     wanted = list(SCENES) if names is None else list(dict.fromkeys(names))
     if unknown := sorted(set(wanted) - set(SCENES)):
@@ -76,14 +76,14 @@ def bench_scenes(
 def lattice(
     columns: tuple[int, int], count: int, pitch: float, low: float, jitter: float
 ) -> Array:
-    """Centres of an upright lattice around x = y = 0 that was shaken [m], shape (count, 3).
+    """Centres of an upright lattice around x = y = 0, randomly displaced [m], shape (count, 3).
 
     Args:
-        columns: Along x and y.
-        count: Spheres; layers are filled from below.
+        columns: Number of columns along x and y.
+        count: Number of spheres; layers are filled from below.
         pitch: Distance of neighbours [m].
         low: Height of the lowest layer [m].
-        jitter: Largest shift along each axis [m].
+        jitter: Largest displacement along each axis [m].
     """
     rng = np.random.default_rng(count)
     index = np.arange(count)
@@ -116,7 +116,7 @@ def _thesis(quick: bool) -> BenchScene:
 
 def _pile(quick: bool) -> BenchScene:
     side, columns, count = (7.0, 2, 12) if quick else (27.0, 7, 200)
-    # 0.4 for every pair: what bounces less is sooner a pile
+    # restitution 0.4 for every pair, so that a pile forms early
     scene = Scene(
         surfaces=Plane.box(side, side), restitution=0.6325, friction=0.5, rolling_friction=0.03
     )
@@ -125,12 +125,12 @@ def _pile(quick: bool) -> BenchScene:
 
 
 def _billiards(quick: bool) -> BenchScene:
-    # a pub table in radii; cushions give back 0.8, balls 0.9 of the speed
+    # a pub table in units of the radius; restitution 0.8 on cushions, 0.9 between balls
     ball = float(np.sqrt(0.9))
     box = Plane.box(44.0, 88.0, restitution=0.8 / ball, friction=0.8)
     scene = Scene(surfaces=box, restitution=ball, friction=0.25, rolling_friction=0.01)
     rows = 2 if quick else 5
-    pitch = 2.01  # a hair apart: balls that touch share a blow in a way that no law tells
+    pitch = 2.01  # a small gap: how touching balls share a blow is not determined by the laws
     rack = [
         (pitch * (column - row / 2), 22.0 + pitch * np.sqrt(0.75) * row, 1.0)
         for row in range(rows)
@@ -150,8 +150,8 @@ def _billiards(quick: bool) -> BenchScene:
 def _flight(quick: bool) -> BenchScene:
     side, count = (5, 25) if quick else (32, 1000)
     places = lattice((side, side), count, 4.0, 25.0, 0.5)
-    # thrown up they are back after 10 s, within the heights that networks are trained on; and they
-    # fly apart, so that none meets another
+    # thrown up, they return after 10 s, within the heights that networks are trained on; they fly
+    # apart, so that none collide
     velocities = 0.2 * (places - places.mean(axis=0)) + [0.0, 0.0, 49.0]
     spins = np.random.default_rng(0).uniform(-3.0, 3.0, places.shape)
     start = State(positions=places, velocities=velocities, angular_velocities=spins)
@@ -169,4 +169,4 @@ SCENES: dict[str, tuple[str, Callable[[bool], BenchScene]]] = {
     'billiards': ('a ball breaks a rack of 15 on a table with cushions', _billiards),
     'flight': ('1000 spheres thrown up to 150 m, no contact', _flight),
 }
-"""Name: what it is in one line, and who makes it (few spheres where True)."""
+"""Name: description, and function that makes the scene (True: few spheres)."""

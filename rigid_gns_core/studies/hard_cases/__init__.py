@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hard cases: starts and scenes that break simulators, and what is measured of each."""
+"""Hard cases: starts and scenes that are hard to simulate, and the checks of each."""
 
 from .case import Case
 from .cases import hard_cases

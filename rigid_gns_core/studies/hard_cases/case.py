@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One hard case: a scene, a start, and what may be asked of it."""
+"""One hard case: a scene, a start, and what is checked."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Case:
     """A scene and a start that are hard to simulate.
 
     Args:
-        name: Short, as in the table and for `--cases`.
+        name: Short name, for the table and `--cases`.
         text: What is hard, in one line.
         scene: Surfaces, sphere properties, materials and gravity.
-        start: Spheres at time 0.
-        steps: Steps of the simulator's own time step.
-        rests: The spheres should rest over the second half, so their drift is judged.
-        overlaps: The start itself breaks the rules: spheres overlap or are below the floor. The
-            potential energy of pushing them out in the first step is not held against anyone.
-        closed: All surfaces together enclose the spheres; else those with an infinite side do.
-        long: Cut to `cases.QUICK_STEPS` by --quick.
-        seed: Of a random start; None: nothing is random.
+        start: State at time 0.
+        steps: Number of the simulator's own time steps.
+        rests: Whether the spheres should rest over the second half, so that drift is checked.
+        overlaps: Whether spheres overlap or are below the floor at the start. The potential energy
+            of pushing them out in the first step then does not count as a rise.
+        closed: Whether all surfaces enclose the spheres; if not, those with an infinite side do.
+        long: Whether --quick cuts it to `cases.QUICK_STEPS`.
+        seed: Seed of a random start; None: nothing is random.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Case:
 
     @property
     def enclosing(self) -> tuple[Plane, ...]:
-        """Surfaces beyond which no centre can be, wherever it crosses them."""
+        """Surfaces that no centre may be behind."""
         return tuple(
             s
             for s in self.scene.surfaces

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The hard cases, and the thresholds that a simulator has to keep in all of them.
+"""The hard cases, and the thresholds that hold in all of them.
 
-SI units; radius 1 m and mass 1 kg where a case is not about size or mass, the materials of
-`_scene` where it is not about materials. Where spheres start at random, the seed says how.
+SI units; radius 1 m and mass 1 kg unless a case is about size or mass, materials of `_scene`
+unless it is about materials. Random starts depend on the seed.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ...scenes.start import StartRecipe
 from ...scenes.state import Array, State
 
 ENERGY_RISE = 1e-4
-"""Largest sum of rises of the energy, over the sum of m g r plus the kinetic energy at start."""
+"""Largest sum of energy rises, relative to the sum of m g r plus the initial kinetic energy."""
 DRIFT = 1e-3
-"""Farthest that a sphere may move [r] over the second half of a case in which it should rest."""
+"""Largest drift of a sphere [r] over the second half of a case in which it should rest."""
 QUICK_STEPS = 500
 """Steps of a long case with --quick."""
 
@@ -36,15 +36,15 @@ _SLOPE = float(np.sqrt(0.5))
 def hard_cases(
     names: Iterable[str] | None = None, *, quick: bool = False, seed: int = 0
 ) -> tuple[Case, ...]:
-    """Return the cases in the order of the table.
+    """The cases in the order of the table.
 
     Args:
-        names: Those wanted; None: all.
-        quick: Long cases end after `QUICK_STEPS`.
-        seed: Of random starts.
+        names: Cases to include; None: all.
+        quick: Whether long cases end after `QUICK_STEPS`.
+        seed: Seed of random starts.
 
     Raises:
-        UserError: A name is unknown, with the known ones.
+        UserError: A name is unknown; the message lists the known ones.
     """
     cases = {case.name: case for case in (make(seed) for make in _MAKERS)}
     wanted = list(cases) if names is None else list(names)
@@ -63,7 +63,7 @@ def _scene(surfaces: tuple[Plane, ...] = (Plane(),), **properties: Any) -> Scene
 
 
 def _box(width: float, height: float) -> tuple[Plane, ...]:
-    """Return a closed box: floor, walls and a lid."""
+    """A closed box: floor, walls and lid."""
     lid = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0), width, width)
     return (*Plane.box(width, width, height), lid)
 
@@ -181,7 +181,7 @@ def _elastic(seed: int) -> Case:
 
 def _stacked(name: str, text: str, lower: float, upper: float) -> Callable[[int], Case]:
     def make(_: int) -> Case:
-        # a little off centre: exactly above, rounding alone decides where the upper one goes
+        # a little off centre: directly above, rounding would decide where the upper one goes
         start = _line((0.0, 0.0, 1.0), (0.3, 0.0, 6.0))
         return Case(name, text, _scene(mass=(lower, upper)), start, 100)
 
@@ -288,7 +288,7 @@ _MAKERS: tuple[Callable[[int], Case], ...] = (
     _long,
     _incline_edge,
     _plane_end,
-    # a simulator's step goes by the largest radius: sqrt(10) times what the small ones would get
+    # the time step follows the largest radius: sqrt(10) times that for the small spheres
     _mixed(
         'coarse_step',
         'radii 0.1 and 1 m: the step of the large ones is too coarse for the small',

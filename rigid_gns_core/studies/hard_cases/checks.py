@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is measured of a trajectory of a hard case, and what is judged."""
+"""Measures of a trajectory of a hard case, and the thresholds they are checked against."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from ...scoring.evaluate import Velocities
 HORIZONS = (10, 30, 100)
 """Steps at which errors against the teacher are reported."""
 TEACHER_ENERGY_RISE = 0.1
-"""A teacher whose energy rises by more has blown up, and is no truth to measure against."""
-_BELOW = 1e-9  # centres this far behind a surface [r] are on it, but for rounding
+"""Energy rise above which a teacher's trajectory is unstable and not used as a reference."""
+_BELOW = 1e-9  # centres less far behind a surface are on it, but for rounding [r]
 
 
 def measure_laws(
     case: Case, trajectory: Trajectory, *, velocities: Velocities = 'given'
 ) -> dict[str, Any]:
-    """Laws of physics, for which no reference is needed.
+    """Measure laws of physics, which need no reference.
 
     Args:
-        case: What was simulated.
-        trajectory: How it went.
-        velocities: 'given': those of the trajectory are instantaneous; 'poses': they are means
-            over a step, so energies are of backward differences of the poses, but for the start.
+        case: The case that was simulated.
+        trajectory: Its trajectory.
+        velocities: 'given': velocities are instantaneous; 'poses': they are means over a step, so
+            that energies are of backward differences of the poses, except at the start.
 
     Returns:
-        `diverged_at` the step or None, `finite`, `inside`, `escaped` the number of spheres that
-        went beyond a surface, `deepest` and `final_depth` [diameters] of the second half and the
-        last frame, `energy_rise` and `push_out` in m g r of all spheres plus the kinetic energy at
-        the start, `drift` [r] over the second half or None where nothing should rest,
-        `final_speed` of the fastest [m/s]. What needs the whole of a rollout that diverged is
-        infinite.
+        Measures by name. `diverged_at` is the step or None, `escaped` the number of spheres that
+        went through a surface, `deepest` and `final_depth` the deepest penetration in the second
+        half and in the last frame [diameters], `drift` that over the second half [r] or None where
+        nothing should rest, `final_speed` that of the fastest sphere [m/s]; `finite` and `inside`
+        are verdicts, `energy_rise` and `push_out` those of the function `energy_rise`. Measures of
+        a whole rollout are infinite where it diverged.
 
     Raises:
-        UserError: The trajectory is of other spheres or steps.
+            UserError: The trajectory has other numbers of spheres or steps than the case.
     """
     if velocities not in get_args(Velocities):
         raise UserError(f"velocities is {velocities!r}, expected 'given' or 'poses'")
@@ -58,7 +58,7 @@ def measure_laws(
         )
     with np.errstate(over='ignore', invalid='ignore'):
         lost = divergence(trajectory, case.scene)
-    # what was finite may have been outside already
+    # spheres may escape before the rollout diverges
     escaped = _escaped(
         case, trajectory.positions[: max(1, len(trajectory) if lost is None else lost)]
     )
@@ -89,7 +89,7 @@ def measure_laws(
 
 
 def failures(laws: dict[str, Any]) -> list[str]:
-    """Names of the laws that are out of bounds; of a rollout that diverged, that and no more."""
+    """Names of the laws that are out of bounds; only 'finite' and 'inside' where it diverged."""
     whole = laws['diverged_at'] is None
     kept = {
         'finite': laws['finite'],
@@ -101,11 +101,10 @@ def failures(laws: dict[str, Any]) -> list[str]:
 
 
 def energy_rise(case: Case, trajectory: Trajectory) -> tuple[float, float]:
-    """Sum of all rises of the energy, with rotation, and what pushing spheres out took.
+    """Sum of all rises of the energy, with rotation, and the energy of pushing spheres out.
 
-    Both over the sum of m g r plus the kinetic energy at the start. In a case that starts with
-    overlaps, the potential energy that the first step gains is the second number, not in the
-    first.
+    Both relative to the sum of m g r plus the initial kinetic energy. In a case that starts with
+    overlaps, the potential energy gained in the first step counts as the second number only.
     """
     parts = energy(trajectory, case.scene)
     mass, radius = (case.scene.per_sphere(name, trajectory.count) for name in ('mass', 'radius'))
@@ -122,16 +121,16 @@ def energy_rise(case: Case, trajectory: Trajectory) -> tuple[float, float]:
 def measure_errors(
     case: Case, trajectory: Trajectory, references: Sequence[Trajectory]
 ) -> dict[str, dict[str, float | None]] | None:
-    """Errors against the teacher, and the floor that its own step size sets.
+    """Errors against the teacher, and the floor by its own substeps.
 
     Args:
-        case: What was simulated.
-        trajectory: How it went.
-        references: The teacher, then the teacher at other substeps; may be shorter.
+        case: The case that was simulated.
+        trajectory: Its trajectory.
+        references: The teacher's trajectory, then those at other substeps; may be shorter.
 
     Returns:
-        By step: `error` and `floor`, means over the spheres of the distance [m], and `ratio`, see
-        `chaos_floor`. None where the teacher blew up: then there is no truth.
+        By step: `error` and `floor`, mean distances over the spheres [m], and their `ratio`, see
+        `chaos_floor`. None where the teacher is unstable, so that there is no reference.
     """
     if not all(_is_sound(case, reference) for reference in references):
         return None
@@ -158,7 +157,7 @@ def _is_sound(case: Case, reference: Trajectory) -> bool:
 
 
 def _from_poses(trajectory: Trajectory) -> Trajectory:
-    """Velocities by backward differences; those of the start are known and stay."""
+    """Trajectory with velocities by backward differences, except for those of the start."""
     made = Trajectory.from_poses(trajectory.positions, trajectory.quaternions, trajectory.dt)
     made.velocities[0] = trajectory.velocities[0]
     made.angular_velocities[0] = trajectory.angular_velocities[0]
@@ -166,12 +165,12 @@ def _from_poses(trajectory: Trajectory) -> Trajectory:
 
 
 def _escaped(case: Case, positions: Array) -> int:
-    """Spheres whose centre went through a surface, or is beyond one that has no other side."""
+    """Number of spheres whose centre went through a surface, or is behind an enclosing one."""
     radius = case.scene.per_sphere('radius', positions.shape[1])
     out = passed_through(positions, radius, case.scene.surfaces)
     for plane in case.enclosing:
         beyond = (positions - plane.point) @ np.asarray(plane.normal) < -_BELOW * radius
-        # one that starts beyond has to come back, and then stay
+        # a sphere that starts behind it must come inside and stay there
         came_in = np.logical_or.accumulate(~beyond, axis=0)
         out |= (beyond & came_in).any(axis=0) | beyond[-1]
     return int(out.sum())

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is put to the hard cases, and how."""
+"""The simulators that run the hard cases, and the runs."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from ...rollout.simulator import Simulator
 
 TEACHER = 'teacher'
-"""Name by which `--model` takes the teacher itself."""
+"""Name of the teacher itself for `--model`."""
 
 
 @dataclass(frozen=True)
 class Engine:
-    """What is put to the cases.
+    """A simulator for the hard cases.
 
     Args:
-        name: For the table.
-        simulate: (scene, start, steps) -> trajectory; UserError: it refuses the scene;
-            FloatingPointError: it broke on the way.
-        velocities: 'given': those of its trajectories are instantaneous; see `measure_laws`.
+        name: Name in the table.
+        simulate: (scene, start, steps) -> trajectory; raises UserError where it does not support
+            the scene, FloatingPointError where it diverged.
+        velocities: Kind of its velocities, see `measure_laws`.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Engine:
 def simulator_engine(
     simulator: Simulator, name: str, velocities: Velocities | None = None
 ) -> Engine:
-    """Return a simulator; `velocities` None: as it says itself, or else by poses."""
+    """Engine of a simulator; `velocities` None: the simulator's own kind, or 'poses'."""
 
     def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
         given = (scene, start.positions, start.velocities, start.angular_velocities)
@@ -63,7 +63,7 @@ def simulator_engine(
 
 
 def teacher_engine(settings: TeacherSettings) -> Engine:
-    """Return the teacher itself, at the time step that the learned simulators have."""
+    """Engine of the teacher, at the time step of the models."""
 
     def simulate(scene: Scene, start: State, steps: int) -> Trajectory:
         gravity = float(np.linalg.norm(scene.gravity))
@@ -74,7 +74,7 @@ def teacher_engine(settings: TeacherSettings) -> Engine:
 
 
 def load_engine(name: str, velocities: Velocities | None, settings: TeacherSettings) -> Engine:
-    """Return a model by name or path, or the teacher; `velocities` None: as it says itself."""
+    """Engine of a model by name or path, or of the teacher; see `simulator_engine`."""
     if name == TEACHER:
         return teacher_engine(settings)
     from ...prediction.load import load_simulator
@@ -85,12 +85,13 @@ def load_engine(name: str, velocities: Velocities | None, settings: TeacherSetti
 def run_cases(
     engines: Sequence[Engine], cases: Sequence[Case], references: References | None = None
 ) -> Iterator[dict[str, Any]]:
-    """One row per case and engine, case by case.
+    """Run all engines on all cases, case by case.
 
     Yields:
-        `case`, `model`, `verdict` (ok, FAILED or refused), `failed` (names of laws), `refused`
-        (the reason or None), `warnings`, `dt` [s], `velocities`, `laws` (see `measure_laws`),
-        `errors` (see `measure_errors`), `teacher` (False: it blew up; None: not asked).
+        A row for each: `case`, `model`, `verdict` (ok, FAILED or refused), `failed` (names of
+        laws), `refused` (the reason, or None), `warnings`, `dt` [s], `velocities`, `laws` (see
+        `measure_laws`), `errors` (see `measure_errors`), `teacher` (False: unstable; None: not
+        run).
     """
     for case in cases:
         for engine in engines:
@@ -135,7 +136,7 @@ def _empty(case: Case, model: str) -> dict[str, Any]:
 
 
 def _lost(case: Case) -> Trajectory:
-    """Return the start, and nothing after it."""
+    """Trajectory of the start alone, NaN after it."""
     shapes = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
     arrays = {n: np.full((case.steps + 1, len(case.start), k), np.nan) for n, k in shapes.items()}
     for name, array in arrays.items():

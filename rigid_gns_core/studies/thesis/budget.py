@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How much work an experiment may be: data, steps, width, rollouts."""
+"""Budget of an experiment: data, training steps, network width, rollouts."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ OOD_SCENES = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
 
 @dataclass(frozen=True)
 class Data:
-    """Data sets, by name in config/data; the scenes by name in config/scenes; or YAML files.
+    """Data sets by name in config/data, scenes by name in config/scenes, or YAML files.
 
     Args:
         train: Training set.
-        test: Starts and references of the rollouts.
-        half: The same starts at half the teacher's substeps, for the floor of chaos.
-        twice: The same at twice the substeps.
+        test: Test set: starts and references of the rollouts.
+        half: Test set at half the teacher's substeps, for the floor of chaos.
+        twice: Test set at twice the teacher's substeps.
         ood: Scenes unlike the training set.
         ood_steps: Steps of their references.
         ood_substeps: The teacher's substeps for them, even.
@@ -46,7 +46,7 @@ class Data:
 
     @property
     def named(self) -> Data:
-        """The same, with names instead of files, which say where someone keeps them."""
+        """The data sets with names instead of paths, which are of one machine."""
         return replace(
             self,
             train=short(self.train),
@@ -59,23 +59,22 @@ class Data:
 
 @dataclass(frozen=True)
 class Budget:
-    """A budget; config/budgets has the shipped ones.
+    """A budget; the shipped ones are in config/budgets.
 
     Args:
-        words: What it is, in words, for every table.
+        words: Description, printed with every table.
         seeds: Seeds of each variant.
         data: Data sets.
         recipe: Training recipe, a name in config/train.
-        changes: What differs from that recipe.
-        trajectories: Of the test set that are rolled out.
-        steps: Of each rollout.
-        long_steps: Of the rollouts of unseen scenes, and of the base variant on the test set too;
+        changes: Changes to that recipe.
+        trajectories: Number of test trajectories that are rolled out.
+        steps: Steps of each rollout.
+        long_steps: Steps of rollouts of unseen scenes, and of the base variant on the test set;
             these are scored after `steps` as well.
         speed_width: Width of the networks whose speed is measured.
-        speed_frames: Frames of each trajectory that are timed.
-        device: Where networks are trained and rolled out: cpu, cuda, or auto, which is cuda where
-            there is one.
-        name: Of its file.
+        speed_frames: Number of frames of each trajectory that are timed.
+        device: Device of training and rollouts: cpu, cuda, or auto (cuda where available).
+        name: Name of its file.
     """
 
     words: str
@@ -108,11 +107,11 @@ class Budget:
     def training(self, changes: Mapping[str, Any], seed: int) -> GNSTrainConfig:
         """Training recipe of a variant.
 
-        A window of K steps (closed loop) costs as much as K windows of one, so that there are as
-        many fewer of them and variants compare at equal cost.
+        A window of K steps (closed loop) costs as much as K windows of one step, so the batch is
+        divided by K, and variants compare at equal cost.
 
         Raises:
-            ConfigError: `changes` name an unknown key; the allowed ones are listed.
+            ConfigError: `changes` have an unknown key; the message lists the allowed ones.
         """
         from ...training.gns.learner import GNSTrainConfig
 
@@ -126,7 +125,7 @@ class Budget:
 
 
 def short(name: str) -> str:
-    """Return the name of a set or scene that is given by name or as a YAML file."""
+    """Name of a data set or scene that is given by name or as a YAML file."""
     return Path(name).stem
 
 
@@ -142,7 +141,7 @@ def _check_distinct(names: Sequence[str]) -> None:
 
 
 def load_budget(name: str | Path) -> Budget:
-    """Budget of a YAML file, or of a shipped name in config/budgets.
+    """Load a budget from a YAML file, or by a shipped name in config/budgets.
 
     Raises:
         ConfigError: No such budget (the shipped ones are listed), or a wrong key or value.
@@ -152,7 +151,7 @@ def load_budget(name: str | Path) -> Budget:
 
 
 def merged(mapping: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `mapping` with the values of `changes`, mappings within it merged too."""
+    """`mapping` with the values of `changes`, recursively."""
     result = dict(mapping)
     for key, value in changes.items():
         old = result.get(key)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A cell, one variant with one seed: what determines it is its key, its result a JSON file."""
+"""Cells: one variant with one seed each, with a key of all that determines its result."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import subprocess
 from typing import Any
 
 from .budget import Budget
-from .study import Experiment, Kind, SETS, Variant
+from .experiments import Experiment, Kind, SETS, Variant
 from ...data.generate import resolve
 from ...data.recipe import load_recipe, recipe_hash
 from ...errors import UserError
@@ -26,22 +26,22 @@ from ...installation.versions import PACKAGE, versions_of
 from ...scenes.scene_file import load_start
 
 VERSION = 1
-"""Raised where the same configuration gives other numbers than before, so that cells run again."""
+"""Incremented when a configuration gives other numbers than before, so that cells run again."""
 DIGITS = 6
-"""Significant digits that are kept."""
+"""Significant digits of stored numbers."""
 _PACKAGES = (PACKAGE, 'numpy', 'scipy', 'torch', 'pybullet')
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Work for one process, and the name under which its result is kept.
+    """Work for one process.
 
     Args:
         kind: 'train', 'teacher' or 'speed'.
-        name: Of the variant, or of the set that is measured.
-        seed: Of training; 0 where nothing is drawn.
+        name: Name of the variant, or of the measured set.
+        seed: Seed of the training; 0 where nothing is random.
         budget: Data, steps and rollouts.
-        changes: Of the variant.
+        changes: Changes of the variant.
     """
 
     kind: Kind
@@ -51,9 +51,9 @@ class Cell:
     changes: dict[str, Any] = field(default_factory=dict)
 
     def steps(self, which: str) -> tuple[int, ...]:
-        """Lengths at which rollouts of a set are scored, ascending.
+        """Numbers of steps after which rollouts of a set are scored, ascending.
 
-        Those of unseen scenes are as long as the thesis', since its claims are about them.
+        Rollouts of unseen scenes are as long as the thesis', whose claims are about them.
         """
         budget = self.budget
         whole = which == 'ood' or self.kind == 'teacher' or not self.changes
@@ -61,17 +61,17 @@ class Cell:
 
     @cached_property
     def key(self) -> str:
-        """Hash of all that determines the result: recipes, scenes, steps; not of names."""
+        """Hash of all that determines the result (recipes, scenes, steps), without names."""
         return _hash(self._determinants())
 
     @cached_property
     def training_key(self) -> str:
-        """Hash of what determines the weights, so that other rollouts do not train them again."""
+        """Hash of what determines the weights, so that a change of the rollouts trains nothing."""
         return _hash({'version': VERSION, **self._training()})
 
     @property
     def file_name(self) -> str:
-        """Of the result."""
+        """Name of the file of the result."""
         return f'{self.kind}_{self.name}_{self.seed}_{self.key}.json'
 
     def _determinants(self) -> dict[str, Any]:
@@ -103,26 +103,26 @@ class Cell:
 def cells_of(
     experiment: Experiment, budget: Budget, variants: Sequence[Variant], seeds: Sequence[int]
 ) -> list[Cell]:
-    """Cells of an experiment; the teacher's first, whose floor the tables need."""
+    """Cells of an experiment, first those of the teacher, whose floor the tables need."""
     if experiment.kind == 'speed':
         return [Cell('speed', v.name, 0, budget, v.changes) for v in variants]
     cells = teacher_cells(budget)
     if experiment.kind == 'train':
-        # seed by seed, so that all variants can be compared before the last seed has run
+        # ordered by seed, so that all variants can be compared before the last seed has run
         cells += [Cell('train', v.name, s, budget, v.changes) for s in seeds for v in variants]
     return cells
 
 
 def teacher_cells(budget: Budget) -> list[Cell]:
-    """Return the reference itself, on the test set and on the scenes unlike the training set."""
+    """Cells of the teacher, on the test set and on the unseen scenes."""
     names = ['test', *(['ood'] if budget.data.ood else [])]
     return [Cell('teacher', name, 0, budget) for name in names]
 
 
 def differing(config: Any) -> dict[str, Any]:
-    """Return what of a configuration differs from its defaults.
+    """Fields of a configuration that differ from their defaults.
 
-    A switch that is added later then leaves the keys of old cells as they are.
+    So an option that is added later leaves the keys of existing cells unchanged.
     """
     result = {}
     for entry in fields(config):
@@ -140,21 +140,21 @@ def differing(config: Any) -> dict[str, Any]:
 
 
 class Store:
-    """Finished cells in a folder.
+    """Results of finished cells in a folder.
 
     Args:
-        folder: Holds one JSON file for each cell; made on the first `write`.
+        folder: Folder of one JSON file for each cell; created by the first `write`.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def find(self, cell: Cell) -> Path | None:
-        """File of a finished cell, under whatever name an experiment gave it."""
+        """File of a finished cell, by its key; None: it has not run."""
         return next(iter(sorted(self.folder.glob(f'*_{cell.key}.json'))), None)
 
     def read(self, cell: Cell) -> dict[str, Any] | None:
-        """Return the result of a cell; None: it has not run.
+        """Result of a cell; None: it has not run.
 
         Raises:
             ConfigError: Its file is damaged.
@@ -173,14 +173,14 @@ class Store:
         return result
 
     def write(self, cell: Cell, result: Mapping[str, Any]) -> Path:
-        """Write a result whole, or leave the old file."""
+        """Write a result atomically; the path of its file."""
         path = self.folder / cell.file_name
         write_compact_json(path, {**describe_cell(cell), **result}, DIGITS)
         return path
 
 
 def describe_cell(cell: Cell) -> dict[str, Any]:
-    """Return what a cell is and what made it; no path and no name of a machine."""
+    """Description of a cell for its file, without paths or names of machines."""
     budget = cell.budget
     config: dict[str, Any] = {'changes': cell.changes}
     keys = {'key': cell.key}
@@ -206,7 +206,7 @@ def describe_cell(cell: Cell) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Of this package, Python, and what computes."""
+    """Versions of this package, Python and the numerical packages."""
     found = versions_of(_PACKAGES)
     present = {name: version for name, version in found.items() if version is not None}
     return {'python': platform.python_version(), **present}
@@ -214,7 +214,7 @@ def versions() -> dict[str, str]:
 
 @cache
 def commit() -> str | None:
-    """Git commit of the source tree, with a + where files differ; None: no checkout."""
+    """Git commit of the source tree, with + where files are modified; None: not a checkout."""
     root = Path(__file__).resolve().parents[3]
     if not (root / '.git').exists():
         return None

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One figure per experiment: ours, what the thesis prints, the floor, and what diverged."""
+"""Figure of an experiment: our results, the thesis', the floor, and diverged rollouts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from .points import Panel, panels_of, Point, printed_numbers
-from .text import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
+from .panels import Panel, panels_of, Point, printed_numbers
+from .tables import LONG, OVERLAPS, SET_NAMES, SHORT, THESIS_STEPS
 from ..axes import clean_axes, GRID, INK
 from ...scoring.table import LAWS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe-Ito colours, which the colour-blind tell apart; the markers differ too
+# Okabe-Ito colours, safe for colour-blind readers; the markers differ too
 OURS, THESIS, LOST = '#0072b2', '#e69f00', '#d55e00'
 NAMES = {key: f'{n} [{u}]' if u else n for key, (n, u) in LAWS.items()} | LONG | OVERLAPS | SHORT
 NAMES |= {
@@ -28,16 +28,17 @@ NAMES |= {
     'frames_per_second': 'frames per second',
     'final_speed': 'speed at the end [m/s]',
 }
-_EDGE = 0.985  # of the axis: where what is off the scale is drawn
-_ENTRY = 3.5  # width of one in the legend [inches]
+_EDGE = 0.985  # position of off-scale markers [axis lengths]
+_ENTRY = 3.5  # width of a legend entry [inches]
 
 
 def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
-    """Draw a table; no display is needed. None: no cell has run.
+    """Draw the table of an experiment; no display is needed. None: no cell has run.
 
-    A panel for each metric and set; variants go along x where they are numbers, else down the
-    side. Bars are standard deviations. Crosses at the edge: rollouts that diverged, with how many,
-    without a point where the median is infinite; triangles there: the thesis, off the scale.
+    There is a panel for each metric and set. Numeric variants are along x, others down the side.
+    Bars are standard deviations. Crosses at the edge are diverged rollouts, with their number and
+    without a point where the median is infinite; triangles there are off-scale values of the
+    thesis.
     """
     panels = panels_of(table)
     if not panels:
@@ -70,7 +71,7 @@ def write_chart(path: Path, table: Mapping[str, Any]) -> Path | None:
             _draw(axes, own[column], along, table['axis'], name, first=column == 0)
             handles, texts = axes.get_legend_handles_labels()
             known |= dict(zip(texts, handles, strict=True))
-    # ours may be medians, and of fewer steps on the test set
+    # our values may be medians, and of fewer steps on the test set
     more = f': mean of {THESIS_STEPS} steps' if train else ''
     figure.legend(
         known.values(),
@@ -117,7 +118,7 @@ def _draw(axes: Axes, panel: Panel, along: bool, axis: str, name: str, *, first:
 def _mark(
     axes: Axes, along: bool, panel: Panel, place: float, value: float, std: float, style: Any
 ) -> None:
-    """Draw a point with its standard deviation, which ends within the axis."""
+    """Draw a point with its standard deviation, clipped to the axis."""
     low, high = panel.limits
     bar = [[min(std, value - low)], [min(std, high - value)]] if std else None
     axes.errorbar(
@@ -188,7 +189,7 @@ def _draw_thesis(axes: Axes, along: bool, panel: Panel, place: float, point: Poi
 
 
 def _number(axis: Any, low: float, high: float) -> None:
-    """Plain numbers or powers of ten, with 3 between these where they are few."""
+    """Tick labels as plain numbers or powers of ten, with 3 between powers on short axes."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     few, plain = high / low < 1e3, low > 1e-3 and high < 3e4

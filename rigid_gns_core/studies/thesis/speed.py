@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames per second of a variant (thesis section 4.3.5), with random weights."""
+"""Speed of a variant in frames per second (thesis section 4.3.5), with random weights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .cell import Cell
-from .measure import describe
+from .metrics import describe
 from ...data.common_scene import common_scene
 from ...data.records import Record
 from ...files.config import to_mapping
@@ -24,15 +24,16 @@ REPEATS = 3
 
 
 def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
-    """Time single steps from states of the reference, so that weights do not shape the graphs.
+    """Time single steps from states of the reference, so that graphs do not depend on weights.
 
-    Frames are evenly spaced over each trajectory; a step is graph, features, network and
-    integration, in one thread. Of several repeats the fastest counts, since others may use the
-    machine too.
+    Frames are evenly spaced over each trajectory. A step is graph, features, network and
+    integration, in one thread. The fastest of several repeats counts, as the machine may be
+    shared.
 
     Returns:
-        `frames_per_second`, `seconds_per_frame`, `edges` (of spheres, one direction) and
-        `surface_edges`, one value for each record, means over its frames; `cpu` and `load`.
+        Means over the frames of each record in `values`, of `frames_per_second`,
+        `seconds_per_frame`, `edges` (between spheres, counted once) and `surface_edges`; `cpu` and
+        `load`.
     """
     import torch
 
@@ -55,7 +56,7 @@ def measure_speed(cell: Cell, records: Sequence[Record]) -> dict[str, Any]:
         motions: list[Motion] = [source.motion(int(frame), model.history) for frame in frames]
         stepper: Any = simulator.stepper(record.scene, record.trajectory[0])
         best = float('inf')
-        stepper.step()  # what is made once is not timed
+        stepper.step()  # one-time set-up is not timed
         for _ in range(REPEATS):
             seconds = 0.0
             for motion in motions:

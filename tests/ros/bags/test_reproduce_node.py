@@ -83,7 +83,7 @@ def test_a_recording_of_the_node_is_reproduced(
 
 @pytest.mark.parametrize('back', [-7200, 7200])
 @pytest.mark.parametrize('matched', [False, True])
-def test_predictions_after_a_tracker_began_anew_are_reproduced(
+def test_predictions_after_a_restart_of_the_tracker_are_reproduced(
     bench: Any, tmp_path: Any, log: Any, back: int, matched: bool
 ) -> None:
     """The frames refused until that was clear are in the bag: the next start is from them."""
@@ -108,7 +108,7 @@ def test_predictions_after_a_tracker_began_anew_are_reproduced(
         stamp = T0 + number * DT + (back * 10**9 if number >= 7 else 0)
         sent.append(tracked.send(tracked_poses(number), stamp))
         bench.until(lambda count=number + 1: heard() == count, 'the frame')
-    assert 'the tracker has begun anew' in log()
+    assert 'the tracker has restarted' in log()
     node.close()
     bag = read_bag(folder)
     assert bag.topics['/tracked_poses'].messages == sent

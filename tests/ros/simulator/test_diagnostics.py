@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics says of the simulator node."""
+"""/diagnostics of the simulator node."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ Falling = Rollout = Simulated = Callable[..., Any]
 def report(setup: Any) -> dict[str, Status]:
     """Return what the node would publish now, by the last word of the name."""
     simulation = setup.node.simulation
-    statuses = simulation.health.report(
+    statuses = simulation.diagnostics.report(
         paused=simulation.paused,
         horizon=simulation.futures.seconds,
-        bag=simulation.channels.bag,
-        size=simulation.channels.recorded_bytes,
+        bag=simulation.topics.bag,
+        size=simulation.topics.recorded_bytes,
     )
     return {status.name.removeprefix('simulator: '): status for status in statuses}
 
@@ -67,7 +67,7 @@ def test_they_come_by_themselves_with_values(simulated: Simulated, falling: Fall
 def test_levels_of_tracking(simulated: Simulated, falling: Falling) -> None:
     setup = simulated()
     setup.tracked.send(falling(0.0), T0, 'map')
-    setup.bench.until(lambda: setup.node.simulation.health.rejected, 'the rejection')
+    setup.bench.until(lambda: setup.node.simulation.diagnostics.rejected, 'the rejection')
     tracking = report(setup)['tracking']
     assert tracking.level == ERROR and 'were rejected' in tracking.message
     assert "expected 'world'" in tracking.values['last rejection']
@@ -102,14 +102,14 @@ def test_levels_of_prediction(simulated: Simulated, falling: Falling, expected: 
 def test_when_all_is_late_it_is_an_error(simulated: Simulated, falling: Falling) -> None:
     setup = simulated()
     setup.start(falling(0.0))
-    health = setup.node.simulation.health
+    diagnostics = setup.node.simulation.diagnostics
     for _ in range(4):
-        health.due(0.11)
+        diagnostics.due(0.11)
     assert report(setup)['prediction'].level == WARN  # of so few one cannot say
-    health.due(0.11)
+    diagnostics.due(0.11)
     prediction = report(setup)['prediction']
     assert prediction.level == ERROR and 'all predictions' in prediction.message
-    health.due(0.0)
+    diagnostics.due(0.0)
     assert report(setup)['prediction'].level == WARN
 
 
@@ -118,9 +118,9 @@ def test_half_a_period_is_late_enough_for_a_warning(
 ) -> None:
     setup = simulated()
     setup.start(falling(0.0))
-    setup.node.simulation.health.due(0.04)
+    setup.node.simulation.diagnostics.due(0.04)
     assert report(setup)['prediction'].level == OK
-    setup.node.simulation.health.due(0.09)
+    setup.node.simulation.diagnostics.due(0.09)
     prediction = report(setup)['prediction']
     assert prediction.level == WARN and 'late by half a period' in prediction.message
 
@@ -131,7 +131,7 @@ def test_levels_of_recording(simulated: Simulated, falling: Falling, tmp_path: P
     recording = report(setup)['recording']
     assert recording.level == OK and int(recording.values['bytes']) > 1000
     setup.node.simulation.report()
-    bag = setup.node.simulation.channels.bag
+    bag = setup.node.simulation.topics.bag
     bag._lost = 3  # as where the disk is too slow
     assert report(setup)['recording'].level == WARN
     bag._error = 'no space left'  # as the recording thread sets it
@@ -152,10 +152,10 @@ def test_levels_of_the_horizon(simulated: Simulated, falling: Falling) -> None:
     setup = simulated(horizon=0.1)
     setup.start(falling(0.0))
     assert report(setup)['horizon'].level == OK
-    setup.node.simulation.health.future_superseded()
+    setup.node.simulation.diagnostics.future_superseded()
     horizon = report(setup)['horizon']
     assert horizon.level == WARN and '1 frames of the last 10 s got no future' in horizon.message
-    setup.node.simulation.health.future_computed(0.1, 'not finite')
+    setup.node.simulation.diagnostics.future_computed(0.1, 'not finite')
     assert 'ends early: not finite' in report(setup)['horizon'].message
 
 

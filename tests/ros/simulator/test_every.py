@@ -69,7 +69,7 @@ def test_every_recovers_from_overload(
     setup = simulated(start='every')
     setup.start(falling(0.0))
     waiting = [PoseArrayCodec('world', 3).encode(falling(0.9), T0 + 9 * DT)]
-    setup.node.simulation.channels.drain = lambda: [
+    setup.node.simulation.topics.drain = lambda: [
         setup.node.simulation.on_tracked(waiting.pop()) for _ in waiting
     ]
     setup.clock.set(T0 + 9 * DT + DT // 2)  # as if computing had taken so long

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The whole future on predicted_trajectory, and what is drawn of it."""
+"""Trajectories on predicted_trajectory, and their markers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def futures(setup: Any) -> list[bytes]:
         QoSProfile(depth=10),
         raw=True,
     )
-    publisher = setup.node.simulation.channels.trajectory
+    publisher = setup.node.simulation.topics.trajectory
     setup.bench.until(publisher.get_subscription_count, 'discovery')
     return heard
 
@@ -120,7 +120,7 @@ def test_markers_show_tracked_predicted_and_future(simulated: Simulated, falling
     setup = simulated(horizon=0.5)
     drawn: list[MarkerArray] = []
     setup.bench.tester.create_subscription(MarkerArray, '/predicted_markers', drawn.append, 100)
-    publisher = setup.node.simulation.channels.markers
+    publisher = setup.node.simulation.topics.markers
     setup.bench.until(publisher.get_subscription_count, 'discovery')
     setup.start(falling(0.0))
     setup.run(1)
@@ -149,7 +149,7 @@ def test_markers_of_a_sphere_that_the_scene_does_not_know(
     setup = simulated(scene=str(scene), match_spheres=True)
     drawn: list[MarkerArray] = []
     setup.bench.tester.create_subscription(MarkerArray, '/predicted_markers', drawn.append, 100)
-    publisher = setup.node.simulation.channels.markers
+    publisher = setup.node.simulation.topics.markers
     setup.bench.until(publisher.get_subscription_count, 'discovery')
     centres = np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 0.8], [0.0, 9.0, 0.8]])
     poses = np.concatenate([centres, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))], axis=1)
@@ -192,7 +192,9 @@ def test_a_future_too_large_for_a_message_is_refused(
     setup.start(falling(0.0, count=2000))  # 601 times 2000 times 104 bytes
     setup.bench.until(lambda: 'would be a message of 125 MB' in log(), 'the warning')
     assert 'lower horizon' in log() and not heard
-    status = setup.node.simulation.health.report(paused=False, horizon=60.0, bag=None, size=0)[-1]
+    status = setup.node.simulation.diagnostics.report(
+        paused=False, horizon=60.0, bag=None, size=0
+    )[-1]
     assert 'the bound is 100 MB' in status.message
 
 
@@ -218,7 +220,7 @@ def test_predictions_go_on_while_a_future_is_computed(
     released.set()
     assert heard_future(setup, heard, 1).stamp_ns == T0
     assert heard_future(setup, heard, 2).stamp_ns == T0 + 3 * DT
-    assert len(setup.node.simulation.health._superseded) == 2
+    assert len(setup.node.simulation.diagnostics._superseded) == 2
 
 
 # --- without a node ---

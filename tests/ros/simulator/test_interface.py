@@ -17,8 +17,8 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of, turned_gravity
-from rigid_gns_core.forecasts.parameters import SIMULATOR
+from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of, with_gravity_along
+from rigid_gns_core.forecasts.node_parameters import SIMULATOR
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.similarity import _upright
@@ -129,13 +129,13 @@ def test_quality_of_service_can_be_overridden(bench: Any) -> None:
         'qos_overrides./lab/predicted_poses.publisher.depth': 1,
     }
     node = bench.add(SimulatorNode, remap=('__ns:=/lab',), **names)
-    channels = node.simulation.channels
+    topics = node.simulation.topics
     (tracked,) = node.get_subscriptions_info_by_topic('/lab/tracked_poses')
     assert tracked.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     (predicted,) = node.get_publishers_info_by_topic('/lab/predicted_poses')
     assert predicted.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    assert channels.topics['start'] == '/lab/simulator/start'
-    assert channels.topics['diagnostics'] == '/diagnostics'  # one for all nodes, as tools expect
+    assert topics.names['start'] == '/lab/simulator/start'
+    assert topics.names['diagnostics'] == '/diagnostics'  # one for all nodes, as tools expect
     assert node.describe_parameter(next(iter(names))).read_only
 
 
@@ -166,7 +166,7 @@ def test_gravity_of_any_direction_turns_the_prediction(
     floor = seen(np.array([0.0, 0.0, 1.0])).tolist()
     scene = tmp_path / 'floor.yaml'
     scene.write_text(f'scene: {{surfaces: [{{point: [0.0, 0.0, 0.0], normal: {floor}}}]}}\n')
-    model = Forecaster('', turned_gravity(load_scene(scene), direction))
+    model = Forecaster('', with_gravity_along(load_scene(scene), direction))
     np.testing.assert_allclose(model.scene.gravity, 9.81 * unit, atol=1e-12)
     assert model.level
     upright = Forecaster('', Scene())
@@ -181,11 +181,11 @@ def test_gravity_of_any_direction_turns_the_prediction(
 
 def test_a_scene_without_gravity_has_none_to_turn() -> None:
     with pytest.raises(ValueError, match='the scene has no gravity'):
-        turned_gravity(Scene(gravity=0.0), (0.0, 1.0, 0.0))
-    assert turned_gravity(Scene(gravity=0.0), (0.0, 0.0, 0.0)) == Scene(gravity=0.0)
+        with_gravity_along(Scene(gravity=0.0), (0.0, 1.0, 0.0))
+    assert with_gravity_along(Scene(gravity=0.0), (0.0, 0.0, 0.0)) == Scene(gravity=0.0)
 
 
-def test_the_scene_that_is_told_has_the_turned_gravity(
+def test_the_published_scene_has_the_turned_gravity(
     simulated: Simulated, log: Callable[[], str]
 ) -> None:
     setup = simulated(gravity_direction=[0.0, 2.0, 0.0])

@@ -62,7 +62,7 @@ def test_velocities_come_from_the_window(
     np.testing.assert_allclose(setup.run(1)[0].poses, expected(last, 1, velocities)[1], atol=1e-5)
 
 
-def test_another_rate_interpolates_and_says_so(
+def test_another_rate_interpolates_and_is_logged(
     simulated: Simulated, falling: Falling, log: Callable[[], str], expected: Rollout
 ) -> None:
     setup, start = simulated(rate=25.0), falling(0.0)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the simulator node says about itself, and what it records."""
+"""The ~/scene of the simulator node, and its recording."""
 
 from __future__ import annotations
 
@@ -120,16 +120,16 @@ def test_a_bag_is_never_overwritten(bench: Any, tmp_path: Path) -> None:
         bench.add(SimulatorNode, record=str(tmp_path))
 
 
-def test_a_bag_that_failed_is_told_at_the_end(
+def test_a_failed_bag_is_logged_at_the_end(
     simulated: Simulated, tmp_path: Path, log: Callable[[], str]
 ) -> None:
     setup = simulated(record=str(tmp_path / 'bag'))
-    setup.node.simulation.channels.bag._error = 'no space left'  # as the recording thread sets it
+    setup.node.simulation.topics.bag._error = 'no space left'  # as the recording thread sets it
     setup.node.close()
     assert 'INCOMPLETE: no space left' in log()
 
 
-def test_the_bag_is_split_and_tells_the_quality_that_was_asked_for(
+def test_the_bag_is_split_and_holds_the_overridden_qos(
     simulated: Simulated, falling: Falling, tmp_path: Path
 ) -> None:
     folder = tmp_path / 'bag'

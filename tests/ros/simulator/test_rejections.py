@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracked frames that the simulator node refuses, or takes for a new beginning."""
+"""Tracked frames that the simulator node refuses, or takes for a restart."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_tracker_started_again_is_followed(
     anew = T0 + back * 10**9
     for index in range(5):
         setup.tracked.send(falling(0.1 * index), anew + index * DT)
-    setup.bench.until(lambda: 'the tracker has begun anew' in log(), 'the restart')
+    setup.bench.until(lambda: 'the tracker has restarted' in log(), 'the restart')
     setup.bench.until(lambda: setup.node.simulation.predictor.pending is not None, 'the start')
     setup.clock.set(T0 + DT)
     frame = setup.tracked.wait(1)[0]

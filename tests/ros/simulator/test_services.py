@@ -59,7 +59,7 @@ def test_pause_and_step(simulated: Simulated, falling: Falling, expected: Rollou
     assert setup.bench.call(SetBool, '/simulator/pause', data=False).message == 'no change'
 
 
-def test_a_step_that_fails_says_why(
+def test_a_failed_step_returns_the_reason(
     simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     setup = simulated()

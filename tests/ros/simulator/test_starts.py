@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When a forecast starts anew, what ~/start says of it, and that this gives it again."""
+"""When a forecast restarts, what ~/start says of it, and that this reproduces it."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def off(poses: np.ndarray, distance: float, sphere: int = 1) -> np.ndarray:
         ({'resync_over': 'mean'}, 1.6, True),
     ],
 )
-def test_diverged_starts_anew_beyond_the_bound(
+def test_diverged_restarts_beyond_the_bound(
     recorded: Callable[..., tuple[Any, Any]],
     falling: Falling,
     expected: Rollout,
@@ -91,7 +91,7 @@ def test_diverged_starts_anew_beyond_the_bound(
     assert [start['reason'] for start in starts(close())] == ['first', 'diverged'][: 1 + again]
 
 
-def test_first_tells_the_error_and_runs_on(
+def test_first_reports_the_error_and_runs_on(
     recorded: Callable[..., tuple[Any, Any]], falling: Falling, expected: Rollout
 ) -> None:
     setup, close = recorded(start='first')
@@ -103,7 +103,7 @@ def test_first_tells_the_error_and_runs_on(
     assert [start['reason'] for start in starts(close())] == ['first']
 
 
-def test_first_fits_no_frame_before_somebody_asks_for_the_error(
+def test_first_fits_frames_only_on_demand(
     simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A fit takes milliseconds, in which a prediction would have to wait."""
@@ -135,7 +135,7 @@ def test_diverged_catches_up_with_a_tracker_that_is_ahead(
     np.testing.assert_allclose(frame.poses, expected(late, 1)[1], atol=1e-6)
 
 
-def test_diverged_does_not_start_anew_while_paused(simulated: Simulated, falling: Falling) -> None:
+def test_diverged_does_not_restart_while_paused(simulated: Simulated, falling: Falling) -> None:
     setup = simulated(start='diverged')
     setup.start(falling(0.0))
     setup.run(1)
@@ -160,7 +160,7 @@ def test_each_start_has_its_reason(
     assert setup.bench.call(Trigger, '/simulator/reset').success
     setup.tracked.send(falling(0.2), T0 + DT)
     setup.start(falling(0.3), T0 + 2 * DT)
-    for index in range(5):  # the tracker begins anew
+    for index in range(5):  # the tracker restarts
         setup.tracked.send(falling(0.1 * index), T0 - 10**11 + index * DT)
     setup.bench.until(
         lambda: setup.node.simulation.predictor.last_start.reason == 'restart', 'the restart'
@@ -221,7 +221,7 @@ def test_recorded_frames_and_starts_give_the_predictions_bit_by_bit(
 # --- spheres that appear and vanish ---
 
 
-def test_another_set_of_spheres_starts_anew(
+def test_another_set_of_spheres_restarts(
     recorded: Callable[..., tuple[Any, Any]], falling: Falling
 ) -> None:
     setup, close = recorded(match_spheres=True, velocity_window=3)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an experiment is: variants of one recipe, and what the thesis prints for each."""
+"""Experiments: variants of one training recipe, and the thesis' values for each."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ BASE = 'base'
 
 @dataclass(frozen=True)
 class Variant:
-    """One bar of a figure or row of a table.
+    """A row of a table, or a point of a figure.
 
     Args:
-        name: Short; the same changes have the same name in all experiments.
-        label: For tables and figures.
-        changes: What differs from the base recipe, nested as in config/train/gns.yaml; nothing: it
-            is the base, which is rolled out for `Budget.long_steps` on the test set too.
-        x: Place on the axis of a figure; None: the variants are named side by side.
-        thesis: What the thesis prints, by set and metric: a number, [mean, std], or a word.
+        name: Short name; equal changes have the same name in all experiments.
+        label: Label in tables and figures.
+        changes: Changes to the base recipe, nested as in config/train/gns.yaml; empty: the base
+            itself, which is rolled out for `Budget.long_steps` on the test set too.
+        x: Value on the axis of a figure; None: variants are labelled.
+        thesis: The thesis' values by set and metric: a number, [mean, std], or 'diverged'.
     """
 
     name: str
@@ -67,17 +67,17 @@ class Experiment:
     """An experiment of the thesis, or one that it left open.
 
     Args:
-        title: One line, for lists and headlines.
+        title: Title in one line.
         source: Section, figure or table of the thesis.
-        claim: What the thesis concludes.
-        variants: What is compared.
+        claim: Conclusion of the thesis.
+        variants: Variants that are compared.
         kind: 'train': each variant is trained and rolled out; 'teacher': the reference data are
             measured; 'speed': frames per second with random weights.
-        axis: What `Variant.x` counts; empty: variants are named.
-        metrics: Of the figure, in the order of its panels; names as in docs/metrics.md.
-        long: Show rollouts of `Budget.long_steps` on the test set, which the base has; else of
-            `Budget.steps`.
-        name: Of its file.
+        axis: Label of the axis of `Variant.x`; empty: variants are labelled.
+        metrics: Metrics of the figure, in the order of its panels; names as in docs/metrics.md.
+        long: Whether to show rollouts of `Budget.long_steps` on the test set, which only the base
+            has, instead of `Budget.steps`.
+        name: Name of its file.
     """
 
     title: str
@@ -107,10 +107,10 @@ class Experiment:
                 )
 
     def only(self, names: list[str] | None) -> tuple[Variant, ...]:
-        """Return the variants of these names; None: all.
+        """Variants by name; None: all.
 
         Raises:
-            ConfigError: An unknown name; the allowed ones are listed.
+            ConfigError: A name is unknown; the message lists the allowed ones.
         """
         known = {variant.name: variant for variant in self.variants}
         for name in names or ():
@@ -122,7 +122,7 @@ class Experiment:
 
 
 def load_experiment(name: str | Path) -> Experiment:
-    """Experiment of a YAML file, or of a shipped name in config/experiments.
+    """Load an experiment from a YAML file, or by a shipped name in config/experiments.
 
     Raises:
         ConfigError: No such experiment (the shipped ones are listed), or a wrong key or value.
@@ -132,7 +132,7 @@ def load_experiment(name: str | Path) -> Experiment:
 
 
 def shipped_experiments() -> dict[str, Experiment]:
-    """All shipped experiments by name, in the order of the thesis."""
+    """Shipped experiments by name, in the order of the thesis."""
     order = [
         'ground_truth',
         'history',

@@ -3,7 +3,7 @@
 
 """Models on the thesis' test set and its four unseen scenes, beside Bullet and its own floor.
 
-    python benchmarks/contact_test.py --model laws gns \
+    python benchmarks/laws_test.py --model laws gns \
         --data data/test --floor data/test_half data/test_twice --ood data/ood \
         --json docs/model/laws_test.json
 
@@ -26,9 +26,10 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from contact_test_measures import floor_of, measure
-from contact_test_table import format_table, summarise
+from laws_test_measures import floor_of, measure
+from laws_test_table import format_table, summarise
 from rigid_gns_core.data.records import Dataset, present_records, read_record, Record
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.rollout.simulator import Simulator
@@ -41,7 +42,7 @@ OOD = ('ood_a', 'ood_b', 'ood_c', 'ood_d')
 def find_references(
     data: Path | None, floor: Sequence[Path], ood: Path | None
 ) -> dict[str, list[Path]]:
-    """Files of each reference and of the two that tell its floor, in the order of the tables."""
+    """Files of each reference and of the two for its floor, in the order of the tables."""
     found = {}
     if data is not None:
         folders = [present_records(Dataset(folder).folder) for folder in (data, *floor)]
@@ -61,7 +62,7 @@ def find_references(
 
 
 def read(paths: Sequence[Path], limit: int | None) -> tuple[Record, list[Record]]:
-    """Return a reference and those that tell its floor; the first cut to what all of them have."""
+    """A reference, cut to the length that all have, and the records for its floor."""
     record, *others = (read_record(path) for path in paths)
     steps = min(one.trajectory.steps for one in (record, *others))
     trajectory = record.trajectory.window(0, min(limit or steps, steps) + 1)
@@ -71,7 +72,7 @@ def read(paths: Sequence[Path], limit: int | None) -> tuple[Record, list[Record]
 def resume(
     path: Path | None, settings: dict[str, Any], simulators: Mapping[str, Simulator]
 ) -> dict[str, Any]:
-    """Return what an earlier run has done, with a place for each model."""
+    """Report of an earlier run, or a new one, with an entry for each model."""
     report: dict[str, Any] = {'settings': settings, 'floors': {}, 'models': {}}
     if path is not None and path.is_file():
         report = read_json(path)
@@ -103,7 +104,7 @@ def run(
     left = {key: [n for n in simulators if key not in records[n]] for key in references}
     total = len(references) * len(simulators)
     done = total - sum(map(len, left.values()))
-    with Progress(total, 'contact test', unit='rollout', initial=done) as progress:
+    with Progress(total, 'laws test', unit='rollout', initial=done) as progress:
         for key, names in left.items():
             if not names:
                 continue
@@ -113,7 +114,7 @@ def run(
             for name in names:
                 try:
                     values = measure(simulators[name], record, report['floors'][key])
-                except ValueError as refused:  # a GNS knows spheres of one kind
+                except UserError as refused:  # a GNS knows spheres of one kind
                     print(f'{name} refuses {key}: {refused}', file=sys.stderr)
                     values = {}
                 records[name][key] = values

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from contact_test_measures import ERRORS, LAWS, SQUARED
+from laws_test_measures import ERRORS, LAWS, SQUARED
 import numpy as np
 from rigid_gns_core.files.tables import format_rows
 from rigid_gns_core.files.tables import summary as summary_cell

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator's topics, and the bag that takes every message of them, byte for byte."""
+"""The simulator's topics: names, types and QoS; and the bag that records them byte for byte."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-# what a user may change of each topic, as qos_overrides./tracked_poses.subscription.depth
+# QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (
     QoSPolicyKind.HISTORY,
     QoSPolicyKind.DEPTH,
@@ -34,37 +34,37 @@ _CHANGEABLE = (
 
 
 def sensor_data() -> QoSProfile:
-    """Best effort, depth 5, as a profile of its own: overrides change it in place."""
+    """New QoS profile: best effort, depth 5; new since overrides change it in place."""
     return QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def overridable() -> QoSOverridingOptions:
-    """Make parameters of a topic's QoS."""
+    """Options that declare the QoS policies of a topic as parameters."""
     return QoSOverridingOptions(_CHANGEABLE)
 
 
 @contextmanager
 def _named_overrides(topic: str) -> Iterator[None]:
-    """Errors of a topic's QoS parameters as UserError."""
+    """Turn errors of a topic's QoS parameters into UserError."""
     try:
         yield
     except (RuntimeError, InvalidParameterTypeException) as error:
         raise UserError(f'qos_overrides of {topic}: {error}') from error
 
 
-class Channels:
-    """Publishers and subscription of the simulator, which move bytes and no message objects.
+class NodeTopics:
+    """Publishers and subscription of the simulator, as serialised messages.
 
     Args:
-        node: The node that they belong to.
-        on_tracked: Called with the bytes of each tracked message.
-        record: Folder of the bag to make; empty: do not record.
+        node: Node of the topics.
+        on_tracked: Called with the bytes of each message on tracked_poses.
+        record: Folder of the bag to write; empty: no recording.
         max_size: See `BagWriter` [MB].
         max_duration: See `BagWriter` [s].
 
     Raises:
-        OSError: The bag cannot be made.
-        UserError: A topic's QoS cannot be used.
+        OSError: The bag cannot be created.
+        UserError: A QoS parameter cannot be used.
     """
 
     def __init__(
@@ -78,9 +78,11 @@ class Channels:
     ) -> None:
         self._node, self._on_tracked = node, on_tracked
         self.bag: BagWriter | None = None
-        self._recorded: list[tuple[str, str, Qos]] = []  # name, type and profile of each topic
-        self._early: dict[str, bytes] = {}  # what was sent last before a simulated clock ran
-        self.recorded_bytes = 0  # of messages handed to the bag
+        self._recorded: list[
+            tuple[str, str, Qos]
+        ] = []  # name, type and QoS of each recorded topic
+        self._early: dict[str, bytes] = {}  # last messages before the first time on /clock
+        self.recorded_bytes = 0  # of messages passed to the bag
         self.predicted = self._publisher(PoseArray, 'predicted_poses')
         self.trajectory = self._publisher(MultiDOFJointTrajectory, 'predicted_trajectory', depth=1)
         self.markers = self._publisher(MarkerArray, 'predicted_markers', recorded=False)
@@ -99,13 +101,13 @@ class Channels:
                 qos_overriding_options=overridable(),
             )
         self._register(self.tracked.topic_name, PoseArray, profile)
-        # last, so that a topic that cannot be made leaves no bag; nothing has come or gone yet
+        # last, so that a failing topic leaves no bag; no message was sent or received yet
         if record:
             self.bag = self._new_bag(record, max_size, max_duration)
 
     @property
-    def topics(self) -> dict[str, str]:
-        """Resolved names, for whoever reads the bag."""
+    def names(self) -> dict[str, str]:
+        """Resolved names of the recorded topics, by role, for ~/scene."""
         return {
             'tracked': self.tracked.topic_name,
             'predicted': self.predicted.topic_name,
@@ -121,11 +123,11 @@ class Channels:
         self._record(publisher.topic_name, cdr, self._node.get_clock().now().nanoseconds)
 
     def received(self, cdr: bytes, time_ns: int) -> None:
-        """Record a tracked message that was accepted; it came at `time_ns` of the node's clock."""
+        """Record an accepted message of tracked_poses, received at `time_ns` (node's clock)."""
         self._record(self.tracked.topic_name, cdr, time_ns)
 
     def drain(self) -> None:
-        """Take all tracked messages that wait, of which the executor takes one at a time."""
+        """Process all waiting messages on tracked_poses; the executor takes one at a time."""
         while True:
             with self.tracked.handle:
                 taken = self.tracked.handle.take_message(self.tracked.msg_type, self.tracked.raw)
@@ -134,10 +136,10 @@ class Channels:
             self._on_tracked(taken[0])
 
     def close(self) -> str:
-        """Finish the bag; returns what became of it, or an empty text."""
+        """Finish the bag; a line on the result, empty without a bag."""
         if self.bag is None:
             return ''
-        self._record_early(self.bag, 0)  # no clock ever came
+        self._record_early(self.bag, 0)  # no time came on /clock
         self.bag.close()
         text = f'bag in {self.bag.folder}'
         if self.bag.error:
@@ -171,7 +173,7 @@ class Channels:
         return publisher
 
     def _register(self, name: str, kind: Any, profile: QoSProfile) -> None:
-        """Note a topic for the bag, with the profile of the three it knows that is nearest."""
+        """Register a topic for the bag, with the nearest of its three QoS profiles."""
         package, kind_name = kind.__module__.split('.')[0], kind.__name__
         qos: Qos = 'reliable'
         if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
@@ -200,7 +202,7 @@ class Channels:
     def _record(self, topic: str, cdr: bytes, time_ns: int) -> None:
         if self.bag is None:
             return
-        if time_ns == 0:  # a bag that begins there would last for decades
+        if time_ns == 0:  # no /clock yet; a bag from there on would last for decades
             self._early[topic] = cdr
             return
         self._record_early(self.bag, time_ns)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is measured of a rollout, and of the teacher beside itself; names as in docs/metrics.md."""
+"""Metrics of a rollout, and of the teacher against itself; names as in docs/metrics.md."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ METRICS = {
     'teacher': (*LAW_KEYS, 'escaped'),
     'speed': ('frames_per_second', 'seconds_per_frame', 'edges', 'surface_edges'),
 }
-"""What cells measure, by kind of experiment."""
+"""Metrics of the cells, by kind of experiment."""
 
 Values = dict[str, float | None]
 Columns = dict[str, list[float | None]]
@@ -42,9 +42,9 @@ Columns = dict[str, list[float | None]]
 def measure(
     predicted: Trajectory, record: Record, steps: int, velocities: Velocities = 'poses'
 ) -> Values:
-    """Laws and errors of the first `steps` of a rollout, by name; infinite where it diverged.
+    """Laws and errors over the first `steps` of a rollout, by name; infinite where it diverged.
 
-    `diverged_at` is the step or None, `escaped` the share of spheres out of the box [%].
+    `diverged_at` is the step or None, `escaped` the share of spheres outside the box [%].
     """
     predicted = predicted.window(0, steps + 1)
     reference = record.trajectory.window(0, steps + 1)
@@ -61,10 +61,10 @@ def measure(
 
 
 def floor_of(record: Record, others: Sequence[Record], steps: int) -> Values:
-    """Errors of the teacher at other substeps over the first `steps`, the worse of them.
+    """Floor over the first `steps`: the worst errors of the teacher at other substeps.
 
     Raises:
-        UserError: They start elsewhere.
+        UserError: The records have another start.
     """
     start = record.trajectory.positions[0]
     for other in others:
@@ -77,20 +77,20 @@ def floor_of(record: Record, others: Sequence[Record], steps: int) -> Values:
 
 
 def least_floors(names: Iterable[str], record: Record) -> Values:
-    """Bounds of floors, by `least_` and name of the error."""
+    """Least floors by `least_` and the name of the error, see `chaos_floor.least_floor`."""
     radius = record.scene.per_sphere('radius', record.trajectory.count)
     bounds = {f'least_{name}': least_floor(name, radius) for name in names}
     return {name: bound for name, bound in bounds.items() if bound is not None}
 
 
 def columns(rows: Sequence[Mapping[str, float | None]]) -> Columns:
-    """Values of several rollouts by name, None where one has no such value."""
+    """Values of several rollouts by name, None where a rollout has no such value."""
     names = {name: None for row in rows for name in row}
     return {name: [row.get(name) for row in rows] for name in names}
 
 
 def describe(records: Sequence[Record]) -> dict[str, Any]:
-    """Which rollouts the columns are of."""
+    """Names of the records, and their numbers of spheres, for the columns."""
     return {
         'records': [record.name for record in records],
         'spheres': [record.trajectory.count for record in records],

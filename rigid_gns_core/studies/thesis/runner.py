@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the cells that have no result yet, side by side or on a cluster."""
+"""Runs cells without a result, in parallel processes or on a cluster."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import warnings
 
 from .budget import Budget
 from .cell import Cell, Store
-from .measure import columns, describe, floor_of, least_floors, measure, Values
-from .sets import make_sets, references, training_set
+from .data_sets import make_sets, references, training_set
+from .metrics import columns, describe, floor_of, least_floors, measure, Values
 from .speed import measure_speed
 from ...data.common_scene import fingerprint
 from ...data.records import Record
@@ -28,18 +28,18 @@ from ...scoring import LAW_KEYS
 from ...scoring.evaluate import Velocities
 
 LOG = 'output.txt'
-# a cluster's worker may have threads, but seeds and standard error are of the process
+# a cluster's worker may have threads, but seeds and standard error belong to the process
 _ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Folders:
-    """Where things lie.
+    """Folders of a study.
 
     Args:
-        data: Data sets, which are made where they are absent.
-        runs: Checkpoints of cells that are being trained.
-        out: Results.
+        data: Folder of the data sets, which are generated where absent.
+        runs: Folder of the checkpoints.
+        out: Folder of the results.
     """
 
     data: Path
@@ -50,10 +50,10 @@ class Folders:
 def run_cells(
     cells: Sequence[Cell], budget: Budget, folders: Folders, store: Store, workers: Workers
 ) -> list[str]:
-    """Run what is missing; returns a line for each cell that failed.
+    """Run the cells without a result; a line for each cell that failed.
 
-    A cell that was stopped goes on from its last checkpoint. Where this machine trains on a GPU,
-    cells run one at a time. Timings run one at a time, after all else, in this process.
+    A cell that was stopped resumes from its last checkpoint. On a GPU of this machine, cells run
+    one at a time. Timings run one at a time, after all others, in this process.
     """
     missing = [cell for cell in cells if store.find(cell) is None]
     if not missing:
@@ -74,7 +74,7 @@ def run_cells(
             calls = (
                 (cell, folders.data, folders.runs, not alone)
                 for cell in group
-                if store.find(cell) is None  # still: others may work on the same folder
+                if store.find(cell) is None  # again: others may work on the same folder
             )
             for cell, result in by.run(run_cell, calls, len(group)):
                 if 'error' in result:
@@ -91,22 +91,22 @@ def run_cells(
 def run_cell(
     cell: Cell, data: Path, runs: Path, quiet: bool = False
 ) -> tuple[Cell, dict[str, Any]]:
-    """Do the work of a cell; what was trained before is not trained again.
+    """Run one cell, resuming an earlier training.
 
     Args:
-        cell: What to do.
-        data: Folder of the data sets, see `sets.make_sets`.
-        runs: Folder of checkpoints, one for each cell.
-        quiet: Write progress into `output.txt` of the run's folder, not to standard error.
+        cell: The cell.
+        data: Folder of the data sets, see `data_sets.make_sets`.
+        runs: Folder of checkpoints, with a folder for each cell.
+        quiet: Whether to write progress to `output.txt` in that folder instead of standard error.
 
     Returns:
         The cell, and its result with `seconds` of this process; or `error` with a traceback, so
-        that others go on.
+        that other cells continue.
     """
     import torch
 
     with _ONE_AT_A_TIME:
-        torch.set_num_threads(1)  # cells run side by side
+        torch.set_num_threads(1)  # cells run in parallel
         begin = time.monotonic()
         folder = runs / (cell.training_key if cell.kind == 'train' else cell.key)
         try:
@@ -132,7 +132,7 @@ def _on_gpu(budget: Budget) -> bool:
 
 
 def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
-    """Train, then roll out on the test set and on the scenes unlike the training set."""
+    """Train, then roll out on the test set and on the unseen scenes."""
     from ...prediction.load import load_simulator
     from ...training.train import find_device, Trainer
 
@@ -143,7 +143,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
     begun_at, begin, failed = trainer.learner.step, time.monotonic(), None
     try:
         trainer.run()
-    except FloatingPointError as error:  # a result too: this variant cannot be trained so
+    except FloatingPointError as error:  # a result too: this variant cannot be trained
         failed = str(error)
     result: dict[str, Any] = {
         'training': {
@@ -169,7 +169,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
         rows: dict[int, list[Values]] = {steps: [] for steps in lengths}
         for record in held_out:
             with warnings.catch_warnings():
-                warnings.simplefilter('ignore')  # a divergence is counted, not told
+                warnings.simplefilter('ignore')  # divergences are counted
                 start = vars(record.trajectory[0])
                 predicted = simulator.rollout(record.scene, steps=lengths[-1], **start)
             for steps in lengths:
@@ -180,7 +180,7 @@ def _train(cell: Cell, data: Path, folder: Path) -> dict[str, Any]:
 
 
 def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
-    """Laws of the reference by both kinds of velocities, and the floor of chaos."""
+    """Laws of the reference for both kinds of velocities, and the floor of chaos."""
     held_out = references(cell.budget, data, cell.name)
     others = [references(cell.budget, data, cell.name, ending) for ending in ('half', 'twice')]
     result: dict[str, Any] = {'laws': {}, 'floor': {}}
@@ -199,7 +199,7 @@ def _teacher(cell: Cell, data: Path) -> dict[str, Any]:
 
 
 def _laws(record: Record, steps: int, velocities: Velocities) -> Values:
-    """Of the reference itself, which has no error."""
+    """Laws of the reference itself."""
     values = measure(record.trajectory, record, steps, velocities)
     return {key: values[key] for key in (*LAW_KEYS, 'escaped', 'diverged_at')}
 

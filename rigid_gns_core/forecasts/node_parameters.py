@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the nodes, a table for each; a test compares docs/node.md with them."""
+"""Parameters of the nodes `simulator` and `tracker`: defaults, units, ranges, descriptions.
+
+A test compares docs/node.md with these tables.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,18 @@ Value = bool | int | float | str | list[float]
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One parameter.
+    """One node parameter.
 
     Args:
-        name: Its name.
-        default: Default; its type is the parameter's, and of a list its length.
-        description: What it sets, for `ros2 param describe`.
-        unit: Unit, empty where there is none.
-        low: Least value of a number.
-        high: Greatest value of a number.
-        least: Least value other than 0, where 0 has a meaning of its own.
-        choices: The only values allowed of a string; empty: any.
-        dynamic: Whether it may change while the node runs; else it is read-only.
+        name: Name.
+        default: Default value; it sets the type, and the length of a list.
+        description: Description for `ros2 param describe`.
+        unit: Unit; empty: none.
+        low: Lower bound of a number.
+        high: Upper bound of a number.
+        least: Lower bound of values other than 0, where 0 has a meaning of its own.
+        choices: Allowed values of a string; empty: any.
+        dynamic: Whether it may change while the node runs; if not, it is read-only.
     """
 
     name: str
@@ -40,7 +43,7 @@ class ParameterSpec:
     dynamic: bool = False
 
     def problem(self, value: Any) -> str | None:
-        """Return what is wrong with a value beyond type and range, which ROS checks; else None."""
+        """Why a value is not allowed, beyond type and range, which ROS checks; None: it is."""
         if self.choices and value not in self.choices:
             return f'{self.name} is {value!r}, allowed: {", ".join(self.choices)}'
         if self.least and value != 0 and not self.least <= value:
@@ -76,16 +79,16 @@ SIMULATOR = (
     ParameterSpec(
         'start',
         'first',
-        'first: predict on from the first frames; every: from the newest; diverged: on from the '
-        'first, and anew from the newest when the error passes resync_error',
+        'first: predict from the first frames on; every: each prediction from the newest frame; '
+        'diverged: as first, but restart from the newest when the error exceeds resync_error',
         choices=('first', 'every', 'diverged'),
         dynamic=True,
     ),
     ParameterSpec(
         'resync_error',
         0.5,
-        'error beyond which `start: diverged` starts anew, in radii of the largest sphere; with '
-        'every start, diagnostics warn of it',
+        'error beyond which `start: diverged` restarts, in radii of the largest sphere; '
+        'diagnostics warn of it in every mode',
         'radii',
         0.001,
         1000.0,
@@ -94,14 +97,14 @@ SIMULATOR = (
     ParameterSpec(
         'resync_over',
         'max',
-        'of which spheres that error is: max: of the worst; mean: the mean of all',
+        'statistic of that error over the spheres: max: the worst sphere; mean: the mean of all',
         choices=('max', 'mean'),
         dynamic=True,
     ),
     ParameterSpec(
         'horizon',
         0.0,
-        'how far ahead the whole future is predicted from each tracked frame; 0: not at all',
+        'how far ahead a trajectory is predicted from each tracked frame; 0: none',
         's',
         0.0,
         60.0,
@@ -110,7 +113,7 @@ SIMULATOR = (
     ParameterSpec(
         'velocity_window',
         6,
-        'tracked frames from which velocities are fitted; 1: start at rest',
+        'number of tracked frames from which velocities are fitted; 1: start at rest',
         'frames',
         1,
         100,
@@ -118,7 +121,7 @@ SIMULATOR = (
     ParameterSpec(
         'match_spheres',
         False,
-        'match poses to spheres, which may then come in any order, be missing, appear and vanish',
+        'associate poses with tracks; they may come in any order, be missing, appear and vanish',
     ),
     ParameterSpec(
         'tracking_noise',
@@ -131,7 +134,7 @@ SIMULATOR = (
     ParameterSpec(
         'coast_time',
         0.0,
-        'how long a matched sphere that is not seen is coasted; 0: 2 sqrt(radius / gravity)',
+        'how long a track without a pose is coasted; 0: 2 sqrt(radius / gravity)',
         's',
         0.0,
         3600.0,
@@ -139,16 +142,16 @@ SIMULATOR = (
     ParameterSpec(
         'max_speed',
         0.0,
-        'matched spheres that are new are not found above it; 0: 50 sqrt(radius gravity)',
+        'largest speed of a new track; 0: 50 sqrt(radius gravity)',
         'm/s',
         0.0,
         1e6,
     ),
-    ParameterSpec('record', '', 'folder of the bag to make; must not exist; empty: do not record'),
+    ParameterSpec('record', '', 'folder of the bag to write; must not exist; empty: no recording'),
     ParameterSpec(
         'record_max_size',
         0.0,
-        "size from which on the bag's next file is begun, at least 0.001; 0: one file",
+        "size at which the bag's next file is begun, at least 0.001; 0: one file",
         'MB',
         0.0,
         1e6,
@@ -157,7 +160,7 @@ SIMULATOR = (
     ParameterSpec(
         'record_max_duration',
         0.0,
-        "time from which on the bag's next file is begun, at least 0.1; 0: one file",
+        "duration at which the bag's next file is begun, at least 0.1; 0: one file",
         's',
         0.0,
         1e6,
@@ -169,8 +172,10 @@ SIMULATOR = (
 
 TRACKER = (
     ParameterSpec('trajectory', '', 'HDF5 record to play; empty: the shipped one'),
-    ParameterSpec('live', False, 'run Bullet live on `scene` instead of playing (needs pybullet)'),
-    ParameterSpec('scene', 'box_154', 'shipped scene or YAML file whose start a live run takes'),
+    ParameterSpec(
+        'live', False, 'run Bullet live on `scene` instead of a record (needs pybullet)'
+    ),
+    ParameterSpec('scene', 'box_154', 'shipped scene or YAML file, whose start a live run takes'),
     FRAME_ID,
     ParameterSpec('noise', 0.001, 'standard deviation added to each coordinate', 'm', 0.0, 1000.0),
     ParameterSpec('seed', 0, 'seed of the noise', '', 0, 2**31 - 1),
@@ -178,11 +183,11 @@ TRACKER = (
     ParameterSpec(
         'rate_factor',
         1.0,
-        "frames come this many times faster than real time; stamps keep to the record's own time, "
-        'so other speeds are for `start: first` or simulated time',
+        "frames come this many times faster than real time; stamps keep the record's own time, "
+        'so values other than 1 are for `start: first` or simulated time',
         '',
         0.01,
         100.0,
     ),
-    ParameterSpec('wait_for_subscriber', True, 'start when somebody subscribes to tracked_poses'),
+    ParameterSpec('wait_for_subscriber', True, 'start when a node subscribes to tracked_poses'),
 )

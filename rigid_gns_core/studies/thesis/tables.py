@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of experiments as Markdown, for the terminal and for docs/thesis.md."""
+"""Tables of experiments as Markdown, for the terminal and docs/thesis.md: columns and layout."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from .study import shipped_experiments
+from .experiments import shipped_experiments
 from ...files.config import ConfigError
 from ...files.strict_json import read_json
 from ...files.tables import format_rows, mean_std, number
 from ...scoring.table import LAWS
 
 SET_NAMES = {'test': 'test set', 'ood': 'unseen scenes'}
-# key: head of its column; a unit in brackets
+# metric: head of its column, with the unit in brackets
 LONG = {
     'energy_gain': 'energy gain',
     'energy_gain_median': 'median gain',
@@ -56,14 +56,14 @@ LATE = {
     'resting_drift': 'drift of spheres at rest [m]',
 }
 THESIS_STEPS = 2000
-"""Length of the thesis' trajectories, taken to be that of the rollouts in its table 2."""
+"""Length of the thesis' trajectories, assumed for the rollouts of its table 2."""
 PRINTED = {'energy_gain': 'energy gain', 'mse': 'MSE', 'chamfer': 'Chamfer'}
 _BLOCK = re.compile(r'(<!-- experiment: (\w+) -->\n)(.*?)(<!-- end -->)', re.DOTALL)
 _TRUTH = [key for key in LAWS if key != 'time_to_rest']
 
 
 def format_table(table: Mapping[str, Any]) -> str:
-    """All tables of an experiment, with a line on what is missing."""
+    """All tables of an experiment, with lines on missing cells."""
     if table['kind'] == 'teacher':
         blocks = [_teacher_block(table)]
     elif table['kind'] == 'speed':
@@ -84,14 +84,14 @@ def format_table(table: Mapping[str, Any]) -> str:
 
 
 def spread(mean: float | None, std: float | None) -> str:
-    """`mean ± std`, or the mean alone."""
+    """`mean ± std`, or the mean alone; 'diverged' without a mean."""
     if mean is None:
         return 'diverged'
     return mean_std(mean, std)
 
 
 def printed(value: Any) -> str:
-    """Return what the thesis prints: a number, [mean, std], a word, or nothing."""
+    """Text of a value of the thesis: a number, [mean, std], a word, or None."""
     if value is None:
         return ''
     if isinstance(value, str):
@@ -123,7 +123,7 @@ def _block(
     columns: Mapping[str, str],
     floor: Mapping[str, Any],
 ) -> str:
-    """Return a line for each variant, and one for the floor where a column has one."""
+    """Table with a line for each variant, and one for the floor where a column has one."""
     scores = [row['sets'][which][steps] for row in rows]
     keys = [key for key in columns if any(key in s['metrics'] for s in scores)]
     words = [
@@ -193,14 +193,14 @@ def _cell(statistic: Mapping[str, Any] | None) -> str:
 
 
 def write_page(page: Path, results: Path) -> None:
-    """Replace what is between `<!-- experiment: NAME -->` and `<!-- end -->` by table and figure.
+    """Fill a page between `<!-- experiment: NAME -->` and `<!-- end -->` with table and figure.
 
     Args:
-        page: Markdown file; all else in it stays.
-        results: Folder of a budget's tables.
+        page: Markdown file; the rest of it stays.
+        results: Folder of the aggregated results of a budget.
 
     Raises:
-        ConfigError: A marker names no experiment; the allowed ones are listed.
+        ConfigError: A marker names no experiment; the message lists the allowed ones.
     """
     known = shipped_experiments()
 

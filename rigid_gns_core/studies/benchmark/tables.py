@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .judge import HORIZONS
+from .accuracy import HORIZONS
 from ...files.tables import format_rows, number
 
 COMPARED = 'laws 8'
-"""The shipped model as it is, whose speed the others' are set beside."""
+"""The shipped model, with whose speed that of each peer is compared."""
 
 
 def format_scene(scene: Mapping[str, Any], reference: str | None) -> str:
-    """Table of one scene of a report of `command.run`: one line per peer."""
+    """Table of a scene of the report, with a line for each peer."""
     head = ['peer', 'frames/s', 'ms/frame (10..90 %)', 'p50/p99/worst ms', f'{COMPARED} is']
     errors = _error_names(scene)
     head += [*(_error_head(name) for name in errors), '']
@@ -35,7 +35,7 @@ def format_scene(scene: Mapping[str, Any], reference: str | None) -> str:
 
 
 def format_scaling(scaling: Mapping[str, Any]) -> str:
-    """Table of steps against spheres, with the exponent."""
+    """Table of the time per step against the number of spheres, with the fitted exponent."""
     rows = [
         [
             str(row['spheres']),
@@ -53,7 +53,7 @@ def format_scaling(scaling: Mapping[str, Any]) -> str:
 
 
 def format_processes(processes: Mapping[str, Any]) -> str:
-    """Lines about fresh processes and memory."""
+    """Lines on fresh processes and memory."""
     first, memory = processes['first_prediction'], processes['memory']
     seconds = first['seconds']
     text = (
@@ -72,7 +72,7 @@ def format_processes(processes: Mapping[str, Any]) -> str:
 
 
 def _error_names(scene: Mapping[str, Any]) -> list[str]:
-    """Those that any peer has, in their order."""
+    """Names of the errors of the peers, in their order."""
     measured = [peer['errors'] for peer in scene['peers'] if peer['errors'] is not None]
     return list(measured[0]) if measured else []
 

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a fresh process costs: time to its first prediction, memory.
+"""Costs of a fresh process: time to its first prediction, and memory.
 
-`python -m rigid_gns_core.studies.benchmark.fresh first` or `... memory SPHERES` is that process;
-it prints one line of JSON.
+`python -m rigid_gns_core.studies.benchmark.fresh_process first` or `... memory SPHERES` is that
+process; it prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ from typing import Any
 import numpy as np
 
 SPHERES = 154
-"""Spheres of a first prediction."""
+"""Number of spheres of a first prediction."""
 
 
 def first_prediction(repeats: int) -> dict[str, Any]:
-    """Start processes that import, load the shipped model and predict one step, one by one.
+    """Time processes, one after the other, that load the shipped model and predict one step.
 
     Args:
-        repeats: Processes; the first may find the disk cold.
+        repeats: Number of processes; the first may find a cold disk cache.
 
     Returns:
-        `seconds` of the wall clock until the process has ended: `median`, `first`, `worst`;
-        `most_resident` memory [bytes] or None, `spheres`, `processes`.
+        `seconds` of wall clock until the process has ended: `median`, `first`, `worst`;
+        `most_resident`, the peak memory [bytes] or None; `spheres`, `processes`.
+
+    Raises:
+        OSError: A process failed.
     """
     walls, peaks = [], []
     for _ in range(repeats):
@@ -46,11 +49,11 @@ def first_prediction(repeats: int) -> dict[str, Any]:
 
 
 def memory_per_sphere(spheres: int) -> dict[str, Any]:
-    """Resident memory that spheres of a bouncing box add to a process which has predicted before.
+    """Resident memory that a rollout of a bouncing box adds to a process that predicted before.
 
     Returns:
-        `spheres`; `before` and `most_resident` [bytes], `per_sphere`, their difference over the
-        spheres; None each where there is no Linux.
+        `spheres`; `before` and `most_resident` [bytes]; `per_sphere`, their difference divided by
+        the number of spheres. None each where this is not Linux.
     """
     return _ask('memory', spheres)
 
@@ -82,7 +85,7 @@ def _first(spheres: int) -> dict[str, Any]:
 def _memory(spheres: int) -> dict[str, Any]:
     from ...running.machine import resident_bytes
 
-    _predict(10, 3)  # code and weights are there now
+    _predict(10, 3)  # loads code and weights
     before = resident_bytes()
     _predict(spheres, 3)
     most = resident_bytes('VmHWM')
@@ -91,7 +94,7 @@ def _memory(spheres: int) -> dict[str, Any]:
 
 
 def main(what: str, spheres: str) -> int:
-    """Be the fresh process."""
+    """Run as the fresh process; the exit code."""
     answer = {'first': _first, 'memory': _memory}[what](int(spheres))
     print(json.dumps(answer))
     return 0

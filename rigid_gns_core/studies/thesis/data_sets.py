@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Data sets of a budget: made on demand below one folder, or used where they are there."""
+"""Data sets of a budget, generated on demand in one folder."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from ...scenes.scene_file import load_start
 from ...scenes.similarity import ModelUnits, Similarity
 from ...scenes.state import State
 
-# ending of a file or key in `Data`: share of the reference's substeps
+# ending of a file, or key of `Data`: substeps, relative to the reference's
 SUBSTEPS = {'': 1.0, 'half': 0.5, 'twice': 2.0}
 
 
 def make_sets(budget: Budget, folder: Path, kinds: Sequence[str], workers: Workers) -> None:
-    """Make what cells of these kinds need and `folder` lacks.
+    """Generate the data that cells of these kinds need and `folder` lacks.
 
     Raises:
-        DatasetError: A folder holds data of another recipe; the differences are named.
+        DatasetError: A folder holds data of another recipe; the message has the differences.
     """
     data = budget.data
     names = [data.train] if 'train' in kinds else []
@@ -54,19 +54,19 @@ def make_sets(budget: Budget, folder: Path, kinds: Sequence[str], workers: Worke
 
 
 def ood_path(folder: Path, scene: str, ending: str = '') -> Path:
-    """File of a scene at a share of the substeps, see `SUBSTEPS`."""
+    """File of a scene's reference, with an ending of `SUBSTEPS`."""
     name = short(scene)
     return folder / 'ood' / (f'{name}_{ending}.h5' if ending else f'{name}.h5')
 
 
 def training_set(budget: Budget, folder: Path) -> list[Record]:
-    """Return the training set."""
+    """Records of the training set."""
     name = budget.data.train
     return _first(folder / short(name), load_recipe(name).trajectories)
 
 
 def references(budget: Budget, folder: Path, which: str, ending: str = '') -> list[Record]:
-    """Return references of a set, at a share of the substeps; 'test' or 'ood'."""
+    """References of the set 'test' or 'ood', with an ending of `SUBSTEPS`."""
     if which == 'ood':
         return [read_record(ood_path(folder, scene, ending)) for scene in budget.data.ood]
     name = getattr(budget.data, ending) if ending else budget.data.test
@@ -74,7 +74,7 @@ def references(budget: Budget, folder: Path, which: str, ending: str = '') -> li
 
 
 def _first(folder: Path, count: int) -> list[Record]:
-    """Return the first `count` trajectories: a folder may hold more of the same recipe."""
+    """The first `count` records of a folder, which may hold more of the same recipe."""
     return list(islice(Dataset(folder, partial=True), count))
 
 
@@ -104,7 +104,7 @@ def _make_scene(name: str, folder: Path, data: Data) -> None:
 
 
 def _native_dt(scene: Scene, train: DataRecipe) -> float:
-    """Time step in a scene of models trained by a recipe, which are of one radius [s]."""
+    """Time step, in a scene, of models trained by a recipe of one radius [s]."""
     radius = train.radius if isinstance(train.radius, float) else train.radius[1]
     units = ModelUnits(radius=radius, gravity=train.gravity, dt=train.dt)
     return units.dt * Similarity.between(scene, units).time

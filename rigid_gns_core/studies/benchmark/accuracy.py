@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a peer is from the reference, and whether it blew up."""
+"""Accuracy of a peer: errors against the reference, and whether it is unstable."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .race import Lane
+from .interleaved import PeerRecord
 from .scenes import BenchScene, FRAME
 from ..chaos_floor import worst
 from ...scenes.scene import Scene
@@ -18,9 +18,9 @@ from ...scenes.state import Array, Trajectory
 from ...scoring import chamfer, passed_through
 
 HORIZONS = (30, 50, 100)
-"""Frames after which errors are reported."""
+"""Frames at which errors are reported."""
 ENERGY_RISE = 0.05
-"""A peer whose energy, as told by its positions, is over that of the start by more blew up."""
+"""Relative rise of the energy, as estimated from positions, above which a peer is unstable."""
 
 
 def position_errors(positions: Array, reference: Array) -> dict[str, float]:
@@ -28,8 +28,8 @@ def position_errors(positions: Array, reference: Array) -> dict[str, float]:
 
     Returns:
         `position_error_H` [m], the mean over spheres of the distance after H frames, for each of
-        `HORIZONS` within the reference, and `chamfer` [m^2] over all frames: infinite where
-        `positions` ended before or are not finite.
+        `HORIZONS` within the reference; `chamfer` [m^2] over all frames. Infinite where
+        `positions` are too short or not finite.
     """
     last = len(reference) - 1
     errors: dict[str, float] = {}
@@ -44,15 +44,15 @@ def position_errors(positions: Array, reference: Array) -> dict[str, float]:
     return errors
 
 
-def faults(scene: BenchScene, lane: Lane) -> tuple[list[str], list[str]]:
-    """Return what went wrong in a lane: what makes it count as unstable, and what does not.
+def faults(scene: BenchScene, record: PeerRecord) -> tuple[list[str], list[str]]:
+    """Faults of a peer: those that make it unstable, and minor ones.
 
-    Unstable: it stopped, its energy rose, or spheres are behind a surface at the end. Those whose
-    centres were behind one and came back are told, no more.
+    It is unstable where it stopped, its energy rose, or spheres are behind a surface at the end.
+    Centres that were behind a surface and came back are minor.
     """
-    if lane.stopped is not None:
-        return [lane.stopped], []
-    positions, count = np.stack(lane.positions), len(scene.start)
+    if record.stopped is not None:
+        return [record.stopped], []
+    positions, count = np.stack(record.positions), len(scene.start)
     through = passed_through(positions, scene.scene.radius, scene.scene.surfaces)
     lost = np.zeros(count, dtype=bool)
     for plane in scene.scene.surfaces:
@@ -69,11 +69,11 @@ def faults(scene: BenchScene, lane: Lane) -> tuple[list[str], list[str]]:
 
 
 def energy_rise(scene: BenchScene, positions: Array) -> float:
-    """Largest part by which the energy is over that of the start; 0: it never is.
+    """Largest rise of the energy above that of the start, relative to the latter; at least 0.
 
-    Of positions alone, since not all peers give velocities: between two frames, the kinetic energy
-    of the mean velocity and the mean of both heights. In flight and at rest that is never more
-    than the true one, so a rise is real; the rotation, which is not seen, can only add.
+    It is estimated from positions, since not all peers give velocities: between two frames, the
+    kinetic energy of the mean velocity, and the mean of both heights. In flight and at rest this
+    is a lower bound, so that a rise is real; the unknown rotational energy can only add to it.
 
     Args:
         scene: Gravity, masses and the start with its velocities.
@@ -91,39 +91,39 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
     spin = np.linalg.norm(scene.start.angular_velocities, axis=1)
     speed = np.linalg.norm(scene.start.velocities, axis=1)
     begin = 0.5 * (mass * (speed**2 + 0.4 * (radius * spin) ** 2)).sum() + potential[0]
-    # m g r of all spheres: what lies on the ground from the start has no other energy
+    # plus m g r of all spheres: spheres that rest on the ground from the start have no energy
     scale = begin + (mass * gravity * radius).sum()
     energy = moving + 0.5 * (potential[1:] + potential[:-1])
     return max(0.0, float((energy.max() - begin) / scale))
 
 
 def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float | None] | None:
-    """Return the floor of chaos, of the reference and those at other substeps."""
+    """Floor of chaos: the worst errors of the runs at other substeps against the first run."""
     if runs is None:
         return None
     reference, *others = (run.positions for run in runs)
     return worst([position_errors(other, reference) for other in others])
 
 
-def result(scene: BenchScene, lane: Lane, reference: Array | None) -> dict[str, Any]:
-    """Status, faults and errors of a lane.
+def assess(scene: BenchScene, record: PeerRecord, reference: Array | None) -> dict[str, Any]:
+    """Status, faults and errors of a peer.
 
     Returns:
-        `status` is 'ok', 'unstable' or 'refused', `faults` (see `faults`) or why, `errors` (see
-        `position_errors`) or None where there is no reference or nothing was simulated.
+        `status` ('ok', 'unstable' or 'refused'), `faults` (see `faults`, or why it refused) and
+        `errors` (see `position_errors`; None without a reference or a simulation).
     """
-    if lane.refused is not None:
-        return {'status': 'refused', 'faults': [lane.refused], 'errors': None}
-    grave, slight = faults(scene, lane)
+    if record.refused is not None:
+        return {'status': 'refused', 'faults': [record.refused], 'errors': None}
+    grave, slight = faults(scene, record)
     errors = None
     if reference is not None:
-        errors = position_errors(np.stack(lane.positions), reference)
+        errors = position_errors(np.stack(record.positions), reference)
     status = 'unstable' if grave else 'ok'
     return {'status': status, 'faults': grave + slight, 'errors': errors}
 
 
 def _ground(scene: Scene) -> float:
-    """Height of the ground [m]; 0 where there is none."""
+    """Height of the ground [m]; 0 without one."""
     if scene.ground is None:
         return 0.0
     return float(np.asarray(scene.surfaces[scene.ground].point) @ scene.up)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rollout or a bag as `report` takes it: its options, and the comparison that they name."""
+"""Options that name the records or the bag of a comparison, and reading it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..show.comparison import Comparison, cut
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
-    """Options that say what to show."""
+    """Add the options of `read_comparison`."""
     parser.add_argument(
         'source',
         type=Path,
@@ -37,7 +37,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--title', help='headline (default: from the name of the source)')
     scene = parser.add_argument(
-        '--scene', metavar='NAME|FILE', help='scene of a bag that holds none'
+        '--scene', metavar='NAME|FILE', help='scene of a bag instead of the recorded one'
     )
     completes(scene, configs('scenes'))
     parser.add_argument('--tracked', metavar='TOPIC', help='topic of tracked poses in a bag')
@@ -47,15 +47,16 @@ def add_source(parser: argparse.ArgumentParser) -> None:
 def read_comparison(
     arguments: argparse.Namespace, *, floors: Sequence[Path] = (), velocities: Velocities = 'given'
 ) -> Comparison:
-    """Read what the options of `add_source` name.
+    """Read the comparison that the options of `add_source` name.
 
     Args:
         arguments: Parsed options.
-        floors: Records of the reference's start, simulated otherwise.
-        velocities: Of records: as given, or 'poses': by backward differences, as for a bag.
+        floors: Records of other simulations of the reference's start.
+        velocities: Velocities of records: 'given', or 'poses' for backward differences, as for
+            bags.
 
     Raises:
-        UserError: A file cannot be read, or two do not fit together.
+        UserError: A file cannot be read, or two files do not fit together.
     """
     source: Path = arguments.source
     if not source.exists():
@@ -124,7 +125,7 @@ def _laws_alone(record: Record) -> dict[str, Any]:
 
 
 def engine_name(record: Record) -> str:
-    """Return what computed a record, as its legend says it."""
+    """Name of the engine of a record, for legends."""
     engine = str(record.teacher.get('engine', 'unknown'))
     if engine == 'pybullet':
         return 'Bullet'

@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the simulator is doing, as /diagnostics says it: numbers of the last 10 s, and levels.
-
-docs/node.md states the bounds. No ROS in here.
-"""
+"""The simulator's /diagnostics: statistics of the last 10 s, and levels by docs/node.md."""
 
 from __future__ import annotations
 
@@ -24,17 +21,17 @@ if TYPE_CHECKING:
     from rigid_gns_core.forecasts.forecaster import Forecaster
     from rigid_gns_core.forecasts.predictor import Predictor
 
-LATE_SHARE = 0.5  # of a period, of the 99th percentile of lateness
+LATE_SHARE = 0.5  # 99th percentile of lateness that is a warning [periods]
 
 
-class Health:
-    """Counts what happens and reports it.
+class Diagnostics:
+    """Counts events and reports them as diagnostic statuses.
 
     Args:
-        name: Of the node.
+        name: Name of the node.
         model: Makes the forecasts.
-        predictor: Tells errors, starts and counts.
-        window: Tells what became of tracked frames and spheres.
+        predictor: Gives errors, starts and counts.
+        window: Gives counts of tracked frames and spheres.
     """
 
     def __init__(
@@ -50,54 +47,54 @@ class Health:
         self._shortened = self._failure = ''
 
     def frame_accepted(self) -> None:
-        """Count a tracked frame that was taken."""
+        """Count an accepted tracked frame."""
         self._frames.add()
 
     def frame_rejected(self, why: str) -> None:
-        """Count a tracked message that was refused."""
+        """Count a rejected tracked message, with the reason."""
         self.rejected += 1
         self._last_rejection = why
         self._rejections.add()
 
     def started(self) -> None:
-        """Count a forecast that started."""
+        """Count a start of a forecast."""
         self._starts += 1
 
     def stepped(self, times: Sequence[float]) -> None:
-        """Note that steps of the model took so long [s]."""
+        """Note the wall-clock times of model steps [s]."""
         for step_time in times:
             self._steps.add(step_time)
 
     def due(self, late: float) -> None:
-        """Note that a prediction was published, or left out, so long after its time [s]."""
+        """Note the lateness [s] of a prediction that was published or skipped."""
         self._lateness.add(late)
         if late > self._predictor.period_ns * 1e-9:
             self._late.add()
 
     def future_computed(self, took: float, error: str) -> None:
-        """Note that a future took so long [s]; `error` says why it ends early, or is ''."""
+        """Note the time that a future took [s], and why it ends early; empty: it does not."""
         self._futures.add(took)
         self._shortened = error
 
     def future_failed(self, why: str) -> None:
-        """Count a frame whose future could not be computed."""
+        """Count a frame without a future, with the reason."""
         self._failed.add()
         self._failure = why
 
     def future_superseded(self) -> None:
-        """Count a frame that came before the future of the one before it was begun."""
+        """Count a frame whose future was dropped for that of a newer frame."""
         self._superseded.add()
 
     def report(
         self, *, paused: bool, horizon: float, bag: BagWriter | None, size: int
     ) -> list[Status]:
-        """Return the statuses of now.
+        """Present statuses.
 
         Args:
-            paused: Whether predictions are.
+            paused: Whether predictions are paused.
             horizon: Length of futures [s]; 0: none.
-            bag: The recording.
-            size: Bytes handed to it.
+            bag: The recording; None: there is none.
+            size: Bytes passed to it.
         """
         statuses = [self._tracking(), self._prediction(paused), _recording(bag, size)]
         if horizon:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Clocks that jump: simulated ones, and the system's where it is set while the node runs."""
+"""Detection of clock jumps: of simulated time, and of the system clock when it is set."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from rclpy.clock import JumpHandle, JumpThreshold, ROSClock
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-AHEAD = 1_000_000_000  # the clock goes on like this at most; a smaller step is caught up with [ns]
+AHEAD = 1_000_000_000  # larger steps are jumps; smaller ones are caught up with [ns]
 
 
 def simulated(node: Node) -> bool:
-    """Whether the node's clock is that of a simulation, as with `use_sim_time`."""
+    """Whether the node runs on simulated time (`use_sim_time`)."""
     clock = node.get_clock()
     return isinstance(clock, ROSClock) and clock.ros_time_is_active
 
 
 def on_jump(node: Node, callback: Callable[[int], None]) -> JumpHandle:
-    """Call `callback` with the jump [ns] where a simulated clock goes back, or far ahead at once.
+    """Call `callback` with each jump of simulated time [ns]: back, or ahead by over a second.
 
-    The handle must be kept, and unregistered before the node ends: rclpy may crash otherwise.
+    The handle must be kept, and unregistered before the node ends, else rclpy may crash.
     """
     threshold = JumpThreshold(
         min_forward=Duration(nanoseconds=AHEAD + 1),
@@ -36,22 +36,22 @@ def on_jump(node: Node, callback: Callable[[int], None]) -> JumpHandle:
     )
 
 
-class SetClock:
-    """Compares a node's clock with the monotonic one, which nobody sets.
+class ClockWatch:
+    """Detects steps of the system clock by comparing it with the monotonic clock.
 
-    rclpy tells jumps of simulated time alone. A robot without a battery clock boots years ago, and
-    is set when it finds a time server.
+    rclpy reports jumps of simulated time only. A robot without a battery-backed clock boots with a
+    time years ago, which is set when it reaches a time server.
 
     Args:
-        node: Its clock is watched, unless it is simulated.
+        node: Node whose clock is watched, unless it is simulated.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._apart: int | None = None  # of both clocks at the last look [ns]
+        self._apart: int | None = None  # difference of both clocks at the last call [ns]
 
-    def set_by(self) -> int:
-        """By how much the clock was set since the last call [ns]; 0 where it was not."""
+    def jump_ns(self) -> int:
+        """Step of the clock since the last call [ns]; 0: it was not set."""
         if simulated(self._node):
             self._apart = None
             return 0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The table of hard cases: per case one line per model."""
+"""The table of hard cases, with a line for each case and model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ERRORS = ('error', 'floor', 'ratio')
 
 
 def format_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Text of rows of `command.run_cases`; columns that no row fills are left out."""
+    """Table of rows of `run_cases`; columns that no row fills are left out."""
     columns = [*_LAWS, *(_ERRORS if any(row['errors'] for row in rows) else ())]
     notes: dict[str, int] = {}
     cells = [[*(_cell(row, column) for column in columns), _remark(row, notes)] for row in rows]
@@ -31,7 +31,7 @@ def format_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def format_summary(rows: Sequence[Mapping[str, Any]]) -> str:
-    """One line per model: how many cases it passed, failed and refused, and which it failed."""
+    """A line for each model: numbers of cases passed, failed and refused, and which it failed."""
     lines = []
     for model in dict.fromkeys(row['model'] for row in rows):
         own = [row for row in rows if row['model'] == model]
@@ -78,7 +78,7 @@ def _cell(row: Mapping[str, Any], column: str) -> str:
 
 
 def _remark(row: Mapping[str, Any], notes: dict[str, int]) -> str:
-    """Return what else there is to say; long texts go below the table, under a number."""
+    """Remark of a row; long texts go below the table, by their number in `notes`."""
     if row['refused'] is not None:
         return str(row['refused'])
     parts = []

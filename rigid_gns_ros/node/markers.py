@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Markers of tracked and predicted spheres and of their future, while somebody looks at them."""
+"""Markers of tracked and predicted spheres and of predicted paths, published while subscribed."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)
 PATH: Color = (0.20, 0.45, 0.85, 0.9)
-PATH_WIDTH = 0.1  # of a radius
-LIFETIME = 3.0  # [periods]; at least half a second, and the longest gap of a tracker
+PATH_WIDTH = 0.1  # [radii]
+LIFETIME = 3.0  # [periods]; at least half a second and the longest gap of the tracker
 
 
-class Drawing:
-    """Publishes markers; they repeat what other topics say and are not recorded.
+class MarkerPublisher:
+    """Publisher of markers; they repeat other topics and are not recorded.
 
     Args:
-        publisher: Of visualization_msgs/MarkerArray.
-        model: Gives its largest radius and its period.
+        publisher: Publisher of visualization_msgs/MarkerArray.
+        model: Gives the largest radius and the period.
         window: Gives the radius of each sphere.
         gap: Longest time between tracked frames [s].
     """
@@ -49,15 +49,15 @@ class Drawing:
         self._lifetime_ns = round(max(LIFETIME * model.period, gap, 0.5) * 1e9)
 
     def tracked(self, stamp_ns: int, positions: Array, ids: Sequence[int]) -> None:
-        """Draw tracked spheres at their centres [m], shape (n, 3)."""
+        """Publish tracked spheres at their centres [m], shape (n, 3)."""
         self._spheres('tracked', stamp_ns, positions, ids, TRACKED)
 
     def predicted(self, stamp_ns: int, positions: Array, ids: Sequence[int]) -> None:
-        """Draw predicted spheres."""
+        """Publish predicted spheres at their centres [m], shape (n, 3)."""
         self._spheres('predicted', stamp_ns, positions, ids, PREDICTED)
 
     def future(self, future: Future) -> None:
-        """Draw the paths of a future."""
+        """Publish the paths of a predicted trajectory."""
         if self.watched and len(future.positions) > 1:
             width = PATH_WIDTH * self._model.radius
             ids = future.job.ids

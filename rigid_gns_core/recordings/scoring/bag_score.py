@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the scores of a bag are, and are of."""
+"""The scores of a bag."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ...scenes.state import Trajectory
 
 
 @dataclass(frozen=True)
-class Scored:
-    """A bag that was scored.
+class BagScore:
+    """Scores of a bag, and the trajectories that were compared.
 
     Args:
-        report: What `scoring.evaluate.evaluate` returns, and `recording` (what was compared),
+        report: The report of `scoring.evaluate.evaluate`, with `recording` (what was compared),
             `frames` (counts), `horizon_errors` and `future_errors` (by time since a start, of
-            predictions and of whole futures, see `HorizonErrors.report`), `timing` (of messages
-            and of model steps) and `notes` (sentences that a reader of the numbers needs).
+            predictions and of predicted trajectories, see `HorizonErrors.report`), `timing` (of
+            messages and model steps) and `notes` (sentences).
         scene: Surfaces and spheres.
-        predicted: Poses at equal times.
-        tracked: Poses at the same times.
+        predicted: Predicted poses at equal intervals.
+        tracked: Tracked poses at the same times.
     """
 
     report: dict[str, Any]
@@ -34,7 +34,7 @@ class Scored:
 
     @property
     def title(self) -> str:
-        """Bag, spheres and model, for people."""
+        """Headline: bag, number of spheres and model."""
         what = self.report['recording']
         name = Path(what['bag']).resolve().name
         return f'{name}: {self.predicted.count} spheres, model {what["model"]}'

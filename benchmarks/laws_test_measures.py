@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is measured of a rollout beside its reference, and its floor: Bullet beside itself."""
+"""Measures of a rollout against its reference, and the floor: Bullet against itself."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ LAWS = {
 
 
 def roll(simulator: Simulator, record: Record, steps: int) -> tuple[Trajectory, Rollout]:
-    """Return a rollout from the record's start; NaN from where it diverges."""
+    """Trajectory from the record's start, NaN after a divergence, and its rollout."""
     rollout = simulator.start(record.scene, **vars(record.trajectory[0]))
     states: list[State] = [rollout.state]
     try:
@@ -69,7 +69,7 @@ def roll(simulator: Simulator, record: Record, steps: int) -> tuple[Trajectory, 
 
 
 def errors_of(predicted: Trajectory, reference: Trajectory, report: Mapping[str, Any]) -> dict:
-    """Return the errors that have a floor: a report's, and of spheres the reference stops."""
+    """Errors that have a floor: of a report, and of spheres that rest in the reference."""
     values = {key: report['errors'].get(key) for key in ERRORS}
     stopped = np.linalg.norm(reference.velocities[-1], axis=1) < REST
     if stopped.any():
@@ -84,7 +84,7 @@ def errors_of(predicted: Trajectory, reference: Trajectory, report: Mapping[str,
 
 
 def floor_of(reference: Record, others: Sequence[Record]) -> dict[str, float | None]:
-    """Return the worse of Bullet's errors at other substeps, for each error; and its own laws."""
+    """Worst errors of Bullet at other substeps, and the laws of the reference."""
     errors: list[dict] = []
     laws: dict[str, float | None] = {}
     start = reference.trajectory.positions[0]
@@ -136,7 +136,7 @@ def measure(
 
 
 def guard_shares(stepper: EngineStepper, scene: Scene, start: State) -> dict[str, float | None]:
-    """How often the guard acted per step, and what it took of the energy above the ground."""
+    """Rate at which the guard acted per step, and the share of energy that it removed."""
     ground = scene.surfaces[scene.ground].point if scene.ground is not None else (0.0, 0.0, 0.0)
     mass, radius = (scene.per_sphere(name, len(start)) for name in ('mass', 'radius'))
     spin = 0.4 * radius**2 * np.sum(start.angular_velocities**2, axis=1)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From cells to a table: mean and standard deviation over seeds, and what diverged."""
+"""Aggregation of cells: mean and standard deviation over seeds, and diverged rollouts."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ import numpy as np
 
 from .budget import Budget
 from .cell import Cell, cells_of, Store, teacher_cells
-from .study import Experiment, SETS, Variant
+from .experiments import Experiment, SETS, Variant
 from ..chaos_floor import over_floor
 
 Result = Mapping[str, Any]
 Statistic = dict[str, float | int | None]
 MEDIANS = ('energy_gain', 'mse', 'mse_ratio', 'chamfer', 'chamfer_ratio', 'predictability_time')
-"""Also given as a median: one rollout that nearly diverges, or comes to rest, rules their mean."""
+"""Metrics also given as a median: a single rollout can dominate their mean."""
 
 
 def make_table(
     experiment: Experiment, budget: Budget, seeds: Sequence[int], store: Store
 ) -> dict[str, Any]:
-    """Table of an experiment from the cells that are there.
+    """Aggregate the finished cells of an experiment.
 
     Metrics of a whole rollout (laws, `mse`, `chamfer`) are infinite where it diverged. Those up to
-    a step (`position_error_10`) are so only if it diverged before; `predictability_time` and
-    `escaped` stay finite. Means are over finite values: they leave the diverged rollouts out of
-    the first and have them in the others. A median (`MEDIANS`) has all, infinite ones too.
+    a step (`position_error_10`) are infinite only if it diverged before; `predictability_time` and
+    `escaped` stay finite. Means are over finite values, and so leave diverged rollouts out of the
+    first kind only. Medians (`MEDIANS`) include infinite values.
 
     Returns:
         `rows`, one for each variant, with `missing` seeds and, by set and steps, `diverged` of
-        `rollouts` and `metrics` with `mean` and `std` over seeds (n - 1) of the mean over
-        rollouts, or of the median in `mse_median` and so on; with `floor`, the teacher at other
+        `rollouts`, and `metrics` with `mean` and `std` over seeds (n - 1) of the mean over
+        rollouts, or of the median in `mse_median` and so on; and `floor`, the teacher at other
         substeps.
     """
     table: dict[str, Any] = {
@@ -103,7 +103,7 @@ def _row(
 
 
 def _score(measured: Sequence[Result], floor: Result | None) -> dict[str, Any]:
-    """Statistics over seeds of columns of rollouts, and of their ratios to the floor."""
+    """Statistics over seeds of the metrics of rollouts, and of their ratios to the floor."""
     lost = [step for columns in measured for step in columns['diverged_at']]
     names = [name for name in measured[0] if name != 'diverged_at']
     seeds = {name: [columns[name] for columns in measured] for name in names}
@@ -125,7 +125,7 @@ def _score(measured: Sequence[Result], floor: Result | None) -> dict[str, Any]:
 
 
 def _statistic(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
-    """Over seeds, of the means over rollouts that are finite; None: there are no values at all."""
+    """Statistic over seeds of the means of finite values; None: there are no values."""
     known = [[v for v in values if v is not None] for values in seeds]
     finite = [[v for v in values if np.isfinite(v)] for values in known]
     if not any(known):
@@ -140,7 +140,7 @@ def _statistic(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
 
 
 def _median(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
-    """Over seeds, of the medians over all rollouts, infinite where one of them is."""
+    """Statistic over seeds of the medians over rollouts, infinite where one of them is."""
     known = [[v for v in values if v is not None] for values in seeds]
     medians = [float(np.median(values)) for values in known if values]
     if not medians:
@@ -154,7 +154,7 @@ def _median(seeds: Sequence[Sequence[float | None]]) -> Statistic | None:
 
 
 def _floor_row(floor: Result) -> dict[str, Any]:
-    """Mean of the floor over rollouts, and its median where a metric has one, by steps."""
+    """Mean of the floor over rollouts by steps, with the median for `MEDIANS`."""
     rows = {}
     for steps, columns in floor.items():
         if steps.isdecimal():
@@ -166,7 +166,7 @@ def _floor_row(floor: Result) -> dict[str, Any]:
 
 
 def _minutes(result: Result) -> float | None:
-    """Wall time of a cell; None where that of its first steps is not known."""
+    """Wall-clock time of a cell [min]; None where that of its first steps is unknown."""
     seconds = result['seconds']
     # some were added up over several processes, from a step that they tell
     begin = seconds.get('counted_from_step', seconds.get('resumed_at_step', 0))
@@ -174,7 +174,7 @@ def _minutes(result: Result) -> float | None:
 
 
 def _teacher_row(variant: Variant, result: Result | None) -> dict[str, Any]:
-    """Laws of a set: mean and std over trajectories, by velocities."""
+    """Laws of a set: mean and standard deviation over trajectories, by kind of velocities."""
     row: dict[str, Any] = {
         'variant': variant.name,
         'label': variant.label,
@@ -210,7 +210,7 @@ def _speed_rows(experiment: Experiment, budget: Budget, store: Store) -> list[di
         }
         if result is not None:
             values = {k: _over_rollouts(v) for k, v in result['values'].items()}
-            # of all frames together: few spheres would rule a mean of rates
+            # of all frames together: in a mean of rates, records of few spheres would dominate
             rate = 1.0 / float(np.mean(result['values']['seconds_per_frame']))
             values['frames_per_second'] = {'mean': rate, 'std': None, 'count': 1}
             row |= {

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a figure of an experiment shows: one point for each variant, in each panel."""
+"""Data of a figure: panels, each with one point for each variant."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
-from .study import SETS
-from .table import MEDIANS
+from .aggregate import MEDIANS
+from .experiments import SETS
 
 _TRUTH = {'poses': 'ours, by differences of poses', 'given': "ours, by Bullet's own velocities"}
 
@@ -21,13 +21,13 @@ class Point:
     """A variant in a panel.
 
     Args:
-        place: On the axis of variants.
-        label: Of the variant.
-        mean: Ours, over seeds; None: not run, or nothing finite; inf: a seed's median is.
-        std: Of `mean`.
-        lost: Rollouts that diverged, of `rollouts`.
-        rollouts: How many there were.
-        thesis: What the thesis prints: a number, [mean, std], a word, or nothing.
+        place: Position on the axis of variants.
+        label: Label of the variant.
+        mean: Our mean over seeds; None: not run, or nothing finite; inf: the median of a seed is.
+        std: Standard deviation over seeds.
+        lost: Number of rollouts that diverged.
+        rollouts: Number of all rollouts.
+        thesis: The thesis' value: a number, [mean, std], a word, or None.
     """
 
     place: float
@@ -40,12 +40,12 @@ class Point:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing of ours is to be seen."""
+        """Whether there is no result of ours to draw."""
         return self.mean is None and not self.lost
 
     @property
     def finite(self) -> bool:
-        """Whether ours has a place on the scale."""
+        """Whether our mean can be drawn on the axis."""
         return self.mean is not None and isfinite(self.mean)
 
 
@@ -54,12 +54,12 @@ class Panel:
     """One metric on one set.
 
     Args:
-        metric: Name of the metric; with `_median` where medians over rollouts are shown.
+        metric: Name of the metric, with `_median` for medians over rollouts.
         which: 'test' or 'ood'.
-        points: One for each variant.
-        floor: The teacher against itself, or half a radius where that is more; None: it has none.
+        points: A point for each variant.
+        floor: The teacher against itself, or half a radius if that is more; None: no floor.
         bounded: Whether `floor` is half a radius.
-        steps: Of each rollout; None: nothing is rolled out.
+        steps: Steps of each rollout; None: there are no rollouts.
     """
 
     metric: str
@@ -71,7 +71,7 @@ class Panel:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Lowest and highest value to be seen; the thesis' only where they are near ours."""
+        """Limits of the value axis; the thesis' values count only where they are near ours."""
         ours = [p.mean for p in self.points if p.mean is not None]
         ours = [v for v in [*ours, self.floor or 0.0] if 0 < v < inf]
         if not ours:
@@ -84,12 +84,12 @@ class Panel:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the values span so much that a plain axis would hide some."""
+        """Whether the axis is logarithmic, as the values span more than a decade."""
         return self.limits[0] > 0
 
 
 def panels_of(table: Mapping[str, Any]) -> list[Panel]:
-    """Panels of a table, set by set; without those in which nothing has run."""
+    """Panels of a table, set by set, without those in which no cell has run."""
     panels = []
     for which in SETS:
         steps = table['steps'][which] if table['kind'] == 'train' else None
@@ -104,7 +104,7 @@ def panels_of(table: Mapping[str, Any]) -> list[Panel]:
 
 
 def printed_numbers(value: Any) -> list[float]:
-    """Return the number, or mean and std, that the thesis prints; empty: it is none."""
+    """Number, or mean and standard deviation, of a value of the thesis; empty: it is none."""
     if value is None or isinstance(value, str):
         return []
     return [float(part) for part in (value if isinstance(value, list) else [value])]
@@ -148,7 +148,7 @@ def _truth_points(table: Mapping[str, Any], which: str, metric: str) -> list[Poi
 
 
 def _floor(table: Mapping[str, Any], which: str, metric: str) -> tuple[float | None, bool]:
-    """Floor, and whether its bound is more; none of a law, which has no reference."""
+    """Floor, and whether it is the least floor; None for laws, which have no reference."""
     if table['kind'] != 'train':
         return None, False
     floor = table['floor'].get(which, {}).get(str(table['steps'][which]), {})

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Import of spheres that do not keep their places in the message, and of scenes nobody said."""
+"""Import of spheres whose order in the message changes, and of bags without a scene."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_spheres_are_matched_where_the_simulator_matched_them(
     assert '13 poses put in where one was not seen' in text
 
 
-def test_match_is_for_bags_that_say_nothing(
+def test_match_is_for_bags_without_a_recorded_simulator(
     tmp_path: Path, slow: Trajectory, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = write_bag(tmp_path / 'bag', slow, None, any_order)
@@ -201,7 +201,7 @@ def test_poses_in_any_order_are_refused(
 
 
 @pytest.mark.parametrize(('truth', 'scene', 'frame'), [('slow', SCENE, 50), ('fast', FAST, 5)])
-def test_two_that_change_places_once_are_told(
+def test_a_single_exchange_is_a_warning(
     tmp_path: Path, request: pytest.FixtureRequest, truth: str, scene: Scene, frame: int
 ) -> None:
     trajectory = request.getfixturevalue(truth)
@@ -242,7 +242,7 @@ def test_a_carousel_of_spheres_is_motion(tmp_path: Path) -> None:
     assert not any('change places' in warning for warning in report['warnings'])
 
 
-def test_noise_instead_of_motion_is_told(tmp_path: Path) -> None:
+def test_noise_instead_of_motion_is_a_warning(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(1.0, 500.0, (60, 3, 3))
     turned = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (60, 3, 4))
@@ -252,7 +252,7 @@ def test_noise_instead_of_motion_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('text', ['kitchen', '"kitchen"', '{"scene": "kitchen"}', '[1]'])
-def test_a_scene_topic_of_somebody_else(tmp_path: Path, slow: Trajectory, text: str) -> None:
+def test_a_scene_topic_of_another_node(tmp_path: Path, slow: Trajectory, text: str) -> None:
     foreign = write_bag(tmp_path / 'foreign', slow, text)
     with pytest.raises(ValueError, match=r'foreign: /world/scene holds no scene .*with --scene'):
         import_bags([foreign], tmp_path / 'none')
