@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .flight import reach_of
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import find_pairs, Flags, Indices
@@ -30,12 +31,6 @@ class Candidates(NamedTuple):
     plane: Indices
     side: Array
     key: Indices
-
-
-@in_place
-def reach_of(speed: float, gravity: float, dt: float) -> float:
-    """How far a sphere may get in a frame, in any direction: v dt + g dt^2."""
-    return speed * dt + gravity * dt**2
 
 
 @compiled

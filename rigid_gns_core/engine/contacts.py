@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates
+from .flight import position_on_path
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
@@ -185,14 +186,14 @@ def impact_with_plane(
     time = ahead
     if not hits:
         time = min(0.0, max(-lookback, gap / -speed)) if speed < 0 else 0.0
-    there = _on_path(local, moving, pulling, max(time, 0.0))
+    there = position_on_path(local, moving, pulling, max(time, 0.0))
     on_face = math.fabs(there[0]) <= half[0] and math.fabs(there[1]) <= half[1]
     face = on_face and (hits or touches or gap <= margin)
     speculative_gap = 0.0 if hits or touches else gap
     if not face:
         # an edge: by the closest points at the start and at the end of the free path
         rim = offset_from_rectangle(local, half)
-        rim_end = offset_from_rectangle(_on_path(local, moving, pulling, h), half)
+        rim_end = offset_from_rectangle(position_on_path(local, moving, pulling, h), half)
         if rim[0] == 0 and rim[1] == 0 and rim_end[0] == 0 and rim_end[1] == 0:
             return _no_impact()
         gap, gap_end = length(rim) - radius, length(rim_end) - radius
@@ -205,7 +206,7 @@ def impact_with_plane(
     if speculative_gap <= TOUCH * radius:
         speculative_gap = 0.0
     before = max(time, 0.0)
-    at = _on_path(local, moving, pulling, before)
+    at = position_on_path(local, moving, pulling, before)
     normal, distance = (0.0, 0.0, side), side * at[2]
     if not face:
         rim = offset_from_rectangle(at, half)
@@ -221,11 +222,6 @@ def impact_with_plane(
         approach_speed=-dot(velocity_then, normal),
         acceleration=dot(pulling, normal),
     )
-
-
-@in_place
-def _on_path(start: Vector, moving: Vector, pulling: Vector, time: float) -> Vector:
-    return plus(start, times(time, plus(moving, times(0.5 * time, pulling))))
 
 
 @compiled

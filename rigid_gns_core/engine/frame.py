@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .broad_phase import Candidates, find_candidates, reach_of
+from .broad_phase import Candidates, find_candidates
 from .contacts import find_contacts
+from .flight import fly, reach_of
 from .impulses import no_impulses
 from .islands import connect, Islands, no_islands
 from .overlap import push_out
@@ -20,7 +21,7 @@ from .world import UNIT_GRAVITY, World, world_among
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.quaternions import turn
-from ..kernels.vector import dot, length, minus, put, row
+from ..kernels.vector import length, minus, put, row
 from ..scenes.state import Array
 
 # most corrections after the last substep, of collisions on paths that contacts bent within it
@@ -52,7 +53,7 @@ def advance(
     islands, h, started = no_islands(len(awake)), dt / settings.substeps, 0
     now, after, old = spheres, copy_spheres(spheres), warm_start
     if len(candidates.a) == 0:
-        _fly(world, spheres, islands.touched, awake, dt, after)
+        fly(world, spheres, islands.touched, awake, dt, after)
         nothing = WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=True)
         return after, with_sleepers(nothing, old, awake, len(world.point)), islands
     while True:
@@ -116,7 +117,7 @@ def advance(
         _scatter(motion, quaternions, members_islands, members, after, islands)
         if not outran and started == 0:
             break
-        _fly(world, now, _flags(members, len(awake)), awake, (done - started) * h, after)
+        fly(world, now, _flags(members, len(awake)), awake, (done - started) * h, after)
         if not outran:
             break
         now, after, started = after, copy_spheres(after), done
@@ -125,7 +126,7 @@ def advance(
             world, now.positions, now.velocities, dt, awake, spheres.positions
         )
     # spheres without contact fly on one parabola from the start of the frame
-    _fly(world, spheres, islands.touched, awake, dt, after)
+    fly(world, spheres, islands.touched, awake, dt, after)
     new = active_impulses(candidates.key, impulses)
     return after, with_sleepers(new, old, awake, len(world.point)), islands
 
@@ -223,26 +224,3 @@ def _scatter(
         if members_islands.touched[m]:
             connect(islands_out, i, members[members_islands.parent[m]])
             islands_out.grounded[i] |= members_islands.grounded[m]
-
-
-@in_place
-def _fly(
-    world: World, before: Spheres, excluded: Flags, awake: Flags, time: float, spheres_out: Spheres
-) -> None:
-    """Free flight of all but the excluded: p + v t + g t^2 / 2, v + g t; sleepers stay."""
-    for i in range(len(excluded)):
-        if excluded[i]:
-            continue
-        for axis in range(3):
-            fall, speed = time * world.gravity[axis], before.velocities[i, axis]
-            way = time * (speed + 0.5 * fall)
-            if not awake[i]:
-                way = fall = 0.0
-            spheres_out.positions[i, axis] = before.positions[i, axis] + way
-            spheres_out.velocities[i, axis] = speed + fall
-        spin = row(before.angular_velocities, i)
-        put(spheres_out.angular_velocities, i, spin)
-        for part in range(4):
-            spheres_out.quaternions[i, part] = before.quaternions[i, part]
-        if dot(spin, spin) > 0:
-            turn(spheres_out.quaternions, i, spin, time)

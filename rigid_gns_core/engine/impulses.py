@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .contact_law import Law
 from .contacts import Contacts
-from .law import Law
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices

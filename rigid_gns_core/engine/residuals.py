@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .contact_law import Law, Target, target_of
 from .contacts import Contacts
 from .impulses import Bodies, Impulses, separation_velocity
-from .law import Law, Target, target_of
 from .world import UNIT_GRAVITY, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices

@@ -19,9 +19,9 @@ import math
 
 import numpy as np
 
+from .contact_law import Law
 from .contacts import Contacts
 from .impulses import Bodies, Impulses, start_from
-from .law import Law
 from .residuals import find_free_motion, find_residuals, new_state, SolverState
 from .steps import step_friction, step_normal, step_rolling
 from .world import World

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+from .contact_law import Law
 from .contacts import Contacts
 from .impulses import apply_angular, apply_linear, Bodies, Impulses, slip_velocity
-from .law import Law
 from .residuals import SolverState
 from .world import World
 from ..kernels.jit import in_place

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates
+from .contact_law import law_of
 from .contacts import Contacts, find_contacts
+from .flight import fly_in_place
 from .impulses import Bodies, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
-from .law import law_of
 from .overlap import push_out
 from .solver import solve
 from .world import UNIT_GRAVITY, World
@@ -87,7 +88,7 @@ def substep(
     contacts = find_contacts(world, p, v, candidates, chosen, h, nominal_h)
     size = len(contacts.a)
     if size == 0:
-        _fly(world, motion, h)
+        fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
         _clear(impulses_out)
         return
     isolated, shared = _isolated_and_shared(contacts, count)
@@ -143,7 +144,7 @@ def substep(
                 bodies_out=bodies,
                 impulses_out=impulses,
             )
-    _fly(world, motion, h)
+    fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
     for i in range(count):
         for axis in range(3):
             p[i, axis] += bodies.displacement[i, axis]
@@ -155,16 +156,6 @@ def substep(
         if contacts.speculative_gap[k] == 0 or impulses.normal[k] > 0:
             connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
     push_out(world, contacts, p)
-
-
-@in_place
-def _fly(world: World, motion_out: Motion, h: float) -> None:
-    p, v = motion_out.positions, motion_out.velocities
-    for i in range(len(p)):
-        for axis in range(3):
-            fall = h * world.gravity[axis] if motion_out.awake[i] else 0.0
-            p[i, axis] += h * (v[i, axis] + 0.5 * fall)
-            v[i, axis] += fall
 
 
 @compiled

@@ -9,16 +9,13 @@ A pose is associated with a track where it lies within the gate around the track
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from .jit import entry, plain
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import length, minus, row
 from ..scenes.state import Array
-
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 def match(predicted: Array, detections: Array, gates: Array) -> Indices:

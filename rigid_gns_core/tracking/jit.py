@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the filter is compiled: like the engine, whose code it calls, but without fused sums."""
+"""How the filter is compiled: like the engine, but its own sums are not fused."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ from numpy.typing import ArrayLike
 from ..kernels.machine_code import Function, MachineCode
 from ..scenes.state import Array
 
-_CODE = MachineCode(
-    'tracking', *(Path(__file__).parents[1] / name for name in ('tracking', 'engine', 'kernels'))
-)
+_CODE = MachineCode('tracking', Path(__file__).parent, Path(__file__).parents[1] / 'kernels')
 compiling = partial(_CODE.compiling, 'the tracking filter', 'about 15 s')
 
 
 def in_place(function: Function) -> Function:
     """Compile a function that only compiled code calls.
 
-    It allocates no array, so no references are counted. Sums are neither fused nor reordered:
-    between hypotheses of equal cost, rounding decides.
+    It allocates no array, so no references are counted. Its own sums are not fused, those of
+    `kernels` may be: between hypotheses of equal cost rounding decides, the same on one machine.
     """
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 

@@ -7,14 +7,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from .jit import in_place
+from ..kernels.neighbours import Flags
 from ..kernels.vector import Vector
 from ..scenes.state import Array
-
-Flags = NDArray[np.bool_]
 
 # columns of the prefix sums: count, t, t^2, then x, t x and x^2 of three components each
 COLUMNS = 12

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from .jit import in_place
 from .line_fit import fit_line, Flags
+from ..kernels.neighbours import Indices
 from ..kernels.vector import plus, put, Vector
 from ..scenes.state import Array
-
-Indices = NDArray[np.int64]
 
 # NumPy's integers: of Python's, compiled code would have a copy for each value
 FLIGHT, ROLLING, UNIFORM = np.int64(0), np.int64(1), np.int64(2)

@@ -121,7 +121,12 @@ def test_pages_of_files_at_the_root_hold_their_text(site: Path) -> None:
 @SLOW
 def test_names_beside_equations_lead_to_the_api(site: Path) -> None:
     found = links(site / 'physics.html', 'href')
-    for name in ('engine.law.target_of', 'gns.network.GNBlock', 'State', 'gns.graph.sphere_pairs'):
+    for name in (
+        'engine.contact_law.target_of',
+        'gns.network.GNBlock',
+        'State',
+        'gns.graph.sphere_pairs',
+    ):
         assert [link for link in found if link.endswith(f'#rigid_gns_core.{name}')], name
 
 

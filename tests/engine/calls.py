@@ -7,11 +7,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
+from rigid_gns_core.engine.contact_law import law_of, target_of
 from rigid_gns_core.engine.contacts import find_contacts, gap_of
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
-from rigid_gns_core.engine.law import law_of, target_of
 from rigid_gns_core.engine.overlap import push_out
 from rigid_gns_core.engine.sleep import put_to_sleep, wake
 from rigid_gns_core.engine.solver import solve
