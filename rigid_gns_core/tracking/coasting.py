@@ -14,7 +14,7 @@ from .collisions import NO_PAIRS, Pairs, pairs_near, time_of_contact, velocity_c
 from .environment import Environment
 from .impacts import after_impact, first_impact, position_after, Surfaces
 from .jit import entry, in_place, plain
-from .line_fit import Flags
+from ..kernels.neighbours import Flags
 from ..kernels.quaternions import turn
 from ..kernels.vector import dot, minus, plus, put, row, times
 from ..scenes.state import Array

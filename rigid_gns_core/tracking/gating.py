@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from .association import Flags
 from .collisions import Pairs, pairs_near
 from .jit import entry, plain
+from ..kernels.neighbours import Flags
 from ..scenes.state import Array
 
 # standard deviations of the predicted position that a gate adds to radius and travel

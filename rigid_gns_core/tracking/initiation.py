@@ -13,8 +13,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .association import Indices, match
+from .association import match
 from .gating import GATE_SIGMAS
+from ..kernels.neighbours import Indices
 from ..scenes.state import Array
 
 INITIATION_FRAMES = 3

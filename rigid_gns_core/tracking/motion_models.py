@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import in_place
-from .line_fit import fit_line, Flags
-from ..kernels.neighbours import Indices
+from .line_fit import fit_line
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import plus, put, Vector
 from ..scenes.state import Array
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import entry, in_place
-from .line_fit import accumulate, COLUMNS, Flags
+from .line_fit import accumulate, COLUMNS
+from ..kernels.neighbours import Flags
 from ..kernels.vector import length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 

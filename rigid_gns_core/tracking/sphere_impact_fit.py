@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .collisions import Pairs, time_of_contact, velocity_change, within
 from .impacts import position_after, Surfaces
 from .jit import in_place
-from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, Indices, try_contact, UNIFORM
+from .motion_models import Contact, FLIGHT, Hypotheses, Hypothesis, try_contact, UNIFORM
 from .observations import INTERVALS, Observations
 from .surface_impact_fit import (
     joined,
@@ -28,6 +28,7 @@ from .surface_impact_fit import (
     SLACK,
     variance_at,
 )
+from ..kernels.neighbours import Indices
 from ..kernels.vector import length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 

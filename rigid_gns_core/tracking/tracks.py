@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .association import Indices, match
+from .association import match
 from .coasting import coast, turn_on
 from .environment import Environment
 from .gating import gates
@@ -22,6 +22,7 @@ from .initiation import initiate_tracks, INITIATION_FRAMES
 from .motion_models import FLIGHT, Motion
 from .noise_estimate import MAX_DIFFERENCES, NoiseEstimate, third_differences
 from .velocity import estimate_motion
+from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 
