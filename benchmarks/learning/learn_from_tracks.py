@@ -90,14 +90,7 @@ def errors(simulator: Simulator, starts: list[Further], values: dict[str, float]
     for scene, start, truth in starts:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # the GNS says that it does not know the material
-            predicted = simulator.rollout(
-                replace(scene, **values),
-                start.positions,
-                start.velocities,
-                start.angular_velocities,
-                steps[-1],
-                quaternions=start.quaternions,
-            )
+            predicted = simulator.rollout(replace(scene, **values), steps=steps[-1], **vars(start))
         off = np.linalg.norm(predicted.positions - truth, axis=-1).mean(axis=1)
         means.append(off[steps])
     return np.mean(means, axis=0).tolist()

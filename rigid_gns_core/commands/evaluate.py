@@ -16,7 +16,8 @@ from typing import Any
 from .arguments import completes, configs, shipped_models
 from ..errors import UserError
 from ..files.strict_json import write_json
-from ..scoring.evaluate import evaluate, format_table, summarise
+from ..scoring.evaluate import evaluate, summarise
+from ..scoring.table import format_table
 
 _BY_HORIZON = {
     'horizon_errors': 'Position error since a start [m]',
@@ -140,14 +141,7 @@ def _run_data(data: Path, arguments: argparse.Namespace) -> int:
             start = record.trajectory[0]
             steps = record.trajectory.steps
             steps = steps if arguments.steps is None else min(arguments.steps, steps)
-            predicted = simulator.rollout(
-                record.scene,
-                start.positions,
-                start.velocities,
-                start.angular_velocities,
-                steps=steps,
-                quaternions=start.quaternions,
-            )
+            predicted = simulator.rollout(record.scene, steps=steps, **vars(start))
             name = record.name if record.name not in reports else ''
             name = name or f'{number:04d}'
             reports[name] = evaluate(

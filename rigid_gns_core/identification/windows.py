@@ -130,17 +130,11 @@ def deviations(
     Where the rollout diverged they are 1e6.
     """
     steps = len(window.positions)
-    start = window.start
     with warnings.catch_warnings():
         # materials on the way may lie outside the trained range
         warnings.simplefilter('ignore')
         predicted = simulator.rollout(
-            with_materials(window.scene, values),
-            start.positions,
-            start.velocities,
-            start.angular_velocities,
-            steps,
-            quaternions=start.quaternions,
+            with_materials(window.scene, values), steps=steps, **vars(window.start)
         )
     position_errors = predicted.positions[1:] - window.positions
     rotation_errors = rotation_between(window.quaternions, predicted.quaternions[1:])

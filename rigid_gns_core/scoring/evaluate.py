@@ -13,12 +13,9 @@ import numpy as np
 from . import divergence, error_metrics, horizon_metrics, HORIZONS, law_metrics
 from .error import check_comparable
 from .penetration import TOLERANCE
-from .table import format_table
 from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory
-
-__all__ = ['evaluate', 'format_table', 'summarise']
 
 Velocities = Literal['given', 'poses']
 

@@ -129,14 +129,8 @@ class Trainer:
 
     def _rollout_score(self, simulator: Simulator, record: Record) -> float:
         reference = record.trajectory.window(0, self.config.validation_steps + 1)
-        start = reference[0]
         predicted = simulator.rollout(
-            record.scene,
-            start.positions,
-            start.velocities,
-            start.angular_velocities,
-            self.config.validation_steps,
-            quaternions=start.quaternions,
+            record.scene, steps=self.config.validation_steps, **vars(reference[0])
         )
         if predicted.diverged_at is not None:
             return math.inf

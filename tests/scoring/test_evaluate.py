@@ -9,32 +9,19 @@ from dataclasses import replace
 import json
 from pathlib import Path
 
+from free_fall import falling
 import numpy as np
 import pytest
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import Record, write_record
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.state import Trajectory
-from rigid_gns_core.scoring.evaluate import evaluate, format_table, summarise
+from rigid_gns_core.scoring.evaluate import evaluate, summarise
+from rigid_gns_core.scoring.table import format_table
 
 SCENE = Scene(
     surfaces=Plane.box(20.0, 20.0), restitution=0.7746, friction=0.5, rolling_friction=0.03
 )
-
-
-def falling(steps=12, offset=0.0):
-    time = (np.arange(steps + 1) * 0.1)[:, None, None]
-    start = np.array([[-4.0, 0, 20], [0, 3, 25], [5, -5, 30]]) + offset
-    gravity = np.array([0, 0, -9.81])
-    positions = start + gravity * time**2 / 2
-    return Trajectory(
-        positions=positions,
-        quaternions=np.broadcast_to([0.0, 0, 0, 1], (steps + 1, 3, 4)),
-        velocities=np.broadcast_to(gravity * time, positions.shape),
-        angular_velocities=np.zeros_like(positions),
-        dt=0.1,
-    )
 
 
 def test_both_sides_are_scored_over_the_common_time():

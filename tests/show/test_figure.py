@@ -8,29 +8,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from free_fall import falling
 import numpy as np
 import pytest
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.show.figure import write_figure
 
 pytest.importorskip('matplotlib', reason='the figure needs matplotlib')
 
 SCENE = Scene(surfaces=Plane.box(20.0, 20.0))
-
-
-def falling(steps=12, offset=0.0):
-    time = (np.arange(steps + 1) * 0.1)[:, None, None]
-    start = np.array([[-4.0, 0, 20], [0, 3, 25], [5, -5, 30]]) + offset
-    gravity = np.array([0, 0, -9.81])
-    positions = start + gravity * time**2 / 2
-    return Trajectory(
-        positions=positions,
-        quaternions=np.broadcast_to([0.0, 0, 0, 1], (steps + 1, 3, 4)),
-        velocities=np.broadcast_to(gravity * time, positions.shape),
-        angular_velocities=np.zeros_like(positions),
-        dt=0.1,
-    )
 
 
 @pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (0.0, -5.0, -5.0)])
