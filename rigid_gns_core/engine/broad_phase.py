@@ -17,25 +17,26 @@ from ..kernels.neighbours import find_pairs, Flags, Indices
 from ..kernels.vector import dot, length, minus, row
 from ..scenes.state import Array
 
+# margin [radii] of the reach of a sphere, for speculative contacts and push-out
+PAD = 0.01
+
 
 class Candidates(NamedTuple):
     """Candidate pairs of bodies, sorted by their keys; m of them, shape (m,) each.
 
     a: sphere; b: the other sphere, a < b, or n for a plane; plane: index of the plane, -1 for two
-    spheres; side: of the plane that the sphere is on, -1 behind a plate (a plane that ends on all
-    sides), else 1; key: number of the pair, the same in all frames.
+    spheres; key: number of the pair, the same in all frames.
     """
 
     a: Indices
     b: Indices
     plane: Indices
-    side: Array
     key: Indices
 
 
 @compiled
 def find_candidates(
-    world: World, positions: Array, velocities: Array, dt: float, awake: Flags, before: Array
+    world: World, positions: Array, velocities: Array, dt: float, awake: Flags
 ) -> Candidates:
     """All pairs that may touch in a frame.
 
@@ -47,8 +48,6 @@ def find_candidates(
         velocities: Shape (n, 3).
         dt: Length of the frame.
         awake: Spheres that are awake, at least one of a pair; shape (n,).
-        before: Centres at the start of the frame, shape (n, 3): a sphere that a substep took
-            through a plate keeps the side it was on.
     """
     count, planes = len(positions), len(world.point)
     weight = length((world.gravity[0], world.gravity[1], world.gravity[2]))
@@ -56,12 +55,12 @@ def find_candidates(
     for i in range(count):
         pull = weight if awake[i] else 0.0
         reach = reach_of(length(row(velocities, i)), pull, dt)
-        extent[i] = 1.01 * world.radius[i] + reach
+        extent[i] = (1.0 + PAD) * world.radius[i] + reach
     first, second = find_pairs(positions, extent, awake)
-    near, side = np.zeros((count, planes), np.bool_), np.ones((count, planes))
+    near = np.zeros((count, planes), np.bool_)
     for k in range(planes):
-        _mark_near_plane(world, k, positions, before, extent, awake, near, side)
-    return _merged(first, second, near, side)
+        _mark_near_plane(world, k, positions, extent, awake, near)
+    return _merged(first, second, near)
 
 
 @in_place
@@ -69,24 +68,20 @@ def _mark_near_plane(
     world: World,
     plane: int,
     positions: Array,
-    before: Array,
     extent: Array,
     awake: Flags,
     near_out: Flags,
-    side_out: Array,
 ) -> None:
-    """Mark spheres that may reach a plane, and the side of it that they were on before."""
+    """Mark spheres that may reach a plane."""
     axes, half = world.axes[plane], world.half[plane]
-    point, plate = row(world.point, plane), world.plate[plane]
+    point, two_sided = row(world.point, plane), world.two_sided[plane]
     x_axis, y_axis, up = row(axes, 0), row(axes, 1), row(axes, 2)
     half_x, half_y = half[0], half[1]
     for i in range(len(positions)):
         offset, reach = minus(row(positions, i), point), extent[i]
         height = dot(up, offset)
-        if plate:
+        if two_sided:
             height = math.fabs(height)
-            if dot(up, minus(row(before, i), point)) < 0:
-                side_out[i, plane] = -1.0
         if height <= reach and awake[i]:
             beyond = max(
                 math.fabs(dot(x_axis, offset)) - half_x, math.fabs(dot(y_axis, offset)) - half_y
@@ -95,12 +90,12 @@ def _mark_near_plane(
 
 
 @compiled
-def _merged(first: Indices, second: Indices, near: Flags, sides: Array) -> Candidates:
+def _merged(first: Indices, second: Indices, near: Flags) -> Candidates:
     """Candidates in the order of their keys: of each sphere the spheres, then the planes."""
     count, planes = near.shape
     size, pair, k = len(first) + near.sum(), 0, 0
     a, b = np.empty(size, np.int64), np.empty(size, np.int64)
-    plane, side, key = np.full(size, -1), np.ones(size), np.empty(size, np.int64)
+    plane, key = np.full(size, -1), np.empty(size, np.int64)
     for i in range(count):
         while pair < len(first) and first[pair] == i:
             a[k], b[k] = i, second[pair]
@@ -109,7 +104,7 @@ def _merged(first: Indices, second: Indices, near: Flags, sides: Array) -> Candi
             k += 1
         for surface in range(planes):
             if near[i, surface]:
-                a[k], b[k], plane[k], side[k] = i, count, surface, sides[i, surface]
+                a[k], b[k], plane[k] = i, count, surface
                 key[k] = i * (count + planes) + count + surface
                 k += 1
-    return Candidates(a=a, b=b, plane=plane, side=side, key=key)
+    return Candidates(a=a, b=b, plane=plane, key=key)

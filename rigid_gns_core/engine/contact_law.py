@@ -16,12 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .world import UNIT_GRAVITY, World
+from .world import World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
-# approach speeds below this do not bounce: 3 g dt / 240, that of the teacher
-RESTITUTION_THRESHOLD = 3.0 * UNIT_GRAVITY * 0.1 / 240.0
+# approach speeds below N times this time do not bounce, N the acceleration into the contact: the
+# teacher's threshold, 3 g dt / 240
+THRESHOLD_TIME = 3.0 * 0.1 / 240.0
+# restitutions nearer to 1 than this have no geometric series, but flights of one length
+_ELASTIC = 1e-9
 
 
 class Law(NamedTuple):
@@ -47,14 +50,16 @@ class Target(NamedTuple):
     """Where a contact alone would end up, under its present acceleration.
 
     active: whether the bodies touch at all; separation_velocity: at the end of the substep;
-    flight_time: since the last bounce where they are apart at the end, else 0; impulse: normal
-    impulse over effective mass; impulse_time: time before the end at which that impulse, acting at
-    once, leads to the same place; remaining: time from the impact to the end of the substep.
+    flight_time: since the last bounce where they are apart at the end, else 0; end_gap: gap at the
+    end; impulse: normal impulse over effective mass; impulse_time: time before the end at which
+    that impulse, acting at once, leads to the same place; remaining: time from the impact to the
+    end of the substep.
     """
 
     active: bool
     separation_velocity: float
     flight_time: float
+    end_gap: float
     impulse: float
     impulse_time: float
     remaining: float
@@ -109,10 +114,11 @@ def target_of(
     root of (d + c t0^2 / 2) - (u - c t0) t + (a + c) t^2 / 2 = 0, and gives an approach speed u
     there. With N = -(a + c) and Newton's restitution, flights take 2 e^k u / N, k = 1, 2, ...,
     a geometric series: in the time T after the impact there are
-    n = floor(log(1 - T N (1 - e) / (2 e u)) / log(e)) of them, and the last bounce was
-    2 e u / N (1 - e^n) / (1 - e) after the impact, at e^(n+1) u. The contact rests where an
-    approach is slower than `RESTITUTION_THRESHOLD`, or where all flights of the series end within
-    T (the logarithm's argument is not positive). So small bounces need no small substeps.
+    n = floor(log(1 - T N (1 - e) / (2 e u)) / log(e)) of them, floor(T N / (2 u)) where e = 1, and
+    the last bounce was 2 e u / N (1 - e^n) / (1 - e) after the impact, at e^(n+1) u. The contact
+    rests where an approach is slower than N times `THRESHOLD_TIME`, or where all flights of the
+    series end within T (the logarithm's argument is not positive). So small bounces need no small
+    substeps. Where nothing presses the bodies together, N <= 0, they part at e u, however slow.
 
     Args:
         e: Restitution.
@@ -138,37 +144,57 @@ def target_of(
     later = max(later, -before) if active else 0.0
     approach_speed = closing - acceleration * later
     remaining = max(h - before - later, 0.0)
-    fall = max(-acceleration, 0.0)
+    fall = -acceleration
     closing = max(approach_speed, 0.0)
     late = (before - time) * closing  # depth that a missed impact has led to
     fallen = closing * remaining + 0.5 * fall * remaining * remaining
-    separation, height, flight_time, bounced = 0.0, 0.0, 0.0, False
-    if approach_speed > RESTITUTION_THRESHOLD and e > 1e-3:
-        loss = min(max(1.0 - e, 1e-6), 1.0 - 1e-6)
-        speed = max(e * approach_speed, 1e-12)
-        argument = 1.0 - remaining * fall * loss / (2.0 * speed)
-        if argument > 0:
-            log_e = math.log1p(-loss)
-            flights = max(math.floor(math.log(max(argument, 1e-30)) / log_e), 0.0)
-            most_flights = math.ceil(math.log(RESTITUTION_THRESHOLD / approach_speed) / log_e)
-            bounced = flights < most_flights
-            if bounced:
-                damping = math.exp(flights * log_e)
-                flight_time = remaining
-                if flights > 0:
-                    flight_time -= 2.0 * speed / max(fall, 1e-9) * (1.0 - damping) / loss
-                last = speed * damping
-                separation = last - fall * flight_time
-                height = last * flight_time - 0.5 * fall * flight_time * flight_time
-    impulse = separation + closing + fall * remaining
+    separation, height, flight_time, bounced = 0.0, 0.0, 0.0, fall <= 0
+    speed = e * closing
+    if fall <= 0:
+        flight_time = remaining
+    elif closing > THRESHOLD_TIME * fall and e > 1e-3:
+        flights, series, damping = _flights(e, speed, fall, remaining)
+        # the first flight whose approach is too slow is not begun
+        most = math.ceil(math.log(THRESHOLD_TIME * fall / closing) / math.log(e)) if e < 1 else 1e9
+        bounced = flights < most
+        if bounced:
+            flight_time = remaining - series
+            speed *= damping
     if bounced:
+        separation = speed - fall * flight_time
+        height = speed * flight_time - 0.5 * fall * flight_time * flight_time
         late *= 1.0 + e
-    impulse_time = (height + fallen + late) / max(impulse, 1e-9)
+    impulse = separation + closing + fall * remaining
     return Target(
         active=active,
         separation_velocity=separation,
         flight_time=flight_time,
+        end_gap=height + late,
         impulse=impulse,
-        impulse_time=impulse_time,
+        impulse_time=(height + fallen + late) / max(impulse, 1e-9),
         remaining=remaining,
     )
+
+
+@in_place
+def _flights(e: float, speed: float, fall: float, remaining: float) -> tuple[float, float, float]:
+    """Flights that end within a time: their number n, how long they take, and e^n.
+
+    Infinitely many where all of the series do.
+
+    Args:
+        e: Restitution.
+        speed: At which the first begins.
+        fall: Acceleration that ends them.
+        remaining: The time.
+    """
+    first = 2.0 * speed / fall
+    if 1.0 - e < _ELASTIC:
+        flights = math.floor(remaining / first)
+        return flights, flights * first, 1.0
+    argument = 1.0 - remaining * (1.0 - e) / first
+    if argument <= 0:
+        return math.inf, 0.0, 0.0
+    flights = max(math.floor(math.log(argument) / math.log(e)), 0.0)
+    damping = math.exp(flights * math.log(e))
+    return flights, first * (1.0 - damping) / (1.0 - e), damping

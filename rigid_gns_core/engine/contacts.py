@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Narrow phase: when and along which normal bodies meet in a substep, on their free paths."""
+"""Narrow phase: contacts of a substep among the candidates."""
 
 from __future__ import annotations
 
@@ -10,218 +10,53 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .broad_phase import Candidates
+from .broad_phase import Candidates, PAD
 from .flight import position_on_path
+from .impact import impact_of_spheres, impact_with_plane
+from .rectangle import from_plane, offset_from_rectangle, to_plane
+from .shielding import is_shielded
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
+from ..kernels.vector import dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
-# bodies nearer than this [radii of the smaller one] count as touching
-TOUCH = 2e-4
+# most planes in a row to which a contact is handed on within a substep
+_HANDS = 4
 
 
 class Contacts(NamedTuple):
     """Contacts of one substep; c of them. The normal points from body b to body a.
 
-    candidate: index of the candidate pair, shape (c,); a, b, plane, side: as there; normal: unit
-    normal at the time of impact, shape (c, 3); time: of impact, from the start of the substep,
-    negative where the bodies overlap and should have met before; gap: between the surfaces at that
-    time; speculative_gap: gap of a speculative contact, of bodies that do not meet on their free
-    paths, but are so near that other contacts may bring them together (its time is 0), else 0;
-    approach_speed: at the time of impact; acceleration: relative acceleration of the free paths
-    along the normal; shape (c,) each.
+    candidate: index of the candidate pair, shape (c,); a, b, plane: as there; normal, time, gap,
+    speculative_gap, approach_speed, acceleration, turning_speed: as in `Impact`, shape (c, 3) or
+    (c,).
     """
 
     candidate: Indices
     a: Indices
     b: Indices
     plane: Indices
-    side: Array
     normal: Array
     time: Array
     gap: Array
     speculative_gap: Array
     approach_speed: Array
     acceleration: Array
+    turning_speed: Array
 
 
-class Impact(NamedTuple):
-    """A contact, with its fields in `Contacts`; `found`: whether there is one."""
+class _Impacts(NamedTuple):
+    """Impacts of all candidates, shapes (m,), (m, 3) and (m, 7).
 
-    found: bool
-    normal: Vector
-    time: float
-    gap: float
-    speculative_gap: float
-    approach_speed: float
-    acceleration: float
-
-
-@in_place
-def _no_impact() -> Impact:
-    return Impact(
-        found=False,
-        normal=(0.0, 0.0, 1.0),
-        time=0.0,
-        gap=0.0,
-        speculative_gap=0.0,
-        approach_speed=0.0,
-        acceleration=0.0,
-    )
-
-
-@in_place
-def impact_of_spheres(
-    offset: Vector,
-    velocity: Vector,
-    radius_a: float,
-    radius_b: float,
-    h: float,
-    lookback: float,
-    margin: float,
-) -> Impact:
-    """Contact of two spheres that touch or meet within h, on straight relative paths.
-
-    The time of impact is the first root of |x + y t| = R, R = r_a + r_b. With d = |x| - R and
-    b = x . y it is t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits.
-
-    Args:
-        offset: x, position of a relative to b.
-        velocity: y, velocity of a relative to b.
-        radius_a: r_a.
-        radius_b: r_b.
-        h: Length of the substep.
-        lookback: Spheres that overlap are taken to have met at most so long ago.
-        margin: Gap up to which spheres that do not meet are speculative contacts.
+    values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed.
     """
-    touching, distance = radius_a + radius_b, length(offset)
-    gap = distance - touching
-    along = dot(offset, velocity)
-    hits, ahead = False, 0.0
-    if gap > 0 and along < 0:
-        inside = along * along - dot(velocity, velocity) * gap * (distance + touching)
-        if inside >= 0:
-            ahead = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
-            hits = ahead <= h
-    touches = gap <= TOUCH * min(radius_a, radius_b)
-    if not (hits or touches or gap <= margin):
-        return _no_impact()
-    time = ahead
-    if not hits:
-        speed = -along / max(distance, 1e-30)
-        time = min(0.0, max(-lookback, gap / speed)) if speed > 0 else 0.0
-    at = plus(offset, times(max(time, 0.0), velocity))
-    far = length(at)
-    normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
-    speculative_gap = 0.0 if hits or touches else gap
-    return Impact(
-        found=True,
-        normal=normal,
-        time=time,
-        gap=far - touching,
-        speculative_gap=speculative_gap,
-        approach_speed=-dot(normal, velocity),
-        acceleration=0.0,
-    )
 
-
-@in_place
-def offset_from_rectangle(local: Vector, half: Array) -> Vector:
-    """Vector to a point from the closest one of a rectangle about the origin, normal along z."""
-    x = max(min(local[0], half[0]), -half[0])
-    y = max(min(local[1], half[1]), -half[1])
-    return local[0] - x, local[1] - y, local[2]
-
-
-@in_place
-def to_plane(axes: Array, vector: Vector) -> Vector:
-    """Components of a vector along the axes of a plane."""
-    return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
-
-
-@in_place
-def from_plane(axes: Array, local: Vector) -> Vector:
-    """Vector in the world from its components along the axes of a plane."""
-    flat = plus(times(local[0], row(axes, 0)), times(local[1], row(axes, 1)))
-    return plus(flat, times(local[2], row(axes, 2)))
-
-
-@in_place
-def impact_with_plane(
-    world: World,
-    plane: int,
-    side: float,
-    radius: float,
-    position: Vector,
-    velocity: Vector,
-    h: float,
-    lookback: float,
-    margin: float,
-) -> Impact:
-    """Contact of a sphere that touches or meets a bounded plane within h, on its parabola.
-
-    The time of impact is the first root of d + s t + a t^2 / 2 = 0, with the gap d, and s and a
-    velocity and gravity along the normal: t = 2 d / (sqrt(s^2 - 2 a d) - s).
-
-    A plane with an infinite side bounds a body: spheres are in front of it, however deep. One that
-    ends on all sides is a plate with two faces. An edge is met where the gap, taken as linear
-    between start and end of the path, is 0.
-    """
-    axes, half = world.axes[plane], world.half[plane]
-    local = to_plane(axes, minus(position, row(world.point, plane)))
-    moving = to_plane(axes, velocity)
-    pulling = to_plane(axes, (world.gravity[0], world.gravity[1], world.gravity[2]))
-    speed, pull = side * moving[2], side * pulling[2]
-    gap = side * local[2] - radius
-    hits, ahead = False, 0.0
-    inside = speed * speed - 2.0 * pull * gap
-    if gap > 0 and inside >= 0:
-        denominator = math.sqrt(inside) - speed
-        if denominator > 0:
-            ahead = 2.0 * gap / max(denominator, 1e-30)
-            hits = ahead <= h
-    touches = gap <= TOUCH * radius
-    time = ahead
-    if not hits:
-        time = min(0.0, max(-lookback, gap / -speed)) if speed < 0 else 0.0
-    there = position_on_path(local, moving, pulling, max(time, 0.0))
-    on_face = math.fabs(there[0]) <= half[0] and math.fabs(there[1]) <= half[1]
-    face = on_face and (hits or touches or gap <= margin)
-    speculative_gap = 0.0 if hits or touches else gap
-    if not face:
-        # an edge: by the closest points at the start and at the end of the free path
-        rim = offset_from_rectangle(local, half)
-        rim_end = offset_from_rectangle(position_on_path(local, moving, pulling, h), half)
-        if rim[0] == 0 and rim[1] == 0 and rim_end[0] == 0 and rim_end[1] == 0:
-            return _no_impact()
-        gap, gap_end = length(rim) - radius, length(rim_end) - radius
-        if not (gap <= max(margin, TOUCH) or gap_end < 0):
-            return _no_impact()
-        speculative_gap = gap if gap_end >= 0 else 0.0
-        time = 0.0
-        if gap > 0 and gap_end < 0:
-            time = h * min(1.0, max(0.0, gap / max(gap - gap_end, 1e-30)))
-    if speculative_gap <= TOUCH * radius:
-        speculative_gap = 0.0
-    before = max(time, 0.0)
-    at = position_on_path(local, moving, pulling, before)
-    normal, distance = (0.0, 0.0, side), side * at[2]
-    if not face:
-        rim = offset_from_rectangle(at, half)
-        distance = max(length(rim), 1e-30)
-        normal = times(1.0 / distance, rim)
-    velocity_then = plus(moving, times(before, pulling))
-    return Impact(
-        found=True,
-        normal=from_plane(axes, normal),
-        time=time,
-        gap=distance - radius,
-        speculative_gap=speculative_gap,
-        approach_speed=-dot(velocity_then, normal),
-        acceleration=dot(pulling, normal),
-    )
+    found: Flags
+    edge: Flags
+    lasting: Flags
+    normal: Array
+    values: Array
 
 
 @compiled
@@ -238,58 +73,165 @@ def find_contacts(
 
     Bodies that gravity may bring together within `h`, nearer than g h^2, are speculative contacts.
     """
-    size, fixed = len(candidates.a), len(positions)
-    margin = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
-    which, normal, values = np.empty(size, np.int64), np.empty((size, 3)), np.empty((5, size))
-    count = 0
+    size = len(candidates.a)
+    impacts = _Impacts(
+        found=np.zeros(size, np.bool_),
+        edge=np.zeros(size, np.bool_),
+        lasting=np.zeros(size, np.bool_),
+        normal=np.empty((size, 3)),
+        values=np.empty((size, 7)),
+    )
+    edges = False
     for k in range(size):
-        if not chosen[k]:
-            continue
-        a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-        if b == fixed:
-            impact = impact_with_plane(
-                world=world,
-                plane=plane,
-                side=candidates.side[k],
-                radius=world.radius[a],
-                position=row(positions, a),
-                velocity=row(velocities, a),
-                h=h,
-                lookback=lookback,
-                margin=margin,
-            )
-        else:
-            impact = impact_of_spheres(
-                offset=minus(row(positions, a), row(positions, b)),
-                velocity=minus(row(velocities, a), row(velocities, b)),
-                radius_a=world.radius[a],
-                radius_b=world.radius[b],
-                h=h,
-                lookback=lookback,
-                margin=margin,
-            )
-        if impact.found:
-            which[count] = k
-            put(normal, count, impact.normal)
-            values[0, count], values[1, count] = impact.time, impact.gap
-            values[2, count] = impact.speculative_gap
-            values[3, count], values[4, count] = impact.approach_speed, impact.acceleration
-            count += 1
-    which = which[:count]
-    side = np.where(candidates.plane[which] < 0, 0.0, candidates.side[which])
+        if chosen[k] and _may_meet(world, positions, velocities, candidates, k, h):
+            _find(world, positions, velocities, candidates, k, h, lookback, False, impacts)
+            edges |= impacts.edge[k]
+    if edges:
+        for k in range(size):
+            if impacts.found[k] and impacts.edge[k]:
+                _shield(world, positions, velocities, candidates, k, h, lookback, impacts)
+    which = np.flatnonzero(impacts.found)
+    count = len(which)
+    index, normal, values = np.empty((3, count), np.int64), np.empty((count, 3)), np.empty((6, count))
+    for c in range(count):
+        k = which[c]
+        index[0, c], index[1, c] = candidates.a[k], candidates.b[k]
+        index[2, c] = candidates.plane[k]
+        put(normal, c, row(impacts.normal, k))
+        for field in range(6):
+            values[field, c] = impacts.values[k, field + 1]
     return Contacts(
         candidate=which,
-        a=candidates.a[which],
-        b=candidates.b[which],
-        plane=candidates.plane[which],
-        side=side,
-        normal=normal[:count],
-        time=values[0, :count],
-        gap=values[1, :count],
-        speculative_gap=values[2, :count],
-        approach_speed=values[3, :count],
-        acceleration=values[4, :count],
+        a=index[0],
+        b=index[1],
+        plane=index[2],
+        normal=normal,
+        time=values[0],
+        gap=values[1],
+        speculative_gap=values[2],
+        approach_speed=values[3],
+        acceleration=values[4],
+        turning_speed=values[5],
     )
+
+
+@in_place
+def _may_meet(
+    world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
+) -> bool:
+    """Whether a candidate pair is near enough to meet within h, at a glance."""
+    a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
+    fall = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h * h
+    if plane >= 0:
+        normal = row(world.axes[plane], 2)
+        height = dot(normal, minus(row(positions, a), row(world.point, plane)))
+        if world.two_sided[plane]:
+            height = math.fabs(height)
+        reach = math.fabs(dot(normal, row(velocities, a))) * h + fall
+        return height <= (1.0 + PAD) * world.radius[a] + reach
+    offset = minus(row(positions, a), row(positions, b))
+    velocity = minus(row(velocities, a), row(velocities, b))
+    reach = (1.0 + PAD) * (world.radius[a] + world.radius[b]) + fall
+    reach += math.sqrt(dot(velocity, velocity)) * h
+    return dot(offset, offset) <= reach * reach
+
+
+@in_place
+def _find(
+    world: World,
+    positions: Array,
+    velocities: Array,
+    candidates: Candidates,
+    k: int,
+    h: float,
+    lookback: float,
+    lasts: bool,
+    impacts_out: _Impacts,
+) -> None:
+    a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
+    margin = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
+    if plane >= 0:
+        impact = impact_with_plane(
+            world=world,
+            plane=plane,
+            radius=world.radius[a],
+            position=row(positions, a),
+            velocity=row(velocities, a),
+            h=h,
+            lookback=lookback,
+            margin=margin,
+            lasts=lasts,
+        )
+    else:
+        impact = impact_of_spheres(
+            offset=minus(row(positions, a), row(positions, b)),
+            velocity=minus(row(velocities, a), row(velocities, b)),
+            radius_a=world.radius[a],
+            radius_b=world.radius[b],
+            h=h,
+            lookback=lookback,
+            margin=margin,
+        )
+    impacts, values = impacts_out, impacts_out.values
+    impacts.found[k], impacts.edge[k] = impact.found, impact.edge
+    if impact.found:
+        impacts.lasting[k] = impact.lasting
+        put(impacts.normal, k, impact.normal)
+        values[k, 0], values[k, 1], values[k, 2] = impact.normal_time, impact.time, impact.gap
+        values[k, 3], values[k, 4] = impact.speculative_gap, impact.approach_speed
+        values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
+
+
+@in_place
+def _shield(
+    world: World,
+    positions: Array,
+    velocities: Array,
+    candidates: Candidates,
+    k: int,
+    h: float,
+    lookback: float,
+    impacts_out: _Impacts,
+) -> None:
+    """Drop an edge contact that another plane shields.
+
+    A sphere that rolls over a seam hands its contact on: it lasts on the other plane.
+    """
+    impacts, a, current = impacts_out, candidates.a[k], k
+    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    for _ in range(_HANDS):
+        time = impacts.values[current, 0]
+        centre = position_on_path(row(positions, a), row(velocities, a), gravity, time)
+        other = _shielding(world, candidates, current, centre)
+        if other < 0:
+            return
+        if impacts.lasting[current]:
+            if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
+                return  # it meets that face only later, and is held until then
+            impacts.found[current] = False
+            if impacts.found[other] and impacts.lasting[other]:
+                return
+            _find(world, positions, velocities, candidates, other, h, lookback, True, impacts)
+            if not impacts.edge[other]:
+                return
+            current = other
+        else:
+            impacts.found[current] = False
+            return
+
+
+@in_place
+def _shielding(world: World, candidates: Candidates, k: int, centre: Vector) -> int:
+    """Candidate whose plane shields the edge of candidate k; -1: none."""
+    a, first = candidates.a[k], k
+    while first > 0 and candidates.a[first - 1] == a and candidates.plane[first - 1] >= 0:
+        first -= 1
+    q = first
+    while q < len(candidates.a) and candidates.a[q] == a:
+        if q != k and is_shielded(world, candidates.plane[k], candidates.plane[q], centre):
+            return q
+        q += 1
+    return -1
 
 
 @in_place
@@ -301,10 +243,9 @@ def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[
         offset = minus(place, row(positions, b))
     else:
         axes = world.axes[plane]
-        rim = offset_from_rectangle(
-            to_plane(axes, minus(place, row(world.point, plane))), world.half[plane]
-        )
-        if rim[0] == 0 and rim[1] == 0 and contacts.side[k] * rim[2] < 0:
+        local = to_plane(axes, minus(place, row(world.point, plane)))
+        rim = offset_from_rectangle(local, world.half[plane])
+        if rim[2] < 0 and not world.two_sided[plane]:
             sign = -1.0  # the centre is behind the face
         offset = from_plane(axes, rim)
     far = length(offset)

@@ -26,6 +26,12 @@ def position_on_path(start: Vector, velocity: Vector, acceleration: Vector, time
 
 
 @in_place
+def velocity_on_path(velocity: Vector, acceleration: Vector, time: float) -> Vector:
+    """Velocity after a time: v + a t."""
+    return plus(velocity, times(time, acceleration))
+
+
+@in_place
 def fly_in_place(
     world: World, awake: Flags, h: float, positions_out: Array, velocities_out: Array
 ) -> None:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .broad_phase import Candidates, find_candidates
+from .broad_phase import Candidates, find_candidates, PAD
 from .contacts import find_contacts
+from .containment import keep_sides
 from .flight import fly, reach_of
 from .impulses import no_impulses
 from .islands import connect, Islands, no_islands
@@ -82,7 +83,7 @@ def advance(
                 islands_out=no_islands(len(members)),
             )
         start, reach, done = motion.positions.copy(), _reaches(world, motion, dt), started
-        while done < settings.substeps and not _outrun(motion, start, reach, dt - done * h):
+        while done < settings.substeps and not _outrun(members_world, motion, start, reach, dt - done * h):
             substep(
                 world=members_world,
                 candidates=local,
@@ -97,7 +98,7 @@ def advance(
             for i in range(len(quaternions)):
                 turn(quaternions, i, row(motion.angular_velocities, i), h)
             done += 1
-        outran = _outrun(motion, start, reach, dt - done * h)
+        outran = _outrun(members_world, motion, start, reach, dt - done * h)
         for _ in range(0 if outran else _CORRECTIONS):
             missed = _missed_contacts(members_world, motion, local, h)
             if not missed.any():
@@ -122,9 +123,7 @@ def advance(
             break
         now, after, started = after, copy_spheres(after), done
         warm_start = WarmStart(key=candidates.key, impulses=impulses, known=True)
-        candidates = find_candidates(
-            world, now.positions, now.velocities, dt, awake, spheres.positions
-        )
+        candidates = find_candidates(world, now.positions, now.velocities, dt, awake)
     # spheres without contact fly on one parabola from the start of the frame
     fly(world, spheres, islands.touched, awake, dt, after)
     new = active_impulses(candidates.key, impulses)
@@ -146,7 +145,6 @@ def _members(candidates: Candidates, count: int) -> tuple[Indices, Candidates]:
         a=place[candidates.a],
         b=place[candidates.b],
         plane=candidates.plane,
-        side=candidates.side,
         key=candidates.key,
     )
     return members, local
@@ -170,11 +168,11 @@ def _reaches(world: World, motion: Motion, dt: float) -> Array:
 
 
 @in_place
-def _outrun(motion: Motion, start: Array, reach: Array, left: float) -> bool:
+def _outrun(world: World, motion: Motion, start: Array, reach: Array, left: float) -> bool:
     """Whether a sphere that was struck may leave its reach in the time `left` of the frame."""
     for i in range(len(reach)):
         gone = length(minus(row(motion.positions, i), row(start, i)))
-        if gone + length(row(motion.velocities, i)) * left > reach[i] * 1.001 + 1e-3:
+        if gone + length(row(motion.velocities, i)) * left > reach[i] + 0.5 * PAD * world.radius[i]:
             return True
     return False
 
@@ -201,7 +199,12 @@ def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags
     contacts = find_contacts(
         world, motion.positions, motion.velocities, candidates, every, 0.0, 0.0
     )
+    before = motion.positions.copy()
     push_out(world, contacts, motion.positions)
+    still = np.zeros(len(before))
+    keep_sides(
+        world, candidates, before, still, 0.0, motion.positions, motion.velocities
+    )
 
 
 @in_place

@@ -33,21 +33,19 @@ class Impulses(NamedTuple):
 class Bodies(NamedTuple):
     """Moving bodies in a substep, and the fixed one last.
 
-    start_velocity: at the start of the substep; free_velocity: at its end, without contacts;
-    angular_velocity: at the start; velocity_change, angular_change: what impulses add to them;
-    displacement: beyond that of free flight; shape (n + 1, 3) each. split: parts of equal mass
-    that a body is split into, one for each active contact, weighted by force; strongest: force of
-    the strongest of them, as a speed; shape (n + 1,).
+    free_velocity: at the end of the substep, without contacts; angular_velocity: at its start;
+    velocity_change, angular_change: what impulses add to them; displacement: beyond that of free
+    flight; shape (n + 1, 3) each. strongest: force of the strongest active contact of each body,
+    as a speed; number: scratch of `find_couplings`; shape (n + 1,).
     """
 
-    start_velocity: Array
     free_velocity: Array
     angular_velocity: Array
     velocity_change: Array
     angular_change: Array
     displacement: Array
-    split: Array
     strongest: Array
+    number: Indices
 
 
 @compiled
@@ -106,11 +104,14 @@ def slip_velocity(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vecto
 
 @in_place
 def separation_velocity(contacts: Contacts, bodies: Bodies, k: int) -> float:
-    """Normal velocity n . (v_a - v_b) at the end of the substep, with the impulses so far."""
+    """Rate at which the gap opens at the end of the substep, with the impulses so far.
+
+    n . (v_a - v_b), and what the turn of the normal until then adds.
+    """
     a, b = contacts.a[k], contacts.b[k]
     free = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
     change = minus(row(bodies.velocity_change, a), row(bodies.velocity_change, b))
-    return dot(row(contacts.normal, k), plus(free, change))
+    return dot(row(contacts.normal, k), plus(free, change)) + contacts.turning_speed[k]
 
 
 @in_place

@@ -9,6 +9,7 @@ import numpy as np
 
 from .broad_phase import find_candidates
 from .contacts import Contacts, find_contacts, gap_of
+from .containment import keep_sides
 from .world import World
 from ..kernels.jit import compiled, entry
 from ..kernels.vector import add_to, put, row, times
@@ -77,7 +78,7 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
     positions = positions_out
     still, everyone = np.zeros_like(positions), np.ones(len(positions), np.bool_)
     for _ in range(_PASSES):
-        candidates = find_candidates(world, positions, still, dt, everyone, positions)
+        candidates = find_candidates(world, positions, still, dt, everyone)
         if len(candidates.a) == 0:
             return
         chosen = np.ones(len(candidates.a), np.bool_)
@@ -88,4 +89,6 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
             deep = deep or gap < -_CLOSE * world.radius[contacts.a[k]]
         if not deep:
             return
+        before = positions.copy()
         push_out(world, contacts, positions)
+        keep_sides(world, candidates, before, np.zeros(len(before)), 0.0, positions, still)

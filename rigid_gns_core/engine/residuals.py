@@ -14,40 +14,46 @@ from numpy.typing import NDArray
 from .contact_law import Law, Target, target_of
 from .contacts import Contacts
 from .impulses import Bodies, Impulses, separation_velocity
-from .world import UNIT_GRAVITY, World
+from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
-from ..kernels.vector import across, dot, minus, put, row, times
+from ..kernels.vector import across, dot, length, minus, put, row, times
 from ..scenes.state import Array
 
 # contacts with this share of the force of a body's strongest one count half
 _FAINT = 0.01
+# residuals below this [g h], and this [approach speed], press no bodies together
+_LEAST, _ROUNDING = 1e-9, 1e-13
 
 
 class SolverState(NamedTuple):
     """Contacts that are solved, and what is known of each from iteration to iteration.
 
-    group: indices of the contacts, shape (c,); approach_speed, free_separation: of their free
-    paths; start_coupling: change of separation velocity by the other contacts, at the start;
+    group: indices of the contacts, shape (c,); free_separation: of their free paths; start_coupling: change of separation velocity by the other contacts, at the start;
     coupling: the same now; residual: target minus present separation velocity; active: whether it
-    carries force; weight: how much it counts at a and b, 0 to 1, shape (c, 2); gravity_slip: slip
-    that gravity makes in flight after a bounce; momentum: share of the last step that is repeated;
-    previous_normal, previous_tangential: impulses before the last step; target: impulse,
-    impulse_time and remaining of the last iteration, shape (c, 3); step: to add, shape (c, 3).
+    carries force; weight: how much it counts at a and b, 0 to 1, shape (c, 2); split,
+    friction_split: parts into which a and b are split for normal and friction impulses, shape
+    (c, 2); rolling_split: parts of a for rolling friction; gravity_slip: slip that gravity makes
+    in flight after a bounce; momentum: share of the last step that is repeated; previous_normal,
+    previous_tangential: impulses before the last step; end_gap: gap of the target at the end;
+    target: its impulse, impulse_time and remaining, shape (c, 3); step: to add, shape (c, 3).
     """
 
     group: Indices
-    approach_speed: Array
     free_separation: Array
     start_coupling: Array
     coupling: Array
     residual: Array
     active: NDArray[np.bool_]
     weight: Array
+    split: Array
+    friction_split: Array
+    rolling_split: Array
     gravity_slip: Array
     momentum: Array
     previous_normal: Array
     previous_tangential: Array
+    end_gap: Array
     target: Array
     step: Array
 
@@ -59,17 +65,20 @@ def new_state(group: Indices) -> SolverState:
     numbers, vectors = np.zeros((7, size)), np.zeros((4, size, 3))
     return SolverState(
         group=group,
-        approach_speed=numbers[0],
-        free_separation=numbers[1],
-        start_coupling=numbers[2],
-        coupling=numbers[3],
-        residual=numbers[4],
+        free_separation=numbers[0],
+        start_coupling=numbers[1],
+        coupling=numbers[2],
+        residual=numbers[3],
         active=np.zeros(size, np.bool_),
         weight=np.zeros((size, 2)),
+        split=np.ones((size, 2)),
+        friction_split=np.ones((size, 2)),
+        rolling_split=np.ones(size),
         gravity_slip=vectors[0],
-        momentum=numbers[5],
-        previous_normal=numbers[6],
+        momentum=numbers[4],
+        previous_normal=numbers[5],
         previous_tangential=vectors[1],
+        end_gap=numbers[6],
         target=vectors[2],
         step=vectors[3],
     )
@@ -79,14 +88,12 @@ def new_state(group: Indices) -> SolverState:
 def find_free_motion(
     contacts: Contacts, law: Law, bodies: Bodies, impulses: Impulses, state_out: SolverState
 ) -> None:
-    """Find approach and separation on free paths, and the coupling by the impulses so far."""
+    """Find the separation on free paths, and the coupling by the impulses so far."""
     for q, k in enumerate(state_out.group):
-        a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
-        start = minus(row(bodies.start_velocity, a), row(bodies.start_velocity, b))
-        fallen = max(contacts.time[k], 0.0) * contacts.acceleration[k]
-        state_out.approach_speed[q] = -dot(normal, start) - fallen
-        free = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
-        state_out.free_separation[q] = dot(normal, free)
+        free = minus(
+            row(bodies.free_velocity, contacts.a[k]), row(bodies.free_velocity, contacts.b[k])
+        )
+        state_out.free_separation[q] = dot(row(contacts.normal, k), free) + contacts.turning_speed[k]
         separation = separation_velocity(contacts, bodies, k)
         state_out.start_coupling[q] = _coupling(law, impulses, state_out, q, separation)
 
@@ -101,7 +108,7 @@ def _target(
         h=h,
         time=contacts.time[k],
         gap=contacts.speculative_gap[k],
-        approach_speed=state.approach_speed[q],
+        approach_speed=contacts.approach_speed[k],
         acceleration=contacts.acceleration[k],
         coupling=coupling,
     )
@@ -136,16 +143,15 @@ def find_residuals(
     bodies_out: Bodies,
     state_out: SolverState,
 ) -> None:
-    """Find the residual of each contact, and into how many parts each body is split.
+    """Find the residual of each contact, and how much it counts at its bodies.
 
     A contact of force x counts 1.01 x / (x + 0.01 x_max) in a body whose strongest has x_max, so
-    that contacts without force change nothing. The split of a body is their sum, at least 1.
+    that contacts without force change nothing.
     """
     gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
-    least = 1e-9 * UNIT_GRAVITY * nominal_h
+    least = _LEAST * length(gravity) * nominal_h
     bodies, state = bodies_out, state_out
     for k in state.group:
-        bodies.split[contacts.a[k]] = bodies.split[contacts.b[k]] = 0.0
         bodies.strongest[contacts.a[k]] = bodies.strongest[contacts.b[k]] = 1e-30
     for q, k in enumerate(state.group):
         separation = separation_velocity(contacts, bodies, k)
@@ -158,7 +164,9 @@ def find_residuals(
             across_normal = across(gravity, row(contacts.normal, k))
             put(state.gravity_slip, q, times(target.flight_time, across_normal))
         state.residual[q] = target.separation_velocity - separation
-        presses = impulses.normal[k] > 0 or state.residual[q] > least
+        state.end_gap[q] = target.end_gap
+        slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])
+        presses = impulses.normal[k] > 0 or state.residual[q] > slowest
         state.active[q] = target.active and presses
         # weight 0 holds the force until the strongest of each body is known
         own = impulses.normal[k] * law.inverse_effective_mass[k]
@@ -171,8 +179,3 @@ def find_residuals(
         for side, body in enumerate((contacts.a[k], contacts.b[k])):
             total = strength + _FAINT * bodies.strongest[body]
             state.weight[q, side] = (1.0 + _FAINT) * strength / total
-            bodies.split[body] += state.weight[q, side]
-    bodies.split[-1] = 1.0
-    for k in state.group:
-        bodies.split[contacts.a[k]] = max(bodies.split[contacts.a[k]], 1.0)
-        bodies.split[contacts.b[k]] = max(bodies.split[contacts.b[k]], 1.0)

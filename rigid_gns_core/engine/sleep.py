@@ -66,7 +66,7 @@ def wake(
     sleepers = sleepers_out
     while True:
         awake = ~sleepers.asleep
-        candidates = find_candidates(world, positions, velocities, dt, awake, positions)
+        candidates = find_candidates(world, positions, velocities, dt, awake)
         woken = np.zeros(sleepers.islands[0], np.bool_)
         for k in range(len(candidates.a)):
             if candidates.plane[k] < 0:

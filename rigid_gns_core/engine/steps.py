@@ -35,8 +35,8 @@ def step_normal(
     """Step normal impulses: they push, and never pull (Signorini's condition: N >= 0)."""
     for q, k in enumerate(state_out.group):
         a, b, old = contacts.a[k], contacts.b[k], impulses_out.normal[k]
-        inverse_mass_a = bodies_out.split[a] * world.inverse_mass[a]
-        inverse_mass = inverse_mass_a + bodies_out.split[b] * world.inverse_mass[b]
+        inverse_mass = state_out.split[q, 0] * world.inverse_mass[a]
+        inverse_mass += state_out.split[q, 1] * world.inverse_mass[b]
         repeated = state_out.momentum[q] * (old - state_out.previous_normal[q])
         more = repeated + state_out.residual[q] / inverse_mass
         state_out.previous_normal[q] = old
@@ -53,8 +53,9 @@ def _slip_and_inverse_mass(
     """Slip that friction acts on, and its change by a unit of impulse on the split bodies."""
     k = state.group[q]
     a, b = contacts.a[k], contacts.b[k]
-    inverse_mass_a = bodies.split[a] * (world.inverse_mass[a] + law.rotation_a[k])
-    inverse_mass = inverse_mass_a + bodies.split[b] * (world.inverse_mass[b] + law.rotation_b[k])
+    split = state.friction_split
+    inverse_mass = split[q, 0] * (world.inverse_mass[a] + law.rotation_a[k])
+    inverse_mass += split[q, 1] * (world.inverse_mass[b] + law.rotation_b[k])
     slip = minus(slip_velocity(contacts, law, bodies, k), row(state.gravity_slip, q))
     return slip, inverse_mass
 
@@ -90,7 +91,7 @@ def step_rolling(
             orbit = times(law.arm_a[k] / world.inverse_mass[a], cross(normal, across(v, normal)))
             rolls = across(plus(about_centre, orbit), normal)
         about_normal = minus(about_centre, flat)
-        new = minus(old, times(1.0 / bodies_out.split[a], plus(rolls, about_normal)))
+        new = minus(old, times(1.0 / state_out.rolling_split[q], plus(rolls, about_normal)))
         limit = law.rolling[k] * impulses_out.normal[k]
         spinning = min(max(dot(new, normal), -limit), limit)
         new = plus(clip(across(new, normal), limit), times(spinning, normal))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One substep: narrow phase, solver, free flight, push-out."""
+"""One substep: narrow phase, solver, free flight, push-out, containment."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates
-from .contact_law import law_of
+from .contact_law import Law, law_of
 from .contacts import Contacts, find_contacts
+from .containment import keep_sides, speeds_of
+from .direct import MOST_CONTACTS
 from .flight import fly_in_place
 from .impulses import Bodies, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
@@ -20,11 +22,14 @@ from .solver import solve
 from .world import UNIT_GRAVITY, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import counting_sort, Flags, Indices
-from ..kernels.vector import put, row
+from ..kernels.vector import length, put, row
 from ..scenes.state import Array
 
-# islands whose last iteration changed a contact by more than this [g h] have not converged, as
-# after a blow; they get at most so many more, until one changes no contact by more than that [g h]
+# Islands of few contacts are solved until an iteration changes none by more than this [g h, and
+# approach speed]; blows need it, and resting contacts have it after the first iteration
+_EXACT, _MOST_ITERATIONS = 1e-6, 28
+# Larger islands whose last iteration changed a contact by more than this [g h] have not converged,
+# as after a blow; they get at most so many more, until one changes none by more than that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 1.0, 24, 0.1
 
 
@@ -91,7 +96,7 @@ def substep(
         fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
         _clear(impulses_out)
         return
-    isolated, shared = _isolated_and_shared(contacts, count)
+    isolated, shared, begin = _islands_of_contacts(contacts, count)
     law = law_of(world, contacts)
     bodies = _bodies(world, motion, h)
     impulses, start = no_impulses(size), no_impulses(size)
@@ -106,44 +111,27 @@ def substep(
         nominal_h=nominal_h,
         iterations=1,
         tolerance=0.0,
+        shared=False,
         bodies_out=bodies,
         impulses_out=impulses,
     )
     for k in shared:
         _copy(impulses_out, contacts.candidate[k], start, k)
-    change = solve(
-        world=world,
-        contacts=contacts,
-        law=law,
-        group=shared,
-        start=start,
-        lasting=start,
-        h=h,
-        nominal_h=nominal_h,
-        iterations=iterations,
-        tolerance=0.0,
-        bodies_out=bodies,
-        impulses_out=impulses,
-    )
-    unconverged, begin = _unconverged(contacts, shared, change, nominal_h, count)
-    if len(unconverged):
-        first = copy_impulses(impulses)
-        for island in range(len(begin) - 1):
-            group = unconverged[begin[island] : begin[island + 1]]
-            solve(
-                world=world,
-                contacts=contacts,
-                law=law,
-                group=group,
-                start=first,
-                lasting=start,
-                h=h,
-                nominal_h=nominal_h,
-                iterations=_EXTRA_ITERATIONS,
-                tolerance=_CONVERGED * UNIT_GRAVITY * nominal_h,
-                bodies_out=bodies,
-                impulses_out=impulses,
-            )
+    # by island, so that none depends on what happens elsewhere
+    for island in range(len(begin) - 1):
+        _solve_island(
+            world=world,
+            contacts=contacts,
+            law=law,
+            group=shared[begin[island] : begin[island + 1]],
+            start=start,
+            h=h,
+            nominal_h=nominal_h,
+            iterations=iterations,
+            bodies_out=bodies,
+            impulses_out=impulses,
+        )
+    before, speeds = p.copy(), speeds_of(v)
     fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
     for i in range(count):
         for axis in range(3):
@@ -156,26 +144,70 @@ def substep(
         if contacts.speculative_gap[k] == 0 or impulses.normal[k] > 0:
             connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
     push_out(world, contacts, p)
+    keep_sides(world, candidates, before, speeds, h, p, v)
+
+
+@compiled
+def _solve_island(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    group: Indices,
+    start: Impulses,
+    h: float,
+    nominal_h: float,
+    iterations: int,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+) -> None:
+    """Solve the contacts of one island; see `solve`."""
+    impulses, first = impulses_out, start
+    fall = length((world.gravity[0], world.gravity[1], world.gravity[2])) * nominal_h
+    few, fastest = len(group) <= MOST_CONTACTS, 0.0
+    for k in group:
+        fastest = max(fastest, contacts.approach_speed[k])
+    most, tolerance = iterations, 0.0
+    if few:
+        most, tolerance = max(iterations, _MOST_ITERATIONS), _EXACT * (fall + fastest)
+    while True:
+        change = solve(
+            world=world,
+            contacts=contacts,
+            law=law,
+            group=group,
+            start=first,
+            lasting=start,
+            h=h,
+            nominal_h=nominal_h,
+            iterations=most,
+            tolerance=tolerance,
+            shared=True,
+            bodies_out=bodies_out,
+            impulses_out=impulses,
+        )
+        if few or tolerance > 0 or change.max() <= _UNCONVERGED * UNIT_GRAVITY * nominal_h:
+            return
+        most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
+        first = copy_impulses(impulses)
 
 
 @compiled
 def _bodies(world: World, motion: Motion, h: float) -> Bodies:
     count = len(motion.positions)
-    rows = np.zeros((6, count + 1, 3))
+    rows = np.zeros((5, count + 1, 3))
     for i in range(count):
         for axis in range(3):
-            rows[0, i, axis] = motion.velocities[i, axis]
-            rows[1, i, axis] = motion.velocities[i, axis] + h * world.gravity[axis]
-            rows[2, i, axis] = motion.angular_velocities[i, axis]
+            fall = h * world.gravity[axis] if motion.awake[i] else 0.0
+            rows[0, i, axis] = motion.velocities[i, axis] + fall
+            rows[1, i, axis] = motion.angular_velocities[i, axis]
     return Bodies(
-        start_velocity=rows[0],
-        free_velocity=rows[1],
-        angular_velocity=rows[2],
-        velocity_change=rows[3],
-        angular_change=rows[4],
-        displacement=rows[5],
-        split=np.zeros(count + 1),
+        free_velocity=rows[0],
+        angular_velocity=rows[1],
+        velocity_change=rows[2],
+        angular_change=rows[3],
+        displacement=rows[4],
         strongest=np.zeros(count + 1),
+        number=np.full(count + 1, -1),
     )
 
 
@@ -194,43 +226,25 @@ def _clear(impulses_out: Impulses) -> None:
 
 
 @compiled
-def _isolated_and_shared(contacts: Contacts, count: int) -> tuple[Indices, Indices]:
-    """Contacts that share no moving body with another, and need one iteration; the rest."""
+def _islands_of_contacts(contacts: Contacts, count: int) -> tuple[Indices, Indices, Indices]:
+    """Contacts that share no moving body with another; the rest by island; where each begins."""
     contacts_of = np.zeros(count + 1, np.int64)
     for k in range(len(contacts.a)):
         contacts_of[contacts.a[k]] += 1
         contacts_of[contacts.b[k]] += 1
     contacts_of[count] = 0
-    shared = np.empty(len(contacts.a), np.bool_)
+    islands, shares = no_islands(count), np.empty(len(contacts.a), np.bool_)
     for k in range(len(contacts.a)):
-        shared[k] = contacts_of[contacts.a[k]] > 1 or contacts_of[contacts.b[k]] > 1
-    return np.flatnonzero(~shared), np.flatnonzero(shared)
-
-
-@compiled
-def _unconverged(
-    contacts: Contacts, shared: Indices, change: Array, nominal_h: float, count: int
-) -> tuple[Indices, Indices]:
-    """Contacts of islands that have not converged, by island, and where each island begins.
-
-    By island, so that none depends on what happens elsewhere.
-    """
-    large = change > _UNCONVERGED * UNIT_GRAVITY * nominal_h
-    if not large.any():
-        return shared[:0], np.zeros(1, np.int64)
-    islands = no_islands(count)
-    for k in range(len(contacts.a)):
+        shares[k] = contacts_of[contacts.a[k]] > 1 or contacts_of[contacts.b[k]] > 1
         if contacts.b[k] < count:
             connect(islands, contacts.a[k], contacts.b[k])
-    number, size = np.full(count, -1), 0
-    for q in range(len(shared)):
-        root = root_of(islands.parent, contacts.a[shared[q]])
-        if large[q] and number[root] < 0:
-            number[root] = size
-            size += 1
+    shared, number, size = np.flatnonzero(shares), np.full(count, -1), 0
     label = np.empty(len(shared), np.int64)
     for q in range(len(shared)):
-        label[q] = number[root_of(islands.parent, contacts.a[shared[q]])]
-    chosen = label >= 0
-    order, begin = counting_sort(label[chosen], size)
-    return shared[chosen][order], begin
+        root = root_of(islands.parent, contacts.a[shared[q]])
+        if number[root] < 0:
+            number[root] = size
+            size += 1
+        label[q] = number[root]
+    order, begin = counting_sort(label, size)
+    return np.flatnonzero(~shares), shared[order], begin

@@ -29,7 +29,7 @@ class World(NamedTuple):
     shape (n + 1,); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
     (3,); point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
-    shape (s, 2); plate: planes with an end on all sides, which have two faces, shape (s,);
+    shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
     surface_restitution, surface_friction: of the planes, shape (s,).
     """
 
@@ -43,7 +43,7 @@ class World(NamedTuple):
     point: Array
     axes: Array
     half: Array
-    plate: NDArray[np.bool_]
+    two_sided: NDArray[np.bool_]
     surface_restitution: Array
     surface_friction: Array
 
@@ -70,7 +70,7 @@ def world_of(scene: Scene, count: int) -> World:
         point=array([plane.point for plane in planes], -1, 3),
         axes=array([plane.axes for plane in planes], -1, 3, 3),
         half=half_lengths,
-        plate=np.asarray(np.isfinite(half_lengths).all(axis=1)),
+        two_sided=np.asarray(np.isfinite(half_lengths).any(axis=1)),
         surface_restitution=array(scene.surface_values('restitution')),
         surface_friction=array(scene.surface_values('friction')),
     )
@@ -91,7 +91,7 @@ def world_among(world: World, members: NDArray[np.int64]) -> World:
         point=world.point,
         axes=world.axes,
         half=world.half,
-        plate=world.plate,
+        two_sided=world.two_sided,
         surface_restitution=world.surface_restitution,
         surface_friction=world.surface_friction,
     )

@@ -12,7 +12,7 @@ from .machine_code import Function, MachineCode
 
 # sums may be fused (FMA), never reordered: the same seed gives the same bytes
 _CODE = MachineCode(
-    'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath={'contract'}
+    'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath=False
 )
 is_compiled = _CODE.is_complete
 compiling = partial(_CODE.compiling, 'the engine', 'about a minute')

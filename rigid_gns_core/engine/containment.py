@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""No centre passes through a plane that has an end, at any speed and whatever presses on it.
+
+Blows are solved on the free paths of a substep; a path that several of them bend may still lead
+through a plane. So the straight way of each centre over a substep is cut where it would, and the
+side of a plane that a sphere is on needs no memory. A room of plates is never left.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .broad_phase import Candidates, PAD
+from .flight import reach_of
+from .rectangle import to_plane
+from .world import World
+from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
+from ..scenes.state import Array
+
+# share of its size by which a plane is taken larger, so that planes that meet leave no gap
+_OVERLAP = 1e-9
+
+
+@compiled
+def keep_sides(
+    world: World,
+    candidates: Candidates,
+    before: Array,
+    speeds: Array,
+    h: float,
+    positions_out: Array,
+    velocities_out: Array,
+) -> None:
+    """Stop centres that passed through a plane on their side of it; they bounce off.
+
+    Args:
+        world: What does not move.
+        candidates: All pairs that may touch.
+        before: Centres at the start of the substep, shape (n, 3).
+        speeds: Speeds there, shape (n,): within what they allow, a sphere meets candidates only.
+        h: Length of the substep.
+        positions_out: At its end; corrected in place.
+        velocities_out: At its end, shape (n, 3); corrected in place.
+    """
+    first, plane = np.ones(len(before)), np.full(len(before), -1)
+    for k in range(len(candidates.a)):
+        i, p = candidates.a[k], candidates.plane[k]
+        if p >= 0 and world.two_sided[p]:
+            _cut(world, p, i, before, positions_out, first, plane)
+    gravity = length((world.gravity[0], world.gravity[1], world.gravity[2]))
+    for i in range(len(before)):
+        way = length(minus(row(positions_out, i), row(before, i)))
+        if way > reach_of(speeds[i], gravity, h) + 0.5 * PAD * world.radius[i]:
+            for p in range(len(world.point)):  # it was struck, and meets what it could not before
+                if world.two_sided[p]:
+                    _cut(world, p, i, before, positions_out, first, plane)
+    for i in range(len(before)):
+        p = plane[i]
+        if p < 0:
+            continue
+        start, velocity = row(before, i), row(velocities_out, i)
+        way = minus(row(positions_out, i), start)
+        put(positions_out, i, plus(start, times(first[i], way)))
+        normal = row(world.axes[p], 2)
+        if dot(normal, way) * dot(normal, velocity) > 0:
+            e = world.restitution[i] * world.surface_restitution[p]
+            turned = times((1.0 + e) * dot(normal, velocity), normal)
+            put(velocities_out, i, minus(velocity, turned))
+
+
+@in_place
+def _cut(
+    world: World,
+    plane: int,
+    i: int,
+    before: Array,
+    after: Array,
+    share_out: Array,
+    plane_out: Indices,
+) -> None:
+    """Shorten the way of a sphere where a plane stops it first."""
+    share = _share_of_way(world, plane, i, row(before, i), row(after, i))
+    if share < share_out[i]:
+        share_out[i], plane_out[i] = share, plane
+
+
+@in_place
+def _share_of_way(world: World, plane: int, i: int, start: Vector, end: Vector) -> float:
+    """Share of its way that a sphere may go until a plane stops its centre, a radius before it.
+
+    1 where the way does not lead through the plane.
+    """
+    axes, half, point = world.axes[plane], world.half[plane], row(world.point, plane)
+    local, there = to_plane(axes, minus(start, point)), to_plane(axes, minus(end, point))
+    side = -1.0 if local[2] < 0 else 1.0
+    height, depth = side * local[2], -side * there[2]
+    if depth < 0 or height + depth <= 0:
+        return 1.0
+    share = height / (height + depth)
+    for axis in range(2):
+        across = local[axis] + share * (there[axis] - local[axis])
+        if math.fabs(across) > half[axis] * (1.0 + _OVERLAP):
+            return 1.0
+    return (height - min(height, world.radius[i])) / (height + depth)
+
+
+@compiled
+def speeds_of(velocities: Array) -> Array:
+    """Speeds, shape (n,)."""
+    speeds = np.empty(len(velocities))
+    for i in range(len(speeds)):
+        speeds[i] = length(row(velocities, i))
+    return speeds

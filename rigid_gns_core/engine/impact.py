@@ -1,0 +1,251 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""When and along which normal two bodies meet in a substep, on their free paths.
+
+A blow acts along the normal at its time of impact. A contact that lasts turns: its normal is that
+at the middle of the rest of the substep, since an impulse along that does no work on a body that
+rolls around another, to the second order. What is left of the turn until the end,
+v_t^2 / d (h - t_n) of separation velocity, is in `turning_speed`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from .flight import position_on_path, velocity_on_path
+from .rectangle import (
+    centrifugal,
+    curvature_of_path,
+    first_touch_of_plane,
+    first_touch_of_rectangle,
+    from_plane,
+    is_over_face,
+    offset_from_rectangle,
+    to_plane,
+)
+from .world import UNIT_GRAVITY, World
+from ..kernels.jit import in_place
+from ..kernels.vector import dot, length, minus, plus, row, times, Vector
+
+# bodies nearer than this [radii of the smaller one] count as touching
+TOUCH = 1e-5
+# touching bodies that approach slower than this stay in contact
+_LASTING_SPEED = UNIT_GRAVITY * 1.25e-3
+# largest turn [rad] of a contact until the middle of a substep; one that turns farther flies off
+_LARGEST_TURN = 0.3
+
+
+class Impact(NamedTuple):
+    """A contact of two bodies.
+
+    found: whether there is one; edge: whether it is with an edge of a plane; lasting: whether the
+    bodies touch and hardly approach; normal: unit vector from body b to a, at the time
+    `normal_time`; time: of impact, from the start of the substep, negative where the bodies
+    overlap and should have met before; gap: between the surfaces at that time; speculative_gap:
+    gap of a speculative contact, of bodies that do not meet on their free paths, but are so near
+    that other contacts may bring them together (its time is 0), else 0; approach_speed: at the
+    time of impact; acceleration: second derivative of the gap on the free paths; turning_speed:
+    separation velocity that the turn of the normal after `normal_time` adds until the end.
+    """
+
+    found: bool
+    edge: bool
+    lasting: bool
+    normal: Vector
+    normal_time: float
+    time: float
+    gap: float
+    speculative_gap: float
+    approach_speed: float
+    acceleration: float
+    turning_speed: float
+
+
+@in_place
+def _no_impact() -> Impact:
+    return Impact(
+        found=False,
+        edge=False,
+        lasting=False,
+        normal=(0.0, 0.0, 1.0),
+        normal_time=0.0,
+        time=0.0,
+        gap=0.0,
+        speculative_gap=0.0,
+        approach_speed=0.0,
+        acceleration=0.0,
+        turning_speed=0.0,
+    )
+
+
+@in_place
+def _missed_time(gap: float, approach_speed: float, lookback: float) -> float:
+    """Time, 0 or before, at which bodies that overlap by -gap have met."""
+    if gap >= 0 or approach_speed <= 0:
+        return 0.0
+    return max(-lookback, gap / approach_speed)
+
+
+@in_place
+def _lasts(approach_speed: float, velocity: Vector, distance: float, h: float) -> bool:
+    """Whether bodies that touch stay in contact."""
+    tangential = math.sqrt(max(dot(velocity, velocity) - approach_speed**2, 0.0))
+    slow = math.fabs(approach_speed) <= _LASTING_SPEED
+    return slow and 0.5 * h * tangential <= _LARGEST_TURN * distance
+
+
+@in_place
+def impact_of_spheres(
+    offset: Vector,
+    velocity: Vector,
+    radius_a: float,
+    radius_b: float,
+    h: float,
+    lookback: float,
+    margin: float,
+) -> Impact:
+    """Contact of two spheres that touch or meet within h, on straight relative paths.
+
+    The time of impact is the first root of |x + y t| = R, R = r_a + r_b. With d = |x| - R and
+    b = x . y it is t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits.
+
+    Args:
+        offset: x, position of a relative to b.
+        velocity: y, velocity of a relative to b.
+        radius_a: r_a.
+        radius_b: r_b.
+        h: Length of the substep.
+        lookback: Spheres that overlap are taken to have met at most so long ago.
+        margin: Gap up to which spheres that do not meet are speculative contacts.
+    """
+    touching, distance = radius_a + radius_b, length(offset)
+    gap = distance - touching
+    along = dot(offset, velocity)
+    hits, time = False, 0.0
+    if gap > 0 and along < 0:
+        inside = along * along - dot(velocity, velocity) * gap * (distance + touching)
+        if inside >= 0:
+            time = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
+            hits = time <= h
+    touches = gap <= TOUCH * min(radius_a, radius_b)
+    if not (hits or touches or gap <= margin):
+        return _no_impact()
+    approach_speed = -along / max(distance, 1e-30)
+    # without gravity, nothing presses bodies together
+    lasting = touches and margin > 0 and _lasts(approach_speed, velocity, distance, h)
+    if not hits:
+        time = _missed_time(gap, approach_speed, lookback)
+    before = max(time, 0.0)
+    normal_time = 0.5 * (before + h) if lasting else before
+    at = plus(offset, times(normal_time, velocity))
+    far = length(at)
+    normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
+    if not lasting:
+        gap_then, approach_speed = far - touching, -dot(normal, velocity)
+    else:
+        gap_then = gap
+    curving = centrifugal(at, velocity)
+    return Impact(
+        found=True,
+        edge=False,
+        lasting=lasting,
+        normal=normal,
+        normal_time=normal_time,
+        time=time,
+        gap=gap_then,
+        speculative_gap=0.0 if hits or touches else gap,
+        approach_speed=approach_speed,
+        acceleration=curving,
+        turning_speed=curving * (h - normal_time),
+    )
+
+
+@in_place
+def impact_with_plane(
+    world: World,
+    plane: int,
+    radius: float,
+    position: Vector,
+    velocity: Vector,
+    h: float,
+    lookback: float,
+    margin: float,
+    lasts: bool,
+) -> Impact:
+    """Contact of a sphere that touches or meets a bounded plane within h, on its parabola.
+
+    A plane without end bounds a body: spheres are in front of it, however deep. One with an end
+    has two faces, and a sphere is on the side of its centre. The time of impact is the first root
+    of the gap, in closed form where the sphere meets the face (`first_touch_of_plane`).
+
+    Args:
+        world: What does not move.
+        plane: Its index.
+        radius: Of the sphere.
+        position: Of its centre, at the start of the substep.
+        velocity: There.
+        h: Length of the substep.
+        lookback: Bodies that overlap are taken to have met at most so long ago.
+        margin: Gap up to which bodies that do not meet are speculative contacts.
+        lasts: The sphere rolls onto this plane from one that it touches: the contact lasts.
+    """
+    axes, half = world.axes[plane], world.half[plane]
+    local = to_plane(axes, minus(position, row(world.point, plane)))
+    moving = to_plane(axes, velocity)
+    pulling = to_plane(axes, (world.gravity[0], world.gravity[1], world.gravity[2]))
+    side = -1.0 if world.two_sided[plane] and local[2] < 0 else 1.0
+    start = offset_from_rectangle(local, half)
+    inside = is_over_face(start)
+    face_gap, distance = side * local[2] - radius, length(start)
+    gap = face_gap if inside else distance - radius
+    hits, time = False, 0.0
+    if gap > 0:
+        if face_gap > 0:
+            time = first_touch_of_plane(face_gap, side * moving[2], side * pulling[2])
+        if time <= h:
+            there = offset_from_rectangle(position_on_path(local, moving, pulling, time), half)
+            if not (face_gap > 0 and is_over_face(there)):
+                time = first_touch_of_rectangle(local, moving, pulling, half, radius, time, h)
+        hits = time <= h
+    touches = gap <= TOUCH * radius
+    if not (hits or touches or lasts or gap <= margin):
+        return _no_impact()
+    normal = (0.0, 0.0, side)
+    if not inside:
+        normal = times(1.0 / max(distance, 1e-30), start)
+    approach_speed = -dot(normal, moving)
+    lasting = lasts or (touches and margin > 0 and _lasts(approach_speed, moving, radius, h))
+    if not hits:
+        time = _missed_time(gap, approach_speed, lookback)
+    before = max(time, 0.0)
+    normal_time = 0.5 * (before + h) if lasting else before
+    at = offset_from_rectangle(position_on_path(local, moving, pulling, normal_time), half)
+    moving_then = velocity_on_path(moving, pulling, normal_time)
+    edge, far = not is_over_face(at), side * at[2]
+    if lasting:
+        approach_speed += -before * dot(normal, pulling)
+    normal = (0.0, 0.0, side)
+    if edge:
+        far = max(length(at), 1e-30)
+        normal = times(1.0 / far, at)
+    if not lasting:
+        gap_then, approach_speed = far - radius, -dot(normal, moving_then)
+    else:
+        gap_then = gap
+    curving = curvature_of_path(at, moving_then)
+    speculative_gap = 0.0 if hits or touches or lasts else gap
+    return Impact(
+        found=True,
+        edge=edge,
+        lasting=lasting,
+        normal=from_plane(axes, normal),
+        normal_time=normal_time,
+        time=time,
+        gap=gap_then,
+        speculative_gap=speculative_gap,
+        approach_speed=approach_speed,
+        acceleration=dot(pulling, normal) + curving,
+        turning_speed=curving * (h - normal_time),
+    )
