@@ -78,13 +78,18 @@ def load_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
                 yield check('light under heavy, penetration [r]', case, depth, 0, _DEEPEST)
 
 
-def _supports() -> dict[str, tuple[Sequence[Plane], Array]]:
-    """Walls and light spheres on the floor by name; spheres: shape (n, 3)."""
+def triangle_of_spheres() -> tuple[tuple[Plane, ...], Array]:
+    """Three unit spheres that touch on a floor around x = y = 0, shape (3, 3), and their walls."""
     thirds = 2.0 * np.pi * np.arange(3) / 3.0
     out = np.stack([np.cos(thirds), np.sin(thirds), 0.0 * thirds], axis=-1)
-    three = 2.0 / np.sqrt(3.0) * out + _UP  # they touch
-    reach = 2.0 / np.sqrt(3.0) + 1.0
-    walls = [plate(reach * n, -n, _UP, np.inf, np.inf) for n in out]
+    middle = 2.0 / np.sqrt(3.0)
+    walls = tuple(plate((middle + 1.0) * n, -n, _UP, np.inf, np.inf) for n in out)
+    return walls, middle * out + _UP
+
+
+def _supports() -> dict[str, tuple[Sequence[Plane], Array]]:
+    """Walls and light spheres on the floor by name; spheres: shape (n, 3)."""
+    walls, three = triangle_of_spheres()
     return {
         'one': ((), _UP[None]),
         'one in a shaft': (Plane.box(2.02, 2.02)[1:], np.array([[0.01, 0.0, 1.0]])),
