@@ -138,16 +138,23 @@ def _before(simulate: Simulate, angles: tuple[float, ...]) -> Iterator[Check]:
     for degrees in angles:
         ramp, down = _ramp(degrees)
         reach = max(0.0, -float(np.tan(np.radians(degrees) / 2.0)))
-        for rolls in _ROLLS:
+        for rolls, rolling_friction in ((False, 0.0), (True, 0.0), (True, 0.05)):
             velocity, spin, friction = _rolling(2.0, rolls)
             start = np.array([[-reach - 0.01, 0.0, 1.0]]) - 0.5 * velocity
             one, other = (
                 simulated(
-                    simulate, surfaces, start, velocity, spin, seconds=0.5, friction=friction
+                    simulate,
+                    surfaces,
+                    start,
+                    velocity,
+                    spin,
+                    seconds=0.5,
+                    friction=friction,
+                    rolling_friction=rolling_friction,
                 )
                 for surfaces in ((_PLATFORM,), (_PLATFORM, ramp))
             )
-            case = _kind(2.0, degrees, rolls)
+            case = f'{_kind(2.0, degrees, rolls)}, rolling friction {rolling_friction:g}'
             apart = difference(one, other)
             yield check('before a joint as without it [r]', case, apart, 0, SAME)
         for inside in (0.01, 0.5) if degrees > 0 else ():

@@ -31,6 +31,7 @@ def shared_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     yield from _corners(simulate, blows)
     yield from _three_spheres(simulate, [e for e in (1.0, 0.5) if not quick or e == 1.0])
     yield from _rolling(simulate, [(e, v) for e, v in blows if e >= 0.5])
+    yield from _passing(simulate)
     yield from _rest(simulate, 20.0 if not quick else 3.0)
 
 
@@ -195,6 +196,27 @@ def _rolling(simulate: Simulate, blows: Sequence[tuple[float, float]]) -> Iterat
                 ]
                 case = f'{kind}, e {e:g}, {v:g} m/s, {moment}'
                 yield velocity_check('rolling spheres collide', case, run, expected, v, NEAR)
+
+
+def _passing(simulate: Simulate) -> Iterator[Check]:
+    """Rolling on a floor past a sphere or along a wall, with next to no gap: nothing happens."""
+    wall = Plane(normal=(0.0, -1.0, 0.0))
+    for gap in (1e-9, 1e-6, 1e-3):
+        for kind, surfaces, count in (('sphere', (_FLOOR,), 2), ('wall', (_FLOOR, wall), 1)):
+            start = np.array([(-1.4, -1.0 - gap, 1.0), (0.0, 1.0, 1.0)])[:count]
+            motion = np.array([(4.0, 0.0, 0.0), (1.0, 0.0, 0.0)])[:count]
+            run = simulated(
+                simulate,
+                surfaces,
+                start,
+                motion,
+                np.cross(_UP, motion),
+                seconds=1.0,
+                restitution=0.5,
+                friction=0.4,
+            )
+            case = f'{kind}, gap {gap:g} r'
+            yield velocity_check('passes by without touching', case, run, motion, 4.0, EXACT)
 
 
 def _rest(simulate: Simulate, seconds: float) -> Iterator[Check]:

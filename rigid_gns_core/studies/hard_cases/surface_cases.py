@@ -26,9 +26,8 @@ def _seams(seed: int) -> Case:
         for y in np.arange(-6.0, 7.0, 3.0)
     )
     draw = np.random.default_rng(seed)
-    places = np.array(
-        [(x, y, z) for x in (-4.0, 0.0, 4.0) for y in (-4.0, 4.0) for z in (3.0, 6.0)]
-    )
+    grid = np.meshgrid([-4.0, 0.0, 4.0], [-4.0, 4.0], [3.0, 6.0])
+    places = np.stack(grid, axis=-1).reshape(-1, 3)
     places[:, :2] += draw.uniform(-1.0, 1.0, (len(places), 2))
     start = State(positions=places, velocities=draw.normal(0.0, 2.0, places.shape))
     text = '12 spheres are thrown onto a floor of 25 plates of 3 r in a box'
@@ -50,7 +49,7 @@ def _joints(_: int) -> Case:
     ramp = plate(10.0 * down, (np.sin(angle), 0.0, np.cos(angle)), down)
     floor = Plane((0.0, 0.0, -20.0 * np.sin(angle)))
     end = Plane((20.0 * np.cos(angle) + 12.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
-    places = [(-3.0 - 2.5 * k, -4.0 + 2.0 * k, 1.0) for k in range(4)]
+    places = [(-3.0 - 2.5 * k, -4.0 + 2.5 * k, 1.0) for k in range(4)]
     velocities = np.outer([1.0, 2.0, 4.0, 8.0], level)
     turning = np.cross([0.0, 0.0, 1.0], velocities)
     return Case(
@@ -94,10 +93,9 @@ def _topple(_: int) -> Case:
 
 
 def _tilted_corner(_: int) -> Case:
-    axes = np.array(
-        [(2.0, 0.0, np.sqrt(2.0)), (-1.0, 3.0**0.5, 2.0**0.5), (-1.0, -(3.0**0.5), 2.0**0.5)]
-    )
-    axes /= np.sqrt(6.0)
+    thirds = 2.0 * np.pi * np.arange(3) / 3.0
+    out = np.stack([np.cos(thirds), np.sin(thirds), 0.0 * thirds], axis=-1)
+    axes = np.sqrt(2.0 / 3.0) * out + np.sqrt(1.0 / 3.0) * np.array([0.0, 0.0, 1.0])
     surfaces = tuple(Plane(normal=tuple(normal)) for normal in axes)
     # 1 r from all three, then 2 r further along each
     places = np.ones(3) @ axes + np.r_[np.zeros((1, 3)), 2.0 * axes, [(0.0, 0.0, 8.0)]]
