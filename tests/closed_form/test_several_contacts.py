@@ -49,7 +49,13 @@ KINDS = {
         'thrown over a fence [r]',
         'against a fence',
     ],
-    'edge': ['grazes an edge, velocity', 'grazes an edge, spin', 'dropped on an edge'],
+    'edge': [
+        'grazes an edge, frictionless, velocity',
+        'grazes an edge, frictionless, spin',
+        'grazes an edge, with friction, velocity',
+        'grazes an edge, with friction, spin',
+        'dropped on an edge',
+    ],
     'topple': [
         'over an edge, speed [m/s]',
         'off an edge, speed across [m/s]',

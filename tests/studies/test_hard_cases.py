@@ -129,9 +129,8 @@ def test_depth_is_judged_where_a_case_bounds_it() -> None:
     assert case.deepest == 5e-3  # 1e-2 radii
     for depth, wrong in ((0.009, []), (0.011, ['deepest'])):
         sinks = made(case, lambda t, depth=depth: upwards(-depth * (t > 6)))
-        (row,) = run_cases(
-            [Engine('sinks', lambda *_: sinks, 'given')], [replace(case, rests=False)]
-        )
+        engine = Engine('sinks', lambda *_, sinks=sinks: sinks, 'given')
+        (row,) = run_cases([engine], [replace(case, rests=False)])
         assert row['failed'] == wrong
         assert ('!' in format_table([row]).splitlines()[2]) == bool(wrong)
     free = replace(case, deepest=None, rests=False)
