@@ -12,9 +12,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from .bounces import Simulate
+from .ceilings import ceiling_checks, strip_checks
 from .check import Check
+from .edges import edge_checks, topple_checks
+from .enclosed import load_checks, room_checks
+from .joints import joint_checks
 from .many_spheres import collision_checks, pile_checks
 from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
+from .seams import seam_checks
+from .shared_contacts import shared_checks
+from .slow_impacts import slow_checks
 from ..errors import UserError
 
 __all__ = ['GROUPS', 'Check', 'run_checks']
@@ -26,6 +33,16 @@ GROUPS: dict[str, Callable[[Simulate, bool], Iterator[Check]]] = {
     'oblique': oblique_checks,
     'collision': collision_checks,
     'pile': pile_checks,
+    'shared': shared_checks,
+    'seam': seam_checks,
+    'joint': joint_checks,
+    'ceiling': ceiling_checks,
+    'strip': strip_checks,
+    'edge': edge_checks,
+    'topple': topple_checks,
+    'slow': slow_checks,
+    'room': room_checks,
+    'load': load_checks,
 }
 
 

@@ -11,6 +11,8 @@ Notation: n unit normal, e restitution, mu friction, rho rolling friction (see `
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..scenes.state import Array
@@ -83,6 +85,83 @@ def impact_of_spheres(
     turn = 2.5 * np.cross(-normal, impulse)
     turned: Array = np.asarray(spins + np.outer(1.0 / (masses * radii), turn), dtype=np.float64)
     return after, turned
+
+
+def simultaneous_impacts(
+    velocities: Array,
+    masses: Array,
+    contacts: Sequence[tuple[int, int | None, Array]],
+    restitution: float,
+) -> Array:
+    """Velocities [m/s] after frictionless impacts at one moment, shape (n, 3).
+
+    Newton's law at each contact, n . w' = -e n . w with w the relative velocity, by impulses that
+    act together: (N M^-1 N^T) J = -(1 + e) N v.
+
+    Args:
+        velocities: Before, shape (n, 3).
+        masses: Masses [kg], shape (n,).
+        contacts: Sphere, the other sphere or None for a surface, and unit normal towards the first
+            [shape (3,)]; all of which push.
+        restitution: Of all contacts.
+    """
+    rows = np.zeros((len(contacts), *velocities.shape))
+    for row, (one, other, normal) in zip(rows, contacts, strict=True):
+        row[one] = normal
+        if other is not None:
+            row[other] = -normal
+    flat = rows.reshape(len(contacts), -1)
+    moved = (rows / masses[:, None]).reshape(len(contacts), -1)
+    impulses = np.linalg.solve(flat @ moved.T, -(1.0 + restitution) * flat @ velocities.ravel())
+    after: Array = velocities + (impulses @ moved).reshape(velocities.shape)
+    return after
+
+
+def slide_to_roll(
+    speed: float, surface_speed: float, friction: float, gravity: float, time: float
+) -> float:
+    """Speed [m/s] on a level floor after `time` [s], from a speed and r times the spin.
+
+    Friction takes mu g from the speed along the slip, which shrinks by 7/2 mu g; from where it is
+    0 the sphere rolls, at (5 v + 2 r w) / 7.
+    """
+    slip = speed - surface_speed
+    if abs(slip) <= 3.5 * friction * gravity * time:
+        return (5.0 * speed + 2.0 * surface_speed) / 7.0
+    return speed - float(np.sign(slip)) * friction * gravity * time
+
+
+def speed_over_edge(
+    speed: float, start: float, angle: Array, radius: float, inertia: float, gravity: float
+) -> Array:
+    """Speed [m/s] of a centre on a circle around an edge or a fixed sphere.
+
+    Energy: (1 + i) v^2 / 2 + g l cos theta is constant, with i = I / (m r^2) where it rolls
+    without slip, 0 where it slides without friction.
+
+    Args:
+        speed: At the angle `start`.
+        start: Angle from the vertical [rad].
+        angle: Angles at which to know it [rad].
+        radius: l of the circle: r of the sphere at an edge, R + r on a fixed sphere.
+        inertia: i: 2/5 or 0.
+        gravity: [m/s^2].
+    """
+    gained = 2.0 * gravity * radius * (np.cos(start) - np.cos(angle)) / (1.0 + inertia)
+    reached: Array = np.sqrt(speed**2 + gained)
+    return reached
+
+
+def leaving_angle(
+    speed: float, start: float, radius: float, inertia: float, gravity: float
+) -> float:
+    """Angle [rad] where a sphere leaves the circle of `speed_over_edge`: v^2 = g l cos theta.
+
+    From rest on top: cos theta = 10/17 where it rolls, 2/3 where it slides.
+    """
+    share = 2.0 / (1.0 + inertia)
+    cosine = (speed**2 / (gravity * radius) + share * np.cos(start)) / (1.0 + share)
+    return float(np.arccos(cosine))
 
 
 def energy(

@@ -108,8 +108,8 @@ def test_closed_forms_conserve() -> None:
         np.testing.assert_allclose(heavy[1][0], wall[1], atol=1e-9)
 
 
-@pytest.mark.parametrize('group', GROUPS)
-def test_bullet_passes(group: str) -> None:
+@pytest.mark.parametrize('group', ['bounce', 'incline', 'level', 'oblique', 'collision', 'pile'])
+def test_bullet_passes_with_single_contacts(group: str) -> None:
     pytest.importorskip('pybullet', reason='pybullet is not installed (extra: teacher)')
     from rigid_gns_core.teacher.bullet import simulate
 

@@ -124,6 +124,19 @@ def test_depth_and_drift_are_of_the_second_half() -> None:
     assert measure_laws(replace(case, rests=False), late)['drift'] is None
 
 
+def test_depth_is_judged_where_a_case_bounds_it() -> None:
+    case = CASES['heavy_column']
+    assert case.deepest == 5e-3  # 1e-2 radii
+    for depth, wrong in ((0.009, []), (0.011, ['deepest'])):
+        sinks = made(case, lambda t, depth=depth: upwards(-depth * (t > 6)))
+        engine = Engine('sinks', lambda *_, sinks=sinks: sinks, 'given')
+        (row,) = run_cases([engine], [replace(case, rests=False)])
+        assert row['failed'] == wrong
+        assert ('!' in format_table([row]).splitlines()[2]) == bool(wrong)
+    free = replace(case, deepest=None, rests=False)
+    assert failures(measure_laws(free, made(free, lambda t: upwards(-0.4 * (t > 6))))) == []
+
+
 def test_a_sphere_around_an_edge_has_not_escaped() -> None:
     case = CASES['plane_end']
     # over the edge at x = 5 and then down; or down through the plane
@@ -221,6 +234,12 @@ def test_what_the_cases_are_about_is_there() -> None:
     assert max(mixed.mass) / min(mixed.mass) == pytest.approx(125.0)
     assert CASES['plane_end'].start.positions[1, 0] == 5.0  # the edge, exactly
     assert len(CASES['elastic'].enclosing) == 6
+    for name in ('room_6', 'room_12', 'room_40'):
+        assert CASES[name].closed and len(CASES[name].start) == 7
+    seams = CASES['seams'].scene.surfaces[:25]
+    assert sum(s.length_x * s.length_y for s in seams) == pytest.approx(15.0**2)  # no gap
+    column = CASES['heavy_column'].scene.mass
+    assert np.all(np.diff(column) > 0) and max(column) / min(column) == 1e5
 
 
 def test_command_writes_all_numbers(tmp_path, capsys) -> None:

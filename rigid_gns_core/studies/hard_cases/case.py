@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,12 @@ from ...errors import UserError
 from ...scenes.plane import Plane
 from ...scenes.scene import Scene
 from ...scenes.state import State
+
+
+def usual_scene(surfaces: tuple[Plane, ...] = (Plane(),), **properties: Any) -> Scene:
+    """Scene with the materials that all cases have which are not about materials."""
+    materials = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
+    return Scene(surfaces=surfaces, **materials | properties)
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,7 @@ class Case:
             of pushing them out in the first step then does not count as a rise.
         closed: Whether all surfaces enclose the spheres; if not, those with an infinite side do.
         long: Whether --quick cuts it to `cases.QUICK_STEPS`.
+        deepest: Largest penetration [diameters] over the second half; None: it is not judged.
         seed: Seed of a random start; None: nothing is random.
     """
 
@@ -42,6 +50,7 @@ class Case:
     overlaps: bool = False
     closed: bool = False
     long: bool = False
+    deepest: float | None = None
     seed: int | None = None
 
     def __post_init__(self) -> None:

@@ -3,19 +3,21 @@
 
 """The hard cases, and the thresholds that hold in all of them.
 
-SI units; radius 1 m and mass 1 kg unless a case is about size or mass, materials of `_scene`
-unless it is about materials. Random starts depend on the seed.
+SI units; radius 1 m and mass 1 kg unless a case is about size or mass, materials of
+`usual_scene` unless it is about materials. Random starts depend on the seed. Cases of surfaces
+that meet and of heavy loads are in `surface_cases` and `load_cases`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from .case import Case
+from .case import Case, usual_scene
+from .load_cases import LOAD_CASES
+from .surface_cases import SURFACE_CASES
 from ...errors import UserError
 from ...scenes.plane import Plane
 from ...scenes.sampling import sample_start
@@ -57,11 +59,6 @@ def hard_cases(
     )
 
 
-def _scene(surfaces: tuple[Plane, ...] = (Plane(),), **properties: Any) -> Scene:
-    materials = {'restitution': 0.7746, 'friction': 0.5, 'rolling_friction': 0.03}
-    return Scene(surfaces=surfaces, **materials | properties)
-
-
 def _box(width: float, height: float) -> tuple[Plane, ...]:
     """A closed box: floor, walls and lid."""
     lid = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0), width, width)
@@ -90,7 +87,7 @@ def _cubes(_: int) -> Case:
     return Case(
         'cubes',
         '4 cubes of 27 spheres that touch fall side by side into a box',
-        _scene(Plane.box(14.0, 14.0)),
+        usual_scene(Plane.box(14.0, 14.0)),
         State(positions=np.concatenate([cube + place for place in places])),
         100,
         rests=True,
@@ -101,7 +98,7 @@ def _tower(_: int) -> Case:
     return Case(
         'tower',
         '8 spheres exactly on top of each other stand in a shaft of 2.02 r',
-        _scene(Plane.box(2.02, 2.02)),
+        usual_scene(Plane.box(2.02, 2.02)),
         State(positions=_grid(1, 1, 8) + [0.0, 0.0, 1.0]),
         100,
         rests=True,
@@ -114,7 +111,7 @@ def _shaft(seed: int) -> Case:
     return Case(
         'shaft',
         '300 spheres are dropped into a shaft of 7 r',
-        _scene(Plane.box(7.0, 7.0)),
+        usual_scene(Plane.box(7.0, 7.0)),
         State(positions=places),
         150,
         seed=seed,
@@ -125,7 +122,7 @@ def _bad_start(
     name: str, text: str, *positions: tuple[float, float, float]
 ) -> Callable[[int], Case]:
     def make(_: int) -> Case:
-        return Case(name, text, _scene(), _line(*positions), 60, overlaps=True)
+        return Case(name, text, usual_scene(), _line(*positions), 60, overlaps=True)
 
     return make
 
@@ -137,7 +134,7 @@ def _fast(_: int) -> Case:
     return Case(
         'fast',
         'a sphere of 400 m/s hits a row of 10 with gaps of 0.01 r',
-        _scene(),
+        usual_scene(),
         State(positions=np.array([*row, (-22.0, 0.0, 1.0)]), velocities=velocities),
         60,
     )
@@ -147,7 +144,7 @@ def _corner(_: int) -> Case:
     velocities = np.array([[-80.0, -85.0, -42.0]])
     start = State(positions=np.array([[0.0, 1.0, 6.0]]), velocities=velocities)
     text = 'a sphere is thrown at 124 m/s into the bottom corner of a box'
-    return Case('corner', text, _scene(Plane.box(20.0, 20.0)), start, 60)
+    return Case('corner', text, usual_scene(Plane.box(20.0, 20.0)), start, 60)
 
 
 def _wedge(_: int) -> Case:
@@ -157,7 +154,7 @@ def _wedge(_: int) -> Case:
     return Case(
         'wedge',
         'a sphere rests in a V of 45 degrees, a second one leans on it and on one side',
-        _scene(slopes + ends),
+        usual_scene(slopes + ends),
         _line((0.0, 0.0, root), (-root, 0.0, 2.0 * root)),
         100,
         rests=True,
@@ -165,7 +162,7 @@ def _wedge(_: int) -> Case:
 
 
 def _elastic(seed: int) -> Case:
-    scene = _scene(_box(10.0, 10.0), restitution=1.0, friction=0.0, rolling_friction=0.0)
+    scene = usual_scene(_box(10.0, 10.0), restitution=1.0, friction=0.0, rolling_friction=0.0)
     places = sample_start(scene, StartRecipe(spheres=20, gap=0.05, seed=seed)).positions
     velocities = np.random.default_rng(seed).normal(0.0, 5.0, places.shape)
     return Case(
@@ -183,7 +180,7 @@ def _stacked(name: str, text: str, lower: float, upper: float) -> Callable[[int]
     def make(_: int) -> Case:
         # a little off centre: directly above, rounding would decide where the upper one goes
         start = _line((0.0, 0.0, 1.0), (0.3, 0.0, 6.0))
-        return Case(name, text, _scene(mass=(lower, upper)), start, 100)
+        return Case(name, text, usual_scene(mass=(lower, upper)), start, 100)
 
     return make
 
@@ -193,7 +190,7 @@ def _mixed(
 ) -> Callable[[int], Case]:
     def make(seed: int) -> Case:
         radius = np.repeat([1.0, small], count)
-        scene = _scene(Plane.box(width, width), radius=tuple(radius), mass=tuple(radius**3))
+        scene = usual_scene(Plane.box(width, width), radius=tuple(radius), mass=tuple(radius**3))
         return Case(name, text, scene, _heap(scene, sum(count), seed), 150, seed=seed)
 
     return make
@@ -206,14 +203,14 @@ def _cradle(_: int) -> Case:
     return Case(
         'cradle',
         'Newton: a sphere of 3 m/s hits 5 that touch; level floor, no friction, restitution 1',
-        _scene(restitution=1.0, friction=0.0, rolling_friction=0.0),
+        usual_scene(restitution=1.0, friction=0.0, rolling_friction=0.0),
         replace(row, velocities=velocities),
         60,
     )
 
 
 def _long(seed: int) -> Case:
-    scene = _scene(Plane.box(8.0, 8.0))
+    scene = usual_scene(Plane.box(8.0, 8.0))
     text = '12 spheres fall into a box of 8 r and lie there for 20 000 steps'
     start = _heap(scene, 12, seed)
     return Case('long', text, scene, start, 20_000, rests=True, long=True, seed=seed)
@@ -228,7 +225,7 @@ def _incline_edge(_: int) -> Case:
     places = [middle + normal + 3.0 * k * down + [0.0, k - 1.0, 0.0] for k in range(3)]
     text = '3 spheres roll down a plane of 20 degrees and off its edge, 2 r above the floor'
     start = State(positions=np.array(places))
-    return Case('incline_edge', text, _scene((Plane(), plane)), start, 100)
+    return Case('incline_edge', text, usual_scene((Plane(), plane)), start, 100)
 
 
 def _plane_end(_: int) -> Case:
@@ -241,14 +238,14 @@ def _plane_end(_: int) -> Case:
     return Case(
         'plane_end',
         'a sphere rolls off a plane 10 r above the floor, another falls exactly on its edge',
-        _scene((Plane(), plane)),
+        usual_scene((Plane(), plane)),
         start,
         80,
     )
 
 
 def _heap_in_box(seed: int) -> Case:
-    scene = _scene(Plane.box(12.0, 12.0))
+    scene = usual_scene(Plane.box(12.0, 12.0))
     start = _heap(scene, 10, seed)
     return Case('heap', '10 spheres fall into a box of 12 r', scene, start, 100, seed=seed)
 
@@ -297,4 +294,6 @@ _MAKERS: tuple[Callable[[int], Case], ...] = (
         5.0,
     ),
     _heap_in_box,
+    *SURFACE_CASES,
+    *LOAD_CASES,
 )

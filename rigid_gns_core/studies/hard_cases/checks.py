@@ -41,7 +41,8 @@ def measure_laws(
     Returns:
         Measures by name. `diverged_at` is the step or None, `escaped` the number of spheres that
         went through a surface, `deepest` and `final_depth` the deepest penetration in the second
-        half and in the last frame [diameters], `drift` that over the second half [r] or None where
+        half and in the last frame [diameters], `deepest_allowed` the bound of the first or None
+        where it is not judged, `drift` that over the second half [r] or None where
         nothing should rest, `final_speed` that of the fastest sphere [m/s]; `finite` and `inside`
         are verdicts, `energy_rise` and `push_out` those of the function `energy_rise`. Measures of
         a whole rollout are infinite where it diverged.
@@ -67,6 +68,7 @@ def measure_laws(
         'finite': lost is None,
         'inside': not escaped,
         'escaped': escaped,
+        'deepest_allowed': case.deepest,
     }
     if lost is not None:
         names = ('deepest', 'final_depth', 'energy_rise', 'push_out', 'final_speed')
@@ -91,9 +93,11 @@ def measure_laws(
 def failures(laws: dict[str, Any]) -> list[str]:
     """Names of the laws that are out of bounds; only 'finite' and 'inside' where it diverged."""
     whole = laws['diverged_at'] is None
+    allowed = laws['deepest_allowed']
     kept = {
         'finite': laws['finite'],
         'inside': laws['inside'],
+        'deepest': not whole or allowed is None or laws['deepest'] <= allowed,
         'energy_rise': not whole or laws['energy_rise'] <= ENERGY_RISE,
         'drift': not whole or laws['drift'] is None or laws['drift'] <= DRIFT,
     }

@@ -47,7 +47,8 @@ def _legend(errors: bool) -> str:
         f'! out of bounds: finite, inside, energy rise <= {ENERGY_RISE:g} (of m g r of all '
         f'spheres plus the kinetic energy at the start), drift <= {DRIFT:g} r where spheres '
         'should rest.\n'
-        'deepest [diameters]: of the second half; speed [m/s]: the fastest at the end.'
+        'deepest [diameters]: of the second half, judged in cases of heavy loads; speed [m/s]: '
+        'the fastest at the end.'
     )
     if errors:
         steps = '/'.join(map(str, HORIZONS))
