@@ -29,6 +29,8 @@ CHAOS = 1e-6
 """Trajectories are compared until a moved start is so far from the case."""
 MARGIN = 100.0
 """A difference counts above so many times that of the moved starts."""
+SOLVED = 1e-5
+"""Difference that a solver may make which ends an iteration sooner for another rounding."""
 CONVERGED = 1e-3
 """Substeps are compared until many and twice as many differ by so much in a position [L]."""
 SUBSTEP_ERROR = 0.02
@@ -65,7 +67,7 @@ def other_motion(
     case: Case, path: Trajectory, chaos: Array, simulate: Simulate
 ) -> Iterator[Failure]:
     """Changes of the scene after which it moves differently."""
-    bound = MARGIN * chaos
+    bound = np.maximum(SOLVED, MARGIN * chaos)
     for change in changes_of(case):
         other = change.back(simulate(change.scene, change.start, case.steps))
         yield from _differs(change.name, difference(path, other, case), bound, chaos <= CHAOS)
