@@ -50,6 +50,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.hard_cases',
         'check the stability of simulators on hard cases',
     ),
+    'fuzz': (
+        'rigid_gns_core.commands.fuzz',
+        'check laws and symmetries of the laws of contact on random scenes',
+    ),
     'experiment': (
         'rigid_gns_core.commands.experiment',
         "the thesis' experiments: train variants, score them, tables and figures",

@@ -95,10 +95,14 @@ class Plane:
         if direction is None:
             direction = np.eye(3)[int(np.argmin(np.abs(normal)))]
         direction = np.asarray(_unit('direction of a plane', direction))
-        direction = direction - normal * (direction @ normal)
-        if np.linalg.norm(direction) < 1e-6:
-            raise UserError('direction of a plane is parallel to its normal; choose one across it')
-        set_field(self, 'direction', _unit('direction of a plane', direction))
+        while abs(along := direction @ normal) > 1e-15:  # else the same bits, see `_unit`
+            direction = direction - along * normal
+            if np.linalg.norm(direction) < 1e-6:
+                raise UserError(
+                    'direction of a plane is parallel to its normal; choose one across it'
+                )
+            direction = np.asarray(_unit('direction of a plane', direction))
+        set_field(self, 'direction', tuple(direction.tolist()))
         for name in ('length_x', 'length_y'):
             length = float(getattr(self, name))
             if not length > 0:

@@ -33,7 +33,11 @@ def sample_start(
     radii = scene.per_sphere('radius', recipe.spheres)
     positions = place_spheres(scene, recipe, radii, rng)
     if recipe.speed == recipe.spin == (0.0, 0.0):
-        return State(positions=positions)
+        given = (recipe.velocities, recipe.angular_velocities)
+        velocities, spins = (
+            np.reshape(v, (-1, 3)) if v else np.zeros((len(radii), 3)) for v in given
+        )
+        return State(positions=positions, velocities=velocities, angular_velocities=spins)
     moves = rng.random((recipe.spheres, 1)) < recipe.moving
     velocities, spins = (
         moves * _vectors(size, recipe.spheres, rng, level)

@@ -7,9 +7,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import yaml
+
 from .scene import Scene
 from .start import StartRecipe
+from .state import State
 from ..errors import UserError
+from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 
@@ -46,3 +50,22 @@ def load_start(name: str | Path) -> tuple[Scene, StartRecipe]:
     except UserError as error:
         raise ConfigError(f'{path}: {error}') from error
     return scene, start
+
+
+def write_start(path: Path, scene: Scene, start: State, remark: str = '') -> None:
+    """Write a scene and the places and velocities of its spheres, as `load_start` reads them.
+
+    Rotations are not kept. The lines of `remark` are the comment at the top.
+    """
+    names = {
+        'at': 'positions',
+        'velocities': 'velocities',
+        'angular_velocities': 'angular_velocities',
+    }
+    content = {
+        'scene': scene.to_mapping(),
+        'start': {key: getattr(start, name).tolist() for key, name in names.items()},
+    }
+    head = ''.join(f'# {line}\n' for line in remark.splitlines())
+    with whole_file(path) as partial:
+        partial.write_text(head + yaml.safe_dump(content, sort_keys=False), encoding='utf-8')

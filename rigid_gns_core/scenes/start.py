@@ -82,6 +82,8 @@ class StartRecipe:
         moving: Probability of each sphere to have speed and spin.
         blocks: Cuboids of spheres at given places; these spheres come first.
         at: Given centres [m].
+        velocities: Given velocities [m/s], one per centre in `at`.
+        angular_velocities: Given angular velocities [rad/s], one per centre in `at`.
     """
 
     spheres: int = None  # type: ignore[assignment]
@@ -96,6 +98,8 @@ class StartRecipe:
     moving: float = 1.0
     blocks: tuple[Block, ...] = ()
     at: tuple[Vector, ...] = ()
+    velocities: tuple[Vector, ...] = ()
+    angular_velocities: tuple[Vector, ...] = ()
 
     def __post_init__(self) -> None:
         placed = len(self.at) + sum(int(np.prod(block.count)) for block in self.blocks)
@@ -111,6 +115,17 @@ class StartRecipe:
             raise ConfigError(
                 f'layout is {self.layout!r}, but blocks or at give the places; leave one out'
             )
+        for name in ('velocities', 'angular_velocities'):
+            given = getattr(self, name)
+            if given and (len(given) != len(self.at) or self.blocks):
+                raise ConfigError(
+                    f'{name} has {len(given)} values for {len(self.at)} centres in at and '
+                    f'{len(self.blocks)} blocks, expected one per centre and no blocks'
+                )
+            if not np.isfinite(given).all():
+                raise ConfigError(f'{name} is {given}, expected finite numbers')
+            if given and not self.speed == self.spin == (0.0, 0.0):
+                raise ConfigError(f'{name} and speed or spin say how spheres move; leave one out')
         check_range('height', self.height, -np.inf)
         if not self.gap >= 0:
             raise ConfigError(f'gap is {self.gap:g} m, expected at least 0')

@@ -118,6 +118,9 @@ def test_a_misspelt_option_shows_the_usage_of_its_command(
         ('import a --out b', 'a: '),
         ('experiment', 'name an experiment, or all; allowed: ground_truth'),
         ('hard-cases --cases nothing', "'nothing'"),
+        ('fuzz --kinds nothing', "unknown kind 'nothing', allowed: plate"),
+        ('fuzz --from -1', '--from is -1, expected at least 0'),
+        ('fuzz --cases 1 --seconds 1', '--cases and --seconds are both given'),
         ('benchmark --scenes nothing', "'nothing'"),
         ('info --model nobody', "no model 'nobody'"),
     ],
@@ -225,6 +228,7 @@ def read_until(terminal: int, text: str) -> str:
     [
         ('rollout --steps 5000 --out a.h5', 'rollout:', 'numba'),
         ('hard-cases --no-teacher', 'hard cases:', 'numba'),
+        ('fuzz --cases 9999', 'fuzz:', 'numba'),
         ('closed-forms', 'closed forms:', 'pybullet'),
         ('generate --config smoke --trajectories 999 --workers 1 --out a', 'a:', 'pybullet'),
         ('generate --scene box_154 --steps 999 --out a.h5', 'box_154:', 'pybullet'),

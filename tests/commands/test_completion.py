@@ -61,6 +61,7 @@ def test_commands_are_offered() -> None:
         ('rigid-gns experiment history --budget ', {'cpu', 'smoke', 'full'}),
         ('rigid-gns hard-cases --model t', {'teacher'}),
         ('rigid-gns hard-cases --cases same', {'same_point_2', 'same_point_3'}),
+        ('rigid-gns fuzz --kinds c', {'ceiling', 'crest'}),
         ('rigid-gns benchmark --peers B', {'Bullet'}),
         ('rigid-gns report a.h5 --velocities ', {'given', 'poses'}),
         ('rigid-gns import a --model ', {'laws', 'gns'}),

@@ -15,8 +15,9 @@ from rigid_gns_core.scenes.placement import SamplingError
 from rigid_gns_core.scenes.plane import closest_points
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.scene_file import load_scene, load_start
+from rigid_gns_core.scenes.scene_file import load_scene, load_start, write_start
 from rigid_gns_core.scenes.start import Block, StartRecipe
+from rigid_gns_core.scenes.state import State
 
 from .apart import assert_apart, gaps
 
@@ -190,3 +191,40 @@ def test_a_wrong_scene_file_is_named(tmp_path: Path, text: str, message: str) ->
 def test_an_unknown_scene_lists_the_shipped_ones() -> None:
     with pytest.raises(ConfigError, match='shipped: .*box_154'):
         load_scene('nowhere')
+
+
+def test_given_motion_is_written_and_read_back(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    scene = Scene(surfaces=Plane.box(20.0, 20.0), radius=(1.0, 0.5))
+    start = State(
+        positions=[(0.1, 0.2, 3.0), (4.0, -3.0, 1.0)],
+        velocities=rng.normal(size=(2, 3)),
+        angular_velocities=rng.normal(size=(2, 3)),
+    )
+    file = tmp_path / 'made' / 'start.yaml'
+    write_start(file, scene, start, 'two lines\nof remark')
+    assert file.read_text(encoding='utf-8').startswith('# two lines\n# of remark\nscene:\n')
+    again, recipe = load_start(file)
+    assert again == scene
+    state = sample_start(again, recipe)
+    for name in ('positions', 'velocities', 'angular_velocities'):
+        np.testing.assert_array_equal(getattr(state, name), getattr(start, name))
+    half = StartRecipe(at=((0, 0, 3),), velocities=((1, 0, 0),))
+    assert np.array_equal(sample_start(Scene(), half).angular_velocities, np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize(
+    ('values', 'message'),
+    [
+        ({'velocities': ((1, 0, 0),)}, 'velocities has 1 values for 0 centres in at'),
+        ({'at': ((0, 0, 2),), 'velocities': ((1, 0, 0),) * 2}, 'has 2 values for 1 centres'),
+        ({'at': ((0, 0, 2),), 'velocities': ((np.inf, 0, 0),)}, 'expected finite numbers'),
+        (
+            {'at': ((0, 0, 2),), 'angular_velocities': ((1, 0, 0),), 'spin': (1.0, 2.0)},
+            'angular_velocities and speed or spin',
+        ),
+    ],
+)
+def test_given_motion_is_checked(values: dict, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        StartRecipe(**values)

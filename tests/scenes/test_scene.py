@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 
 import numpy as np
@@ -62,6 +63,16 @@ def test_closest_point_against_a_fine_grid(seed: int) -> None:
     assert found <= nearest + EXACT
     assert found >= nearest - 0.01  # the grid's spacing
     assert heights[0, 0] == pytest.approx((position - plane.point) @ np.asarray(plane.normal))
+
+
+@pytest.mark.parametrize('lean', [1.0, 1e-3])
+def test_a_plane_made_of_its_own_values_is_equal(lean: float) -> None:
+    generator = np.random.default_rng(0)
+    for _ in range(100):
+        normal = generator.normal(size=3)
+        plane = Plane(normal=normal, direction=normal + lean * generator.normal(size=3))
+        assert replace(plane) == plane
+        assert abs(np.dot(plane.normal, plane.direction)) < EXACT
 
 
 @pytest.mark.parametrize(
