@@ -25,6 +25,8 @@ from ..scenes.state import Array
 THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 # restitutions nearer to 1 than this have no geometric series, but flights of one length
 _ELASTIC = 1e-9
+# speeds below this are rounding
+_ROUNDING = 1e-12
 
 
 class Law(NamedTuple):
@@ -131,21 +133,24 @@ def target_of(
             hold does not fall.
     """
     acceleration += coupling
-    before = max(time, 0.0)
+    fall, before = -acceleration, max(time, 0.0)
     gap += 0.5 * coupling * before * before
     closing = approach_speed - coupling * before
-    root = closing * closing - 2.0 * acceleration * gap
-    root_sum = closing + math.sqrt(max(root, 1e-24))
-    later, active = 0.0, before == 0 and gap == 0
-    if gap != 0:
-        later = 2.0 * gap / (root_sum if root_sum > 1e-12 else 1.0)
-    if not active:
-        active = root >= 0 and root_sum > 1e-12 and before + later <= h
-    later = max(later, -before) if active else 0.0
+    root = closing * closing + 2.0 * fall * gap
+    later, meets = 0.0, root >= 0
+    # bodies that touch and part slower than this stay: so much is left by rounding and by turning
+    rests = before == 0 and gap == 0 and closing >= -THRESHOLD_TIME * max(fall, 0.0) - _ROUNDING
+    if closing > 0:
+        later = 2.0 * gap / (closing + math.sqrt(max(root, 0.0)))
+    elif fall > 0 and meets:
+        later = (math.sqrt(root) - closing) / fall
+    else:
+        meets = False
+    active = rests or (meets and before + later <= h)
+    later = max(later, -before) if active and not rests else 0.0
     approach_speed = closing - acceleration * later
     remaining = max(h - before - later, 0.0)
-    fall = -acceleration
-    closing = max(approach_speed, 0.0)
+    closing = approach_speed if rests else max(approach_speed, 0.0)
     late = (before - time) * closing  # depth that a missed impact has led to
     fallen = closing * remaining + 0.5 * fall * remaining * remaining
     separation, height, flight_time, bounced = 0.0, 0.0, 0.0, fall <= 0

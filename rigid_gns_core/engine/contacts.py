@@ -18,19 +18,21 @@ from .shielding import is_shielded
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.vector import dot, length, minus, put, row, times, Vector
+from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
 # most planes in a row to which a contact is handed on within a substep
 _HANDS = 4
+# sine of the angle up to which two planes are one
+_PARALLEL = 1e-7
 
 
 class Contacts(NamedTuple):
     """Contacts of one substep; c of them. The normal points from body b to body a.
 
     candidate: index of the candidate pair, shape (c,); a, b, plane: as there; normal, time, gap,
-    speculative_gap, approach_speed, acceleration, turning_speed: as in `Impact`, shape (c, 3) or
-    (c,).
+    speculative_gap, approach_speed, acceleration, turning_speed, crossing_time, rest_gap: as in
+    `Impact`, shape (c, 3) or (c,).
     """
 
     candidate: Indices
@@ -44,12 +46,15 @@ class Contacts(NamedTuple):
     approach_speed: Array
     acceleration: Array
     turning_speed: Array
+    crossing_time: Array
+    rest_gap: Array
 
 
 class _Impacts(NamedTuple):
-    """Impacts of all candidates, shapes (m,), (m, 3) and (m, 7).
+    """Impacts of all candidates, shapes (m,), (m, 3) and (m, 9).
 
-    values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed.
+    values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed,
+    crossing_time, rest_gap.
     """
 
     found: Flags
@@ -79,7 +84,7 @@ def find_contacts(
         edge=np.zeros(size, np.bool_),
         lasting=np.zeros(size, np.bool_),
         normal=np.empty((size, 3)),
-        values=np.empty((size, 7)),
+        values=np.empty((size, 9)),
     )
     edges = False
     for k in range(size):
@@ -90,15 +95,16 @@ def find_contacts(
         for k in range(size):
             if impacts.found[k] and impacts.edge[k]:
                 _shield(world, positions, velocities, candidates, k, h, lookback, impacts)
+    _drop_doubles(candidates, impacts)
     which = np.flatnonzero(impacts.found)
     count = len(which)
-    index, normal, values = np.empty((3, count), np.int64), np.empty((count, 3)), np.empty((6, count))
+    index, normal, values = np.empty((3, count), np.int64), np.empty((count, 3)), np.empty((8, count))
     for c in range(count):
         k = which[c]
         index[0, c], index[1, c] = candidates.a[k], candidates.b[k]
         index[2, c] = candidates.plane[k]
         put(normal, c, row(impacts.normal, k))
-        for field in range(6):
+        for field in range(8):
             values[field, c] = impacts.values[k, field + 1]
     return Contacts(
         candidate=which,
@@ -112,6 +118,8 @@ def find_contacts(
         approach_speed=values[3],
         acceleration=values[4],
         turning_speed=values[5],
+        crossing_time=values[6],
+        rest_gap=values[7],
     )
 
 
@@ -180,6 +188,9 @@ def _find(
         values[k, 0], values[k, 1], values[k, 2] = impact.normal_time, impact.time, impact.gap
         values[k, 3], values[k, 4] = impact.speculative_gap, impact.approach_speed
         values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
+        values[k, 7], values[k, 8] = impact.crossing_time, impact.rest_gap
+        if impact.crossing_time < h and _continues(world, positions, velocities, candidates, k, h):
+            values[k, 7] = math.inf
 
 
 @in_place
@@ -218,6 +229,40 @@ def _shield(
         else:
             impacts.found[current] = False
             return
+
+
+@in_place
+def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
+    """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
+    impacts = impacts_out
+    for k in range(1, len(candidates.a)):
+        if not impacts.found[k] or candidates.plane[k] < 0:
+            continue
+        q = k - 1
+        while q >= 0 and candidates.a[q] == candidates.a[k] and candidates.plane[q] >= 0:
+            cosine = dot(row(impacts.normal, q), row(impacts.normal, k))
+            if impacts.found[q] and cosine > 1.0 - _PARALLEL**2:
+                farther = impacts.values[q, 2] > impacts.values[k, 2] + _PARALLEL
+                impacts.found[q if farther else k] = False
+                if not farther:
+                    break
+            q -= 1
+
+
+@in_place
+def _continues(
+    world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
+) -> bool:
+    """Whether the plane of a contact goes on in another one where the sphere leaves it."""
+    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    centre = position_on_path(
+        row(positions, candidates.a[k]), row(velocities, candidates.a[k]), gravity, h
+    )
+    other = _shielding(world, candidates, k, centre)
+    if other < 0:
+        return False
+    normals = row(world.axes[candidates.plane[k]], 2), row(world.axes[candidates.plane[other]], 2)
+    return length(cross(normals[0], normals[1])) < _PARALLEL
 
 
 @in_place

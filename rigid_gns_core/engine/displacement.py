@@ -22,16 +22,23 @@ def displace_by_blows(
     law: Law,
     impulses: Impulses,
     state: SolverState,
+    closes: bool,
     bodies_out: Bodies,
 ) -> None:
     """Displacements t J / m of many contacts, or of one.
 
     The impulse of a contact alone acts at once, t = `impulse_time` before the end; what others add
-    to it is spread over the rest of the substep after the impact, with t half of that.
+    to it is spread over the rest of the substep after the impact, with t half of that. Contacts
+    that rest close their gaps if `closes`, which those of a body with others could not.
     """
     _clear(contacts, state, bodies_out)
     for q, k in enumerate(state.group):
         a, b, normal = contacts.a[k], contacts.b[k], impulses.normal[k]
+        if closes and normal > 0 and state.end_gap[q] == 0:
+            mass = law.inverse_effective_mass[k]
+            close = times(-contacts.rest_gap[k] / mass, row(contacts.normal, k))
+            add_to(bodies_out.displacement, a, times(world.inverse_mass[a], close))
+            add_to(bodies_out.displacement, b, times(-world.inverse_mass[b], close))
         alone, time, remaining = row(state.target, q)
         share = min(normal, alone / law.inverse_effective_mass[k]) / max(normal, 1e-30)
         time = share * time + (1.0 - share) * 0.5 * remaining
@@ -72,6 +79,8 @@ def displace_directly(
         opened += 0.5 * contacts.acceleration[k] * left * left
         shift = minus(row(bodies_out.displacement, a), row(bodies_out.displacement, b))
         pivots.goal[q] = state.end_gap[q] - opened - dot(normal, shift)
+        if state.end_gap[q] == 0:
+            pivots.goal[q] -= contacts.rest_gap[k]
     if not solve_normals(state.active, pivots):
         return False
     for q, k in enumerate(state.group):

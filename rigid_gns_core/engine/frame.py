@@ -16,7 +16,8 @@ from .islands import connect, Islands, no_islands
 from .overlap import push_out
 from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
-from .substep import copy_motion, Motion, Settings, substep
+from .step import copy_motion, Motion, Settings
+from .substep import substep
 from .warm_start import active_impulses, impulses_of, WarmStart, with_sleepers
 from .world import UNIT_GRAVITY, World, world_among
 from ..kernels.jit import compiled, in_place

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from .flight import position_on_path, velocity_on_path
 from .rectangle import (
     centrifugal,
+    crossing_of_edge,
     curvature_of_path,
     first_touch_of_plane,
     first_touch_of_rectangle,
@@ -29,9 +30,10 @@ from .world import UNIT_GRAVITY, World
 from ..kernels.jit import in_place
 from ..kernels.vector import dot, length, minus, plus, row, times, Vector
 
-# bodies nearer than this [radii of the smaller one] count as touching
-TOUCH = 1e-5
-# touching bodies that approach slower than this stay in contact
+# gaps [radii of the smaller one] up to which bodies touch: rounding
+TOUCH = 1e-10
+# bodies nearer than this [radii], that approach slower than this speed, stay in contact
+_LASTING_GAP = 2e-4
 _LASTING_SPEED = UNIT_GRAVITY * 1.25e-3
 # largest turn [rad] of a contact until the middle of a substep; one that turns farther flies off
 _LARGEST_TURN = 0.3
@@ -47,7 +49,9 @@ class Impact(NamedTuple):
     gap of a speculative contact, of bodies that do not meet on their free paths, but are so near
     that other contacts may bring them together (its time is 0), else 0; approach_speed: at the
     time of impact; acceleration: second derivative of the gap on the free paths; turning_speed:
-    separation velocity that the turn of the normal after `normal_time` adds until the end.
+    separation velocity that the turn of the normal after `normal_time` adds until the end;
+    crossing_time: when a lasting contact crosses over between a face and an edge, else infinite;
+    rest_gap: gap of a lasting contact that its free path does not close, else 0.
     """
 
     found: bool
@@ -61,6 +65,8 @@ class Impact(NamedTuple):
     approach_speed: float
     acceleration: float
     turning_speed: float
+    crossing_time: float
+    rest_gap: float
 
 
 @in_place
@@ -77,6 +83,8 @@ def _no_impact() -> Impact:
         approach_speed=0.0,
         acceleration=0.0,
         turning_speed=0.0,
+        crossing_time=math.inf,
+        rest_gap=0.0,
     )
 
 
@@ -129,12 +137,14 @@ def impact_of_spheres(
         if inside >= 0:
             time = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
             hits = time <= h
-    touches = gap <= TOUCH * min(radius_a, radius_b)
+    approach_speed = -along / max(distance, 1e-30)
+    smaller = min(radius_a, radius_b)
+    # without gravity, nothing presses bodies together
+    lasting = gap <= _LASTING_GAP * smaller and margin > 0
+    lasting = lasting and _lasts(approach_speed, velocity, distance, h)
+    touches = lasting or gap <= TOUCH * smaller
     if not (hits or touches or gap <= margin):
         return _no_impact()
-    approach_speed = -along / max(distance, 1e-30)
-    # without gravity, nothing presses bodies together
-    lasting = touches and margin > 0 and _lasts(approach_speed, velocity, distance, h)
     if not hits:
         time = _missed_time(gap, approach_speed, lookback)
     before = max(time, 0.0)
@@ -159,6 +169,8 @@ def impact_of_spheres(
         approach_speed=approach_speed,
         acceleration=curving,
         turning_speed=curving * (h - normal_time),
+        crossing_time=math.inf,
+        rest_gap=max(gap_then, 0.0) if lasting and not hits else 0.0,
     )
 
 
@@ -209,14 +221,16 @@ def impact_with_plane(
             if not (face_gap > 0 and is_over_face(there)):
                 time = first_touch_of_rectangle(local, moving, pulling, half, radius, time, h)
         hits = time <= h
-    touches = gap <= TOUCH * radius
-    if not (hits or touches or lasts or gap <= margin):
-        return _no_impact()
     normal = (0.0, 0.0, side)
     if not inside:
         normal = times(1.0 / max(distance, 1e-30), start)
     approach_speed = -dot(normal, moving)
-    lasting = lasts or (touches and margin > 0 and _lasts(approach_speed, moving, radius, h))
+    lasting = gap <= _LASTING_GAP * radius and margin > 0
+    lasting = lasts or (lasting and _lasts(approach_speed, moving, radius, h))
+    hits = hits and not lasts
+    touches = lasting or gap <= TOUCH * radius
+    if not (hits or touches or gap <= margin):
+        return _no_impact()
     if not hits:
         time = _missed_time(gap, approach_speed, lookback)
     before = max(time, 0.0)
@@ -235,7 +249,15 @@ def impact_with_plane(
     else:
         gap_then = gap
     curving = curvature_of_path(at, moving_then)
-    speculative_gap = 0.0 if hits or touches or lasts else gap
+    if lasts:
+        gap_then, approach_speed = 0.0, curving * normal_time - dot(normal, moving)
+    speculative_gap = 0.0 if hits or touches else gap
+    crossing_time = math.inf
+    if lasting:
+        crossing_time = min(
+            crossing_of_edge(half[0], local[0], moving[0], pulling[0]),
+            crossing_of_edge(half[1], local[1], moving[1], pulling[1]),
+        )
     return Impact(
         found=True,
         edge=edge,
@@ -248,4 +270,6 @@ def impact_with_plane(
         approach_speed=approach_speed,
         acceleration=dot(pulling, normal) + curving,
         turning_speed=curving * (h - normal_time),
+        crossing_time=crossing_time,
+        rest_gap=max(gap_then, 0.0) if lasting and not hits else 0.0,
     )

@@ -108,6 +108,23 @@ def first_touch_of_rectangle(
 
 
 @in_place
+def crossing_of_edge(half: float, place: float, velocity: float, acceleration: float) -> float:
+    """First time t > 0 at which a path along one axis crosses an end of a rectangle, else infinite.
+
+    Args:
+        half: Half length along the axis.
+        place: At time 0.
+        velocity: At time 0.
+        acceleration: Of the path.
+    """
+    if half == math.inf:
+        return math.inf
+    beyond = math.fabs(place) - half
+    outwards = math.copysign(1.0, place) * math.copysign(1.0, beyond)
+    return first_touch_of_plane(math.fabs(beyond), outwards * velocity, outwards * acceleration)
+
+
+@in_place
 def curvature_of_path(offset: Vector, velocity: Vector) -> float:
     """Centrifugal acceleration v_t^2 / d of a path past the closest point of a rectangle.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .contact_law import Law, Target, target_of
 from .contacts import Contacts
+from .impact import TOUCH
 from .impulses import Bodies, Impulses, separation_velocity
 from .world import World
 from ..kernels.jit import compiled, in_place
@@ -167,7 +168,9 @@ def find_residuals(
         state.end_gap[q] = target.end_gap
         slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])
         presses = impulses.normal[k] > 0 or state.residual[q] > slowest
-        state.active[q] = target.active and presses
+        # a gap that the free path does not close takes a force that presses the bodies together
+        apart = h > 0 and lasting >= 0 and contacts.rest_gap[k] > TOUCH * world.radius[contacts.a[k]]
+        state.active[q] = target.active and presses and not apart
         # weight 0 holds the force until the strongest of each body is known
         own = impulses.normal[k] * law.inverse_effective_mass[k]
         strength = own + math.fabs(state.residual[q])

@@ -107,7 +107,7 @@ def solve(
         if tolerance > 0 and _last_change(law, impulses, state).max() < tolerance:
             break
     if not (direct and displace_directly(world, contacts, pivots, impulses, state, h, bodies)):
-        displace_by_blows(world, contacts, law, impulses, state, bodies)
+        displace_by_blows(world, contacts, law, impulses, state, not shared, bodies)
     return _last_change(law, impulses, state)
 
 

@@ -13,7 +13,7 @@ from .islands import Islands
 from .overlap import separate
 from .sleep import all_awake, put_to_sleep, Sleepers
 from .spheres import is_finite, Spheres, store
-from .substep import Settings
+from .step import Settings
 from .warm_start import cold_start, WarmStart
 from .world import World, world_of
 from ..kernels.jit import compiled, compiling, entry, is_compiled

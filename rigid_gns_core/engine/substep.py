@@ -1,64 +1,32 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One substep: narrow phase, solver, free flight, push-out, containment."""
+"""One substep: a step of all, and of small islands anew, from event to event.
+
+A blow on a body that has other contacts takes no time: what holds the body acts until then, and
+friction and gravity after it. So an island of few contacts is advanced to the blow, the blow is
+solved alone, and then the rest. The same at an edge that a sphere rolls over. Islands of many
+contacts, where blows follow one another without end, are not.
+"""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from .broad_phase import Candidates
-from .contact_law import Law, law_of
-from .contacts import Contacts, find_contacts
-from .containment import keep_sides, speeds_of
-from .direct import MOST_CONTACTS
-from .flight import fly_in_place
-from .impulses import Bodies, copy_impulses, Impulses, no_impulses
-from .islands import connect, Islands, no_islands, root_of
-from .overlap import push_out
-from .solver import solve
-from .world import UNIT_GRAVITY, World
+from .containment import speeds_of
+from .contacts import find_contacts
+from .events import is_blow, NEAR, next_event
+from .impulses import copy_impulses, Impulses, no_impulses
+from .islands import connect, Islands, no_islands
+from .step import copy_motion, Motion, step
+from .world import World, world_among
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import counting_sort, Flags, Indices
-from ..kernels.vector import length, put, row
-from ..scenes.state import Array
+from ..kernels.vector import put, row, times
 
-# Islands of few contacts are solved until an iteration changes none by more than this [g h, and
-# approach speed]; blows need it, and resting contacts have it after the first iteration
-_EXACT, _MOST_ITERATIONS = 1e-6, 28
-# Larger islands whose last iteration changed a contact by more than this [g h] have not converged,
-# as after a blow; they get at most so many more, until one changes none by more than that [g h]
-_UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 1.0, 24, 0.1
-
-
-class Motion(NamedTuple):
-    """Moving state of the spheres that take part, shapes (m, 3); awake: shape (m,)."""
-
-    positions: Array
-    velocities: Array
-    angular_velocities: Array
-    awake: Flags
-
-
-@compiled
-def copy_motion(motion: Motion) -> Motion:
-    """Motion in arrays of its own."""
-    p, v, w = motion.positions, motion.velocities, motion.angular_velocities
-    return Motion(
-        positions=p.copy(), velocities=v.copy(), angular_velocities=w.copy(), awake=motion.awake
-    )
-
-
-class Settings(NamedTuple):
-    """How finely a frame is solved.
-
-    substeps: K of a frame; iterations: M of the solver in a substep.
-    """
-
-    substeps: int
-    iterations: int
+# most events of an island within a substep; what follows is one step
+_MOST_EVENTS = 12
 
 
 @compiled
@@ -73,178 +41,168 @@ def substep(
     impulses_out: Impulses,
     islands_out: Islands,
 ) -> None:
-    """Advance the motion by `h`.
-
-    Args:
-        world: What does not move.
-        candidates: Pairs that may touch.
-        chosen: Which of them to consider.
-        h: Length; 0 for a correction of collisions that the last one missed.
-        nominal_h: Length of a regular substep, for thresholds of speed.
-        iterations: Iterations of the solver; isolated contacts need but one.
-        motion_out: Motion of the spheres; advanced in place.
-        impulses_out: Impulses by candidate; those of the last substep, which warm start this one,
-            are replaced.
-        islands_out: Contacts are added.
-    """
-    motion, p = motion_out, motion_out.positions
-    v, w = motion_out.velocities, motion_out.angular_velocities
-    count = len(p)
-    contacts = find_contacts(world, p, v, candidates, chosen, h, nominal_h)
-    size = len(contacts.a)
-    if size == 0:
-        fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
-        _clear(impulses_out)
-        return
-    isolated, shared, begin = _islands_of_contacts(contacts, count)
-    law = law_of(world, contacts)
-    bodies = _bodies(world, motion, h)
-    impulses, start = no_impulses(size), no_impulses(size)
-    solve(
+    """Advance the motion by `h`; see `step`."""
+    count = len(motion_out.positions)
+    before, warm = copy_motion(motion_out), copy_impulses(impulses_out)
+    label, opening = np.empty(count, np.int64), np.empty(count)
+    events = step(
         world=world,
-        contacts=contacts,
-        law=law,
-        group=isolated,
-        start=start,
-        lasting=start,
+        candidates=candidates,
+        chosen=chosen,
         h=h,
+        last_h=nominal_h,
         nominal_h=nominal_h,
-        iterations=1,
-        tolerance=0.0,
-        shared=False,
-        bodies_out=bodies,
-        impulses_out=impulses,
+        iterations=iterations,
+        speeds=speeds_of(before.velocities),
+        motion_out=motion_out,
+        impulses_out=impulses_out,
+        islands_out=islands_out,
+        label_out=label,
+        opening_out=opening,
     )
-    for k in shared:
-        _copy(impulses_out, contacts.candidate[k], start, k)
-    # by island, so that none depends on what happens elsewhere
-    for island in range(len(begin) - 1):
-        _solve_island(
+    if events == 0:
+        return
+    spheres, first_sphere = counting_sort(label + 1, events + 1)
+    pairs, first_pair = counting_sort(_labels_of_pairs(candidates, chosen, label) + 1, events + 1)
+    for event in range(1, events + 1):
+        _advance_by_events(
             world=world,
-            contacts=contacts,
-            law=law,
-            group=shared[begin[island] : begin[island + 1]],
-            start=start,
+            candidates=candidates,
+            members=spheres[first_sphere[event] : first_sphere[event + 1]],
+            pairs=pairs[first_pair[event] : first_pair[event + 1]],
+            opening=opening[event - 1],
             h=h,
             nominal_h=nominal_h,
             iterations=iterations,
-            bodies_out=bodies,
-            impulses_out=impulses,
+            before=before,
+            warm=warm,
+            motion_out=motion_out,
+            impulses_out=impulses_out,
+            islands_out=islands_out,
         )
-    before, speeds = p.copy(), speeds_of(v)
-    fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
-    for i in range(count):
-        for axis in range(3):
-            p[i, axis] += bodies.displacement[i, axis]
-            v[i, axis] += bodies.velocity_change[i, axis]
-            w[i, axis] += bodies.angular_change[i, axis]
-    _clear(impulses_out)
-    for k in range(size):
-        _copy(impulses, k, impulses_out, contacts.candidate[k])
-        if contacts.speculative_gap[k] == 0 or impulses.normal[k] > 0:
-            connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
-    push_out(world, contacts, p)
-    keep_sides(world, candidates, before, speeds, h, p, v)
 
 
 @compiled
-def _solve_island(
+def _labels_of_pairs(candidates: Candidates, chosen: Flags, label: Indices) -> Indices:
+    """Number of the island that both bodies of each candidate belong to, else -1."""
+    labels = np.full(len(candidates.a), -1)
+    for k in range(len(labels)):
+        own = label[candidates.a[k]]
+        if chosen[k] and (candidates.plane[k] >= 0 or label[candidates.b[k]] == own):
+            labels[k] = own
+    return labels
+
+
+@compiled
+def _advance_by_events(
     world: World,
-    contacts: Contacts,
-    law: Law,
-    group: Indices,
-    start: Impulses,
+    candidates: Candidates,
+    members: Indices,
+    pairs: Indices,
+    opening: float,
     h: float,
     nominal_h: float,
     iterations: int,
-    bodies_out: Bodies,
+    before: Motion,
+    warm: Impulses,
+    motion_out: Motion,
     impulses_out: Impulses,
+    islands_out: Islands,
 ) -> None:
-    """Solve the contacts of one island; see `solve`."""
-    impulses, first = impulses_out, start
-    fall = length((world.gravity[0], world.gravity[1], world.gravity[2])) * nominal_h
-    few, fastest = len(group) <= MOST_CONTACTS, 0.0
-    for k in group:
-        fastest = max(fastest, contacts.approach_speed[k])
-    most, tolerance = iterations, 0.0
-    if few:
-        most, tolerance = max(iterations, _MOST_ITERATIONS), _EXACT * (fall + fastest)
-    while True:
-        change = solve(
-            world=world,
-            contacts=contacts,
-            law=law,
-            group=group,
-            start=first,
-            lasting=start,
-            h=h,
-            nominal_h=nominal_h,
-            iterations=most,
-            tolerance=tolerance,
-            shared=True,
-            bodies_out=bodies_out,
-            impulses_out=impulses,
-        )
-        if few or tolerance > 0 or change.max() <= _UNCONVERGED * UNIT_GRAVITY * nominal_h:
-            return
-        most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
-        first = copy_impulses(impulses)
+    """Advance the spheres of an island anew, from event to event.
 
-
-@compiled
-def _bodies(world: World, motion: Motion, h: float) -> Bodies:
-    count = len(motion.positions)
-    rows = np.zeros((5, count + 1, 3))
-    for i in range(count):
-        for axis in range(3):
-            fall = h * world.gravity[axis] if motion.awake[i] else 0.0
-            rows[0, i, axis] = motion.velocities[i, axis] + fall
-            rows[1, i, axis] = motion.angular_velocities[i, axis]
-    return Bodies(
-        free_velocity=rows[0],
-        angular_velocity=rows[1],
-        velocity_change=rows[2],
-        angular_change=rows[3],
-        displacement=rows[4],
-        strongest=np.zeros(count + 1),
-        number=np.full(count + 1, -1),
+    Args:
+        world: What does not move.
+        candidates: All candidates of the frame.
+        members: Spheres of the island.
+        pairs: Candidates among them, and of them and planes.
+        opening: When a contact of theirs opens, or infinite.
+        h: Length of the substep.
+        nominal_h: Length of a regular substep.
+        iterations: Iterations of the solver.
+        before: Motion of all spheres at the start of the substep.
+        warm: Impulses of the last substep, by candidate.
+        motion_out: Motion of all spheres; that of the members is written.
+        impulses_out: Impulses by candidate; those of the pairs are written.
+        islands_out: Contacts are added.
+    """
+    place = np.full(len(before.positions) + 1, len(members))
+    for m in range(len(members)):
+        place[members[m]] = m
+    local = Candidates(
+        a=place[candidates.a[pairs]],
+        b=place[candidates.b[pairs]],
+        plane=candidates.plane[pairs],
+        key=candidates.key[pairs],
     )
+    here, islands = world_among(world, members), no_islands(len(members))
+    motion = Motion(
+        positions=before.positions[members],
+        velocities=before.velocities[members],
+        angular_velocities=before.angular_velocities[members],
+        awake=before.awake[members],
+    )
+    impulses = Impulses(
+        normal=warm.normal[pairs], tangential=warm.tangential[pairs], rolling=warm.rolling[pairs]
+    )
+    every, label = np.ones(len(pairs), np.bool_), np.empty(len(members), np.int64)
+    opens = np.empty(len(members))
+    left, last, speeds = h, nominal_h, speeds_of(motion.velocities)
+    for _ in range(_MOST_EVENTS):
+        contacts = find_contacts(
+            here, motion.positions, motion.velocities, local, every, left, nominal_h
+        )
+        time, blow = next_event(here, contacts, left, nominal_h)
+        if h - left < opening < h - left + time:
+            time, blow = opening - (h - left), False
+        if time >= left:
+            break
+        if time > 0:
+            chosen = every.copy()
+            for k in range(len(contacts.a)):
+                if is_blow(here, contacts, k, nominal_h):
+                    chosen[contacts.candidate[k]] = False
+            _scale(impulses, time / last)
+            done = h - left
+            found = step(
+                here, local, chosen, time, last, nominal_h, iterations, speeds, motion, impulses,
+                islands, label, opens,
+            )  # fmt: skip
+            left, last = left - time, time
+            if found == 1 and done + opens[0] > h - left + NEAR * nominal_h:
+                opening = done + opens[0]
+        if blow:
+            nothing = no_impulses(len(pairs))
+            step(
+                here, local, every, 0.0, last, nominal_h, iterations, speeds, motion, nothing,
+                islands, label, opens,
+            )  # fmt: skip
+    if left > 0:
+        _scale(impulses, left / last)
+        step(
+            here, local, every, left, last, nominal_h, iterations, speeds, motion, impulses, islands,
+            label, opens,
+        )  # fmt: skip
+        last = left
+    _scale(impulses, nominal_h / last)
+    for m in range(len(members)):
+        i = members[m]
+        put(motion_out.positions, i, row(motion.positions, m))
+        put(motion_out.velocities, i, row(motion.velocities, m))
+        put(motion_out.angular_velocities, i, row(motion.angular_velocities, m))
+        if islands.touched[m]:
+            connect(islands_out, i, members[islands.parent[m]])
+            islands_out.grounded[i] |= islands.grounded[m]
+    for k in range(len(pairs)):
+        impulses_out.normal[pairs[k]] = impulses.normal[k]
+        put(impulses_out.tangential, pairs[k], row(impulses.tangential, k))
+        put(impulses_out.rolling, pairs[k], row(impulses.rolling, k))
 
 
 @in_place
-def _copy(impulses: Impulses, i: int, target_out: Impulses, k: int) -> None:
-    target_out.normal[k] = impulses.normal[i]
-    put(target_out.tangential, k, row(impulses.tangential, i))
-    put(target_out.rolling, k, row(impulses.rolling, i))
-
-
-@in_place
-def _clear(impulses_out: Impulses) -> None:
-    impulses_out.normal[:] = 0.0
-    impulses_out.tangential[:] = 0.0
-    impulses_out.rolling[:] = 0.0
-
-
-@compiled
-def _islands_of_contacts(contacts: Contacts, count: int) -> tuple[Indices, Indices, Indices]:
-    """Contacts that share no moving body with another; the rest by island; where each begins."""
-    contacts_of = np.zeros(count + 1, np.int64)
-    for k in range(len(contacts.a)):
-        contacts_of[contacts.a[k]] += 1
-        contacts_of[contacts.b[k]] += 1
-    contacts_of[count] = 0
-    islands, shares = no_islands(count), np.empty(len(contacts.a), np.bool_)
-    for k in range(len(contacts.a)):
-        shares[k] = contacts_of[contacts.a[k]] > 1 or contacts_of[contacts.b[k]] > 1
-        if contacts.b[k] < count:
-            connect(islands, contacts.a[k], contacts.b[k])
-    shared, number, size = np.flatnonzero(shares), np.full(count, -1), 0
-    label = np.empty(len(shared), np.int64)
-    for q in range(len(shared)):
-        root = root_of(islands.parent, contacts.a[shared[q]])
-        if number[root] < 0:
-            number[root] = size
-            size += 1
-        label[q] = number[root]
-    order, begin = counting_sort(label, size)
-    return np.flatnonzero(~shares), shared[order], begin
+def _scale(impulses_out: Impulses, factor: float) -> None:
+    """Impulses of forces that last, for a step of another length."""
+    for k in range(len(impulses_out.normal)):
+        impulses_out.normal[k] *= factor
+        put(impulses_out.tangential, k, times(factor, row(impulses_out.tangential, k)))
+        put(impulses_out.rolling, k, times(factor, row(impulses_out.rolling, k)))
