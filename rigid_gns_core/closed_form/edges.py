@@ -18,6 +18,8 @@ from ..scenes.state import Array
 _PLATE = plate((0.0, 0.0, 0.0), length_x=4.0, length_y=4.0)
 _EDGE, _CORNER = np.array([2.0, 0.3, 0.0]), np.array([2.0, 2.0, 0.0])
 _UP = np.array([0.0, 0.0, 1.0])
+# the moment at which a rolling sphere leaves is found to a millisecond: friction changes its speed
+_LEAVES = 0.02
 
 
 def edge_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
@@ -171,8 +173,12 @@ def _over(
         flying = np.flatnonzero(angles > leaves + 0.1)[0] if (angles > leaves + 0.1).any() else -1
         across = float(end * np.cos(leaves))
         yield check(
-            'off an edge, speed across [m/s]', case, velocities[flying] @ heading, across, NEAR
+            'off an edge, speed across [m/s]',
+            case,
+            velocities[flying] @ heading,
+            across,
+            _LEAVES if rolls else NEAR,
         )
         if rolls:
             turning = np.linalg.norm(run.angular_velocities[flying, -1]) * radius
-            yield check('off an edge, r times spin [m/s]', case, turning, float(end), NEAR)
+            yield check('off an edge, r times spin [m/s]', case, turning, float(end), _LEAVES)

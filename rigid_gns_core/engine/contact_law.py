@@ -139,24 +139,28 @@ def target_of(
     root = closing * closing + 2.0 * fall * gap
     later, meets = 0.0, root >= 0
     # bodies that touch and part slower than this stay: so much is left by rounding and by turning
-    rests = before == 0 and gap == 0 and closing >= -THRESHOLD_TIME * max(fall, 0.0) - _ROUNDING
+    touches = before == 0 and gap == 0
+    rests = touches and closing >= -THRESHOLD_TIME * max(fall, 0.0) - _ROUNDING
     if closing > 0:
         later = 2.0 * gap / (closing + math.sqrt(max(root, 0.0)))
     elif fall > 0 and meets:
         later = (math.sqrt(root) - closing) / fall
     else:
         meets = False
-    active = rests or (meets and before + later <= h)
-    later = max(later, -before) if active and not rests else 0.0
+    meets = meets and before + later <= h
+    active = touches or meets
+    later = max(later, -before) if meets and not rests else 0.0
+    # what leaves acts only if others push it back
+    leaves = touches and not (rests or meets)
     approach_speed = closing - acceleration * later
     remaining = max(h - before - later, 0.0)
-    closing = approach_speed if rests else max(approach_speed, 0.0)
+    closing = approach_speed if rests or leaves else max(approach_speed, 0.0)
     late = (before - time) * closing  # depth that a missed impact has led to
     fallen = closing * remaining + 0.5 * fall * remaining * remaining
     separation, height, flight_time, bounced = 0.0, 0.0, 0.0, fall <= 0
-    speed = e * closing
-    if fall <= 0:
-        flight_time = remaining
+    speed = -closing if leaves else e * closing
+    if leaves or fall <= 0:
+        flight_time, bounced = remaining, True
     elif closing > THRESHOLD_TIME * fall and e > 1e-3:
         flights, series, damping = _flights(e, speed, fall, remaining)
         # the first flight whose approach is too slow is not begun
@@ -170,6 +174,8 @@ def target_of(
         height = speed * flight_time - 0.5 * fall * flight_time * flight_time
         late *= 1.0 + e
     impulse = separation + closing + fall * remaining
+    if leaves:
+        separation = min(separation, 0.0)
     return Target(
         active=active,
         separation_velocity=separation,

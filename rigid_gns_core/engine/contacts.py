@@ -13,8 +13,8 @@ import numpy as np
 from .broad_phase import Candidates, PAD
 from .flight import position_on_path
 from .impact import impact_of_spheres, impact_with_plane
-from .rectangle import from_plane, offset_from_rectangle, to_plane
-from .shielding import is_shielded
+from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
+from .shielding import is_shielded, offset_from_plane
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
@@ -210,25 +210,32 @@ def _shield(
     """
     impacts, a, current = impacts_out, candidates.a[k], k
     gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
-    for _ in range(_HANDS):
+    for hand in range(_HANDS):
         time = impacts.values[current, 0]
         centre = position_on_path(row(positions, a), row(velocities, a), gravity, time)
         other = _shielding(world, candidates, current, centre)
         if other < 0:
             return
-        if impacts.lasting[current]:
-            if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
-                return  # it meets that face only later, and is held until then
-            impacts.found[current] = False
-            if impacts.found[other] and impacts.lasting[other]:
-                return
-            _find(world, positions, velocities, candidates, other, h, lookback, True, impacts)
-            if not impacts.edge[other]:
-                return
-            current = other
-        else:
-            impacts.found[current] = False
+        impacts.found[current] = False
+        if not impacts.lasting[current]:
             return
+        if hand == 0 and _is_ghost(world, candidates, current, row(positions, a)):
+            return
+        if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
+            impacts.found[current] = True
+            return  # it meets that face only later, and is held until then
+        _find(world, positions, velocities, candidates, other, h, lookback, True, impacts)
+        if not impacts.edge[other]:
+            return
+        current = other
+
+
+@in_place
+def _is_ghost(world: World, candidates: Candidates, k: int, centre: Vector) -> bool:
+    """Whether a sphere does not touch the plane of a candidate, but another one before its edge."""
+    if is_over_face(offset_from_plane(world, candidates.plane[k], centre)):
+        return False
+    return _shielding(world, candidates, k, centre) >= 0
 
 
 @in_place

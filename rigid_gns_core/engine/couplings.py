@@ -70,6 +70,7 @@ def find_couplings(
         body[end] = number[i]
     for k in group:
         number[contacts.a[k]] = number[contacts.b[k]] = -1
+    number[fixed] = -1
     ends, begin = counting_sort(body, bodies)
     total = 0
     for i in range(1, bodies):

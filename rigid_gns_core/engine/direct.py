@@ -25,7 +25,7 @@ from ..kernels.vector import dot, row
 from ..scenes.state import Array
 
 # most contacts that are solved so: beyond, a factorisation costs more than iterations
-MOST_CONTACTS = 32
+MOST_CONTACTS = 16
 # share of the diagonal that is added to it: contacts more than bodies can tell share the force
 _RIDGE = 1e-11
 # impulses larger than this times what single contacts need show that there is no solution

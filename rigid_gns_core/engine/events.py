@@ -14,6 +14,8 @@ from .world import World
 from ..kernels.jit import in_place
 from ..kernels.vector import length
 
+# most contacts of an island that is advanced from event to event
+MOST_OF_EVENTS = 6
 # events nearer to the start or end of a substep than this share of it are at its start or end
 NEAR = 1e-4
 # blows faster than this [g h] are events: others are those of bodies that lie on each other

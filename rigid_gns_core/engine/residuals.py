@@ -169,7 +169,8 @@ def find_residuals(
         slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])
         presses = impulses.normal[k] > 0 or state.residual[q] > slowest
         # a gap that the free path does not close takes a force that presses the bodies together
-        apart = h > 0 and lasting >= 0 and contacts.rest_gap[k] > TOUCH * world.radius[contacts.a[k]]
+        gap = contacts.rest_gap[k] + contacts.speculative_gap[k]
+        apart = h > 0 and lasting >= 0 and gap > TOUCH * world.radius[contacts.a[k]]
         state.active[q] = target.active and presses and not apart
         # weight 0 holds the force until the strongest of each body is known
         own = impulses.normal[k] * law.inverse_effective_mass[k]

@@ -31,7 +31,8 @@ def offset_from_plane(world: World, plane: int, point: Vector) -> Vector:
 def is_shielded(world: World, edge_of: int, other: int, centre: Vector) -> bool:
     """Whether a sphere cannot touch the edge of one plane, because of another plane there.
 
-    Of two edges that are one line, as at a crest, only that of the first plane counts.
+    Of two edges that are one line, as at a crest, only one counts: that of the plane which takes
+    less energy, so that the order of the planes does not matter.
     """
     offset = offset_from_plane(world, edge_of, centre)
     closest = minus(centre, from_plane(world.axes[edge_of], offset))
@@ -39,5 +40,15 @@ def is_shielded(world: World, edge_of: int, other: int, centre: Vector) -> bool:
         return False
     there = offset_from_plane(world, other, centre)
     farther = length(offset) - length(there)
-    tie = is_over_face(there) or other < edge_of
+    tie = is_over_face(there) or _precedes(world, other, edge_of)
     return farther > _EQUAL or (farther >= -_EQUAL and tie)
+
+
+@in_place
+def _precedes(world: World, one: int, other: int) -> bool:
+    restitution, friction = world.surface_restitution, world.surface_friction
+    if restitution[one] != restitution[other]:
+        return restitution[one] > restitution[other]
+    if friction[one] != friction[other]:
+        return friction[one] < friction[other]
+    return one < other

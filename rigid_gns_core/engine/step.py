@@ -15,7 +15,7 @@ from .contact_law import Law, law_of
 from .contacts import Contacts, find_contacts
 from .containment import keep_sides
 from .direct import MOST_CONTACTS
-from .events import has_event, opening_time
+from .events import has_event, MOST_OF_EVENTS, opening_time
 from .flight import fly_in_place
 from .impulses import Bodies, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
@@ -29,7 +29,7 @@ from ..scenes.state import Array
 
 # Islands of few contacts are solved until an iteration changes none by more than this [g h, and
 # approach speed]; blows need it, and resting contacts have it after the first iteration
-_EXACT, _MOST_ITERATIONS = 1e-6, 28
+_EXACT, _MOST_ITERATIONS = 3e-4, 16
 # Larger islands whose last iteration changed a contact by more than this [g h] have not converged,
 # as after a blow; they get at most so many more, until one changes none by more than that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 1.0, 24, 0.1
@@ -150,7 +150,7 @@ def step(
         else:
             first = begin[island - len(isolated)]
             group = shared[first : begin[island - len(isolated) + 1]]
-        if h == 0 or len(group) > MOST_CONTACTS:
+        if h == 0 or len(group) > MOST_OF_EVENTS:
             continue
         opening, has = math.inf, False
         for k in group:

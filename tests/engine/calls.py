@@ -16,23 +16,23 @@ from rigid_gns_core.engine.overlap import push_out
 from rigid_gns_core.engine.sleep import put_to_sleep, wake
 from rigid_gns_core.engine.solver import solve
 from rigid_gns_core.engine.spheres import copy_spheres
-from rigid_gns_core.engine.substep import _bodies, Motion
+from rigid_gns_core.engine.step import _bodies, Motion
 from rigid_gns_core.engine.warm_start import impulses_of, with_sleepers
 
 njit = numba.njit(error_model='numpy')
 
 
 @njit
-def candidates(world, positions, velocities, dt, awake, before):
+def candidates(world, positions, velocities, dt, awake):
     """See `find_candidates`."""
-    return find_candidates(world, positions, velocities, dt, awake, before)
+    return find_candidates(world, positions, velocities, dt, awake)
 
 
 @njit
 def contacts(world, positions, velocities, dt, h, lookback):
     """Contacts among all candidates of a frame; see `find_contacts`."""
     everyone = np.ones(len(positions), np.bool_)
-    found = find_candidates(world, positions, velocities, dt, everyone, positions)
+    found = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(found.a), np.bool_)
     return find_contacts(world, positions, velocities, found, chosen, h, lookback)
 
@@ -62,7 +62,7 @@ def target(e, h, time, gap, approach_speed, acceleration, coupling):
 def solved(world, positions, velocities, spins, dt, h, iterations):
     """Contacts of a substep, their law, impulses and bodies, from a cold start."""
     everyone = np.ones(len(positions), np.bool_)
-    around = find_candidates(world, positions, velocities, dt, everyone, positions)
+    around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
     found = find_contacts(world, positions, velocities, around, chosen, h, h)
     coefficients = law_of(world, found)
@@ -81,6 +81,7 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
         nominal_h=h,
         iterations=iterations,
         tolerance=0.0,
+        shared=True,
         bodies_out=bodies,
         impulses_out=impulses,
     )
@@ -114,7 +115,7 @@ def limited(world, before, after, made, dt):
 def pushed_out(world, positions, velocities, dt):
     """Positions after overlaps were undone, and gaps of the contacts there."""
     everyone = np.ones(len(positions), np.bool_)
-    around = find_candidates(world, positions, velocities, dt, everyone, positions)
+    around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
     found = find_contacts(world, positions, velocities, around, chosen, 0.0, 0.0)
     moved = positions.copy()

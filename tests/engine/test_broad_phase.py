@@ -30,12 +30,11 @@ def crowd(seed, count=60):
     return positions, velocities, rng.uniform(0.2, 1.0, count)
 
 
-def find(positions, velocities, radius, surfaces=(), awake=None, before=None):
+def find(positions, velocities, radius, surfaces=(), awake=None):
     count = len(positions)
     world = world_of(Scene(surfaces=surfaces, radius=tuple(radius) or 1.0), count)
     awake = np.ones(count, bool) if awake is None else awake
-    before = positions if before is None else before
-    return calls.candidates(world, positions, velocities, DT, awake, before)
+    return calls.candidates(world, positions, velocities, DT, awake)
 
 
 def pairs(found):
@@ -107,18 +106,6 @@ def test_keys_stay_those_of_a_pair_whatever_else_is_near():
     assert {key: known[key] for key in some} == some
     assert len(find(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), BOX).a) == 0
     assert len(find(positions[:1] + [0, 0, 50.0], velocities[:1], radius[:1]).a) == 0
-
-
-def test_a_plate_keeps_the_side_where_a_sphere_was():
-    plate = Plane(point=(0.0, 0.0, 3.0), length_x=8.0, length_y=8.0)
-    positions = np.array([[0.0, 0, 2.9], [0.0, 3, 3.1]])
-    still = np.zeros((2, 3))
-    for before, side in ((3.5, 1.0), (2.5, -1.0)):
-        was = positions * [1, 1, 0] + [0, 0, before]
-        assert find(positions, still, np.ones(2), (plate,), before=was).side.tolist() == [side] * 2
-    # a wall has one side, however deep
-    behind = find(positions - [0, 0, 4.0], still, np.ones(2), (Plane(),))
-    assert behind.side.tolist() == [1.0, 1.0]
 
 
 def struck(wall, gap, mass, speed, substeps):

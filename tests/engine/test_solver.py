@@ -43,19 +43,20 @@ def test_perfectly_plastic_contacts_obey_gauss_principle(seed):
     # of all velocities that do not approach, those nearest to the free ones, weighed by mass:
     # a quadratic program, whose dual is a non-negative least squares
     positions, velocities, mass = heap(seed)
+    short = 1e-6  # in a longer step, spheres that part are still in the air at its end
     count = len(positions)
     scene = Scene(restitution=0.0, friction=0.0, rolling_friction=0.0, mass=tuple(mass))
-    contacts, _, impulses, bodies, change = solve(scene, positions, velocities, 4000)
+    contacts, _, impulses, bodies, change = solve(scene, positions, velocities, 4000, h=short)
     assert change.max() < 1e-9
     rows, root = jacobian(contacts, count), np.sqrt(np.repeat(mass, 3))
-    free = (velocities + H * FALL).ravel()
+    free = (velocities + short * FALL).ravel()
     dual, _ = nnls((rows / root).T, -root * free, maxiter=10_000)
     expected = free + rows.T @ dual / np.repeat(mass, 3)
     found = (bodies.free_velocity + bodies.velocity_change)[:count].ravel()
-    np.testing.assert_allclose(found, expected, atol=1e-7)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=9.81 * short)
     # complementarity: pushes or parts, never both
     separation = rows @ found
-    assert separation.min() > -1e-8
+    assert separation.min() > -9.81 * short
     assert (impulses.normal * separation).max() < 1e-8
     assert (impulses.normal > 1e-3).sum() > 5
 

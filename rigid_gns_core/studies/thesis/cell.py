@@ -242,5 +242,9 @@ def _set_hash(name: str) -> str:
 @cache
 def _scene_hash(name: str) -> str:
     scene, start = load_start(name)
-    text = json.dumps([scene.to_mapping(), asdict(start)], sort_keys=True, default=list)
+    recipe = asdict(start)
+    for later in ('velocities', 'angular_velocities'):  # without them, the hash of older cells
+        if not recipe[later]:
+            del recipe[later]
+    text = json.dumps([scene.to_mapping(), recipe], sort_keys=True, default=list)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
