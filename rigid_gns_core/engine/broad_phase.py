@@ -65,12 +65,7 @@ def find_candidates(
 
 @in_place
 def _mark_near_plane(
-    world: World,
-    plane: int,
-    positions: Array,
-    extent: Array,
-    awake: Flags,
-    near_out: Flags,
+    world: World, plane: int, positions: Array, extent: Array, awake: Flags, near_out: Flags
 ) -> None:
     """Mark spheres that may reach a plane."""
     axes, half = world.axes[plane], world.half[plane]

@@ -98,7 +98,11 @@ def find_contacts(
     _drop_doubles(candidates, impacts)
     which = np.flatnonzero(impacts.found)
     count = len(which)
-    index, normal, values = np.empty((3, count), np.int64), np.empty((count, 3)), np.empty((8, count))
+    index, normal, values = (
+        np.empty((3, count), np.int64),
+        np.empty((count, 3)),
+        np.empty((8, count)),
+    )
     for c in range(count):
         k = which[c]
         index[0, c], index[1, c] = candidates.a[k], candidates.b[k]
@@ -232,7 +236,7 @@ def _shield(
 
 @in_place
 def _is_ghost(world: World, candidates: Candidates, k: int, centre: Vector) -> bool:
-    """Whether a sphere does not touch the plane of a candidate, but another one before its edge."""
+    """Whether a sphere touches another plane before the edge of that of a candidate."""
     if is_over_face(offset_from_plane(world, candidates.plane[k], centre)):
         return False
     return _shielding(world, candidates, k, centre) >= 0

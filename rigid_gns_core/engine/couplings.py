@@ -84,8 +84,8 @@ def find_couplings(
         if i > 0:
             for p in range(begin[i], begin[i + 1]):
                 other[e], side[e] = ends[p] // 2, ends[p] % 2
-                k, l = group[end // 2], group[other[e]]
-                normal[e], friction[e] = _sizes(world, contacts, law, k, end % 2, l, side[e])
+                k, m = group[end // 2], group[other[e]]
+                normal[e], friction[e] = _sizes(world, contacts, law, k, end % 2, m, side[e])
                 e += 1
         start[end + 1] = e
     return Couplings(start=start, other=other, side=side, normal=normal, friction=friction)
@@ -106,16 +106,16 @@ def no_couplings(size: int) -> Couplings:
 
 @in_place
 def _sizes(
-    world: World, contacts: Contacts, law: Law, k: int, side_k: int, l: int, side_l: int
+    world: World, contacts: Contacts, law: Law, k: int, side_k: int, m: int, side_m: int
 ) -> tuple[float, float]:
-    """Coupling of contacts k and l at a body, along their normals and across them."""
-    c = dot(row(contacts.normal, k), row(contacts.normal, l))
-    if side_k != side_l:
+    """Coupling of contacts k and m at a body, along their normals and across them."""
+    c = dot(row(contacts.normal, k), row(contacts.normal, m))
+    if side_k != side_m:
         c = -c
     i = contacts.a[k] if side_k == 0 else contacts.b[k]
     arm_k = law.arm_a[k] if side_k == 0 else law.arm_b[k]
-    arm_l = law.arm_a[l] if side_l == 0 else law.arm_b[l]
-    mass, turn = world.inverse_mass[i], arm_k * arm_l * world.inverse_inertia[i]
+    arm_m = law.arm_a[m] if side_m == 0 else law.arm_b[m]
+    mass, turn = world.inverse_mass[i], arm_k * arm_m * world.inverse_inertia[i]
     most = max(math.fabs(mass + c * turn), math.fabs(c * mass + turn))
     return math.fabs(c), most / (mass + arm_k * arm_k * world.inverse_inertia[i])
 

@@ -44,13 +44,13 @@ def normal_matrix(world: World, contacts: Contacts, group: Indices) -> Array:
     for q in range(size):
         k = group[q]
         for p in range(q + 1):
-            l = group[p]
-            same = world.inverse_mass[contacts.a[k]] * (contacts.a[k] == contacts.a[l])
-            same += world.inverse_mass[contacts.b[k]] * (contacts.b[k] == contacts.b[l])
-            same -= world.inverse_mass[contacts.a[k]] * (contacts.a[k] == contacts.b[l])
-            same -= world.inverse_mass[contacts.b[k]] * (contacts.b[k] == contacts.a[l])
+            m = group[p]
+            same = world.inverse_mass[contacts.a[k]] * (contacts.a[k] == contacts.a[m])
+            same += world.inverse_mass[contacts.b[k]] * (contacts.b[k] == contacts.b[m])
+            same -= world.inverse_mass[contacts.a[k]] * (contacts.a[k] == contacts.b[m])
+            same -= world.inverse_mass[contacts.b[k]] * (contacts.b[k] == contacts.a[m])
             if same != 0:
-                value = same * dot(row(contacts.normal, k), row(contacts.normal, l))
+                value = same * dot(row(contacts.normal, k), row(contacts.normal, m))
                 matrix[q, p] = matrix[p, q] = value
     return matrix
 
@@ -59,7 +59,7 @@ class Pivots(NamedTuple):
     """Scratch of `solve_normals`, kept from one solution to the next; c contacts.
 
     matrix: A, shape (c, c); lower: its Cholesky factor among the contacts that push, shape (c, c);
-    among: these, shape (c,); pushes: which they are, shape (c,); count: how many, -1 where nothing
+    among: these, shape (c,); pushes: which they are, shape (c,); pushing: how many, -1 where nothing
     is factorised, shape (1,); goal, impulse, opening: b, x and y, shape (c,).
     """
 
@@ -67,7 +67,7 @@ class Pivots(NamedTuple):
     lower: Array
     among: Indices
     pushes: Flags
-    count: Indices
+    pushing: Indices
     goal: Array
     impulse: Array
     opening: Array
@@ -94,7 +94,7 @@ def _pivots(matrix: Array) -> Pivots:
         lower=np.empty((size, size)),
         among=np.empty(size, np.int64),
         pushes=np.zeros(size, np.bool_),
-        count=np.full(1, -1),
+        pushing=np.full(1, -1),
         goal=numbers[0],
         impulse=numbers[1],
         opening=numbers[2],
@@ -116,9 +116,9 @@ def solve_normals(active: Flags, pivots_out: Pivots) -> bool:
         largest = max(largest, math.fabs(p.goal[q]))
         pushes = active[q] and (p.goal[q] > 0 or p.impulse[q] > 0)
         if pushes != p.pushes[q]:
-            p.pushes[q], p.count[0] = pushes, -1
+            p.pushes[q], p.pushing[0] = pushes, -1
     for _ in range(4 * size + 8):
-        if p.count[0] < 0:
+        if p.pushing[0] < 0:
             _factorise(p)
         _solve_among(p)
         strongest, violated, last = 0.0, 0, -1
@@ -128,7 +128,7 @@ def solve_normals(active: Flags, pivots_out: Pivots) -> bool:
             wrong = p.impulse[q] * p.matrix[q, q] < -_ROUNDING * strongest
             if active[q] and not p.pushes[q]:
                 opening = -p.goal[q]
-                for r in range(p.count[0]):
+                for r in range(p.pushing[0]):
                     opening += p.matrix[q, p.among[r]] * p.impulse[p.among[r]]
                 wrong = opening < -_ROUNDING * (largest + strongest)
             p.opening[q] = -1.0 if wrong else 0.0
@@ -143,7 +143,7 @@ def solve_normals(active: Flags, pivots_out: Pivots) -> bool:
         for q in range(size):
             if p.opening[q] < 0 and (patience >= 0 or q == last):
                 p.pushes[q] = not p.pushes[q]
-        p.count[0] = -1
+        p.pushing[0] = -1
     return False
 
 
@@ -155,7 +155,7 @@ def _factorise(pivots_out: Pivots) -> None:
         if p.pushes[q]:
             p.among[size] = q
             size += 1
-    p.count[0] = size
+    p.pushing[0] = size
     for q in range(size):
         diagonal = p.matrix[p.among[q], p.among[q]]
         for r in range(q + 1):
@@ -172,7 +172,7 @@ def _factorise(pivots_out: Pivots) -> None:
 @in_place
 def _solve_among(pivots_out: Pivots) -> None:
     """Solve A x = b among the contacts that push; x is 0 elsewhere."""
-    p, size = pivots_out, pivots_out.count[0]
+    p, size = pivots_out, pivots_out.pushing[0]
     x = p.impulse
     x[:] = 0.0
     for q in range(size):

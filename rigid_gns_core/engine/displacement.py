@@ -84,7 +84,11 @@ def displace_directly(
     if not solve_normals(state.active, pivots):
         return False
     for q, k in enumerate(state.group):
-        a, b, along = contacts.a[k], contacts.b[k], times(pivots.impulse[q], row(contacts.normal, k))
+        a, b, along = (
+            contacts.a[k],
+            contacts.b[k],
+            times(pivots.impulse[q], row(contacts.normal, k)),
+        )
         add_to(bodies_out.displacement, a, times(world.inverse_mass[a], along))
         add_to(bodies_out.displacement, b, times(-world.inverse_mass[b], along))
     return True

@@ -76,9 +76,7 @@ def opening_time(
 
 
 @in_place
-def next_event(
-    world: World, contacts: Contacts, h: float, nominal_h: float
-) -> tuple[float, bool]:
+def next_event(world: World, contacts: Contacts, h: float, nominal_h: float) -> tuple[float, bool]:
     """Time of the first event, infinite where there is none, and whether it is a blow.
 
     Args:

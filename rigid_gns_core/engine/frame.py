@@ -84,7 +84,9 @@ def advance(
                 islands_out=no_islands(len(members)),
             )
         start, reach, done = motion.positions.copy(), _reaches(world, motion, dt), started
-        while done < settings.substeps and not _outrun(members_world, motion, start, reach, dt - done * h):
+        while done < settings.substeps and not _outrun(
+            members_world, motion, start, reach, dt - done * h
+        ):
             substep(
                 world=members_world,
                 candidates=local,
@@ -143,10 +145,7 @@ def _members(candidates: Candidates, count: int) -> tuple[Indices, Candidates]:
     for m in range(len(members)):
         place[members[m]] = m
     local = Candidates(
-        a=place[candidates.a],
-        b=place[candidates.b],
-        plane=candidates.plane,
-        key=candidates.key,
+        a=place[candidates.a], b=place[candidates.b], plane=candidates.plane, key=candidates.key
     )
     return members, local
 
@@ -173,7 +172,10 @@ def _outrun(world: World, motion: Motion, start: Array, reach: Array, left: floa
     """Whether a sphere that was struck may leave its reach in the time `left` of the frame."""
     for i in range(len(reach)):
         gone = length(minus(row(motion.positions, i), row(start, i)))
-        if gone + length(row(motion.velocities, i)) * left > reach[i] + 0.5 * PAD * world.radius[i]:
+        if (
+            gone + length(row(motion.velocities, i)) * left
+            > reach[i] + 0.5 * PAD * world.radius[i]
+        ):
             return True
     return False
 
@@ -203,9 +205,7 @@ def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags
     before = motion.positions.copy()
     push_out(world, contacts, motion.positions)
     still = np.zeros(len(before))
-    keep_sides(
-        world, candidates, before, still, 0.0, motion.positions, motion.velocities
-    )
+    keep_sides(world, candidates, before, still, 0.0, motion.positions, motion.velocities)
 
 
 @in_place

@@ -93,9 +93,7 @@ def first_touch_of_rectangle(
     """
     weight, time = length(acceleration), start
     for _ in range(_MOST_STEPS):
-        offset = offset_from_rectangle(
-            position_on_path(local, velocity, acceleration, time), half
-        )
+        offset = offset_from_rectangle(position_on_path(local, velocity, acceleration, time), half)
         distance = length(offset)
         gap = distance - radius
         if gap <= _AT_ROOT * radius:
@@ -109,7 +107,7 @@ def first_touch_of_rectangle(
 
 @in_place
 def crossing_of_edge(half: float, place: float, velocity: float, acceleration: float) -> float:
-    """First time t > 0 at which a path along one axis crosses an end of a rectangle, else infinite.
+    """First time t > 0 at which a path along an axis crosses an end of a rectangle, or infinite.
 
     Args:
         half: Half length along the axis.

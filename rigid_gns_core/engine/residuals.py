@@ -30,12 +30,13 @@ _LEAST, _ROUNDING = 1e-9, 1e-13
 class SolverState(NamedTuple):
     """Contacts that are solved, and what is known of each from iteration to iteration.
 
-    group: indices of the contacts, shape (c,); free_separation: of their free paths; start_coupling: change of separation velocity by the other contacts, at the start;
-    coupling: the same now; residual: target minus present separation velocity; active: whether it
-    carries force; weight: how much it counts at a and b, 0 to 1, shape (c, 2); split,
-    friction_split: parts into which a and b are split for normal and friction impulses, shape
-    (c, 2); rolling_split: parts of a for rolling friction; gravity_slip: slip that gravity makes
-    in flight after a bounce; momentum: share of the last step that is repeated; previous_normal,
+    group: indices of the contacts, shape (c,); free_separation: of their free paths;
+    start_coupling: change of separation velocity by the other contacts, at the start; coupling:
+    the same now; residual: target minus present separation velocity; active: whether it carries
+    force; weight: how much it counts at a and b, 0 to 1, shape (c, 2); split, friction_split:
+    parts into which a and b are split for normal and friction impulses, shape (c, 2);
+    rolling_split: parts of a for rolling friction; gravity_slip: slip that gravity makes in flight
+    after a bounce; momentum: share of the last step that is repeated; previous_normal,
     previous_tangential: impulses before the last step; end_gap: gap of the target at the end;
     target: its impulse, impulse_time and remaining, shape (c, 3); step: to add, shape (c, 3).
     """
@@ -94,7 +95,9 @@ def find_free_motion(
         free = minus(
             row(bodies.free_velocity, contacts.a[k]), row(bodies.free_velocity, contacts.b[k])
         )
-        state_out.free_separation[q] = dot(row(contacts.normal, k), free) + contacts.turning_speed[k]
+        state_out.free_separation[q] = (
+            dot(row(contacts.normal, k), free) + contacts.turning_speed[k]
+        )
         separation = separation_velocity(contacts, bodies, k)
         state_out.start_coupling[q] = _coupling(law, impulses, state_out, q, separation)
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from .broad_phase import Candidates
-from .containment import speeds_of
 from .contacts import find_contacts
+from .containment import speeds_of
 from .events import is_blow, NEAR, next_event
 from .impulses import copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands
@@ -180,8 +180,8 @@ def _advance_by_events(
     if left > 0:
         _scale(impulses, left / last)
         step(
-            here, local, every, left, last, nominal_h, iterations, speeds, motion, impulses, islands,
-            label, opens,
+            here, local, every, left, last, nominal_h, iterations, speeds, motion, impulses,
+            islands, label, opens,
         )  # fmt: skip
         last = left
     _scale(impulses, nominal_h / last)

@@ -10,6 +10,7 @@ from rigid_gns_core.engine.contact_law import THRESHOLD_TIME
 from rigid_gns_core.engine.world import world_of
 
 from . import calls
+
 G = 9.81
 THRESHOLD = THRESHOLD_TIME * G
 SMALL = 0.02
