@@ -59,8 +59,8 @@ class Pivots(NamedTuple):
     """Scratch of `solve_normals`, kept from one solution to the next; c contacts.
 
     matrix: A, shape (c, c); lower: its Cholesky factor among the contacts that push, shape (c, c);
-    among: these, shape (c,); pushes: which they are, shape (c,); pushing: how many, -1 where nothing
-    is factorised, shape (1,); goal, impulse, opening: b, x and y, shape (c,).
+    among: these, shape (c,); pushes: which they are, shape (c,); pushing: how many, -1 where
+    nothing is factorised, shape (1,); goal, impulse, opening: b, x and y, shape (c,).
     """
 
     matrix: Array

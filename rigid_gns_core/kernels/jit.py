@@ -10,7 +10,8 @@ from pathlib import Path
 
 from .machine_code import Function, MachineCode
 
-# sums may be fused (FMA), never reordered: the same seed gives the same bytes
+# no sum is fused (FMA) or reordered: what the compiler fuses depends on what it inlines, and the
+# process that compiles gave other bytes than those that load its code
 _CODE = MachineCode(
     'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath=False
 )

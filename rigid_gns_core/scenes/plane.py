@@ -62,7 +62,11 @@ def _unit(name: str, value: ArrayLike) -> Vector:
 
 @dataclass(frozen=True)
 class Plane:
-    """A static, bounded plane (thesis section 3.1.2). Spheres are on the side of its normal.
+    """A static, bounded plane (thesis section 3.1.2).
+
+    With both lengths infinite it bounds a body, and spheres are on the side of its normal. With an
+    end, on one axis (a strip) or on both (a plate), it has two faces: spheres may be on either
+    side, and it does not act beyond its ends.
 
     Args:
         point: Centre p_s [m], world frame.
