@@ -7,8 +7,8 @@
     python benchmarks/rollout_hashes.py --against before.json    # exit code 1: they differ
 
 It runs on trees from 48f91d5 on, where the laws were `contact` without its network. Machine code
-depends on the processor, so that hashes compare on one machine only; and a process that compiles
-may fuse other sums than one that reads machine code, so run it twice.
+depends on the processor, so that hashes compare on one machine only. Trees before sums were no
+longer fused give other bits in the process that compiles: run it twice on those.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .flight import reach_of
-from .world import World
+from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import find_pairs, Flags, Indices
 from ..kernels.vector import dot, length, minus, row
@@ -50,7 +50,7 @@ def find_candidates(
         awake: Spheres that are awake, at least one of a pair; shape (n,).
     """
     count, planes = len(positions), len(world.point)
-    weight = length((world.gravity[0], world.gravity[1], world.gravity[2]))
+    weight = weight_of(world)
     extent = np.empty(count)
     for i in range(count):
         pull = weight if awake[i] else 0.0

@@ -16,13 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .world import World
+from .world import THRESHOLD_TIME, World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
-# approach speeds below N times this time do not bounce, N the acceleration into the contact: the
-# teacher's threshold, 3 g dt / 240
-THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 # restitutions nearer to 1 than this have no geometric series, but flights of one length
 _ELASTIC = 1e-9
 # speeds below this are rounding
@@ -157,7 +154,7 @@ def target_of(
     closing = approach_speed if rests or leaves else max(approach_speed, 0.0)
     late = (before - time) * closing  # depth that a missed impact has led to
     fallen = closing * remaining + 0.5 * fall * remaining * remaining
-    separation, height, flight_time, bounced = 0.0, 0.0, 0.0, fall <= 0
+    separation, height, flight_time, bounced = 0.0, 0.0, 0.0, False
     speed = -closing if leaves else e * closing
     if leaves or fall <= 0:
         flight_time, bounced = remaining, True

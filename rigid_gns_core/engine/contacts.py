@@ -15,7 +15,7 @@ from .flight import position_on_path
 from .impact import impact_of_spheres, impact_with_plane
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
-from .world import World
+from .world import gravity_of, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
@@ -133,7 +133,7 @@ def _may_meet(
 ) -> bool:
     """Whether a candidate pair is near enough to meet within h, at a glance."""
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-    fall = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h * h
+    fall = weight_of(world) * h * h
     if plane >= 0:
         normal = row(world.axes[plane], 2)
         height = dot(normal, minus(row(positions, a), row(world.point, plane)))
@@ -161,7 +161,7 @@ def _find(
     impacts_out: _Impacts,
 ) -> None:
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-    margin = length((world.gravity[0], world.gravity[1], world.gravity[2])) * h**2
+    margin = weight_of(world) * h**2
     if plane >= 0:
         impact = impact_with_plane(
             world=world,
@@ -213,7 +213,7 @@ def _shield(
     A sphere that rolls over a seam hands its contact on: it lasts on the other plane.
     """
     impacts, a, current = impacts_out, candidates.a[k], k
-    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    gravity = gravity_of(world)
     for hand in range(_HANDS):
         time = impacts.values[current, 0]
         centre = position_on_path(row(positions, a), row(velocities, a), gravity, time)
@@ -251,8 +251,7 @@ def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
             continue
         q = k - 1
         while q >= 0 and candidates.a[q] == candidates.a[k] and candidates.plane[q] >= 0:
-            cosine = dot(row(impacts.normal, q), row(impacts.normal, k))
-            if impacts.found[q] and cosine > 1.0 - _PARALLEL**2:
+            if impacts.found[q] and _is_parallel(impacts, q, k):
                 farther = impacts.values[q, 2] > impacts.values[k, 2] + _PARALLEL
                 impacts.found[q if farther else k] = False
                 if not farther:
@@ -261,11 +260,16 @@ def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
 
 
 @in_place
+def _is_parallel(impacts: _Impacts, q: int, k: int) -> bool:
+    return dot(row(impacts.normal, q), row(impacts.normal, k)) > 1.0 - _PARALLEL**2
+
+
+@in_place
 def _continues(
     world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
 ) -> bool:
     """Whether the plane of a contact goes on in another one where the sphere leaves it."""
-    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    gravity = gravity_of(world)
     centre = position_on_path(
         row(positions, candidates.a[k]), row(velocities, candidates.a[k]), gravity, h
     )

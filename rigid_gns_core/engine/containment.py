@@ -17,7 +17,7 @@ import numpy as np
 from .broad_phase import Candidates, PAD
 from .flight import reach_of
 from .rectangle import to_plane
-from .world import World
+from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
 from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
@@ -53,7 +53,7 @@ def keep_sides(
         i, p = candidates.a[k], candidates.plane[k]
         if p >= 0 and world.two_sided[p]:
             _cut(world, p, i, before, positions_out, first, plane)
-    gravity = length((world.gravity[0], world.gravity[1], world.gravity[2]))
+    gravity = weight_of(world)
     for i in range(len(before)):
         way = length(minus(row(positions_out, i), row(before, i)))
         if way > reach_of(speeds[i], gravity, h) + 0.5 * PAD * world.radius[i]:

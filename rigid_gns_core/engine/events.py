@@ -10,9 +10,8 @@ import math
 from .contact_law import Law
 from .contacts import Contacts
 from .impulses import Bodies, separation_velocity
-from .world import World
+from .world import weight_of, World
 from ..kernels.jit import in_place
-from ..kernels.vector import length
 
 # most contacts of an island that is advanced from event to event
 MOST_OF_EVENTS = 6
@@ -25,7 +24,7 @@ _BLOW = 1.0
 @in_place
 def is_blow(world: World, contacts: Contacts, k: int, nominal_h: float) -> bool:
     """Whether contact k is a blow rather than one of bodies that lie or roll on each other."""
-    fall = length((world.gravity[0], world.gravity[1], world.gravity[2])) * nominal_h
+    fall = weight_of(world) * nominal_h
     hits = contacts.speculative_gap[k] == 0
     return hits and contacts.approach_speed[k] > _BLOW * fall + 1e-12
 

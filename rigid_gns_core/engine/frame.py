@@ -12,14 +12,14 @@ from .contacts import find_contacts
 from .containment import keep_sides
 from .flight import fly, reach_of
 from .impulses import no_impulses
-from .islands import connect, Islands, no_islands
+from .islands import Islands, join, no_islands
 from .overlap import push_out
 from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
 from .step import copy_motion, Motion, Settings
 from .substep import substep
 from .warm_start import active_impulses, impulses_of, WarmStart, with_sleepers
-from .world import UNIT_GRAVITY, World, world_among
+from .world import UNIT_GRAVITY, weight_of, World, world_among
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.quaternions import turn
@@ -160,7 +160,7 @@ def _flags(members: Indices, count: int) -> Flags:
 @compiled
 def _reaches(world: World, motion: Motion, dt: float) -> Array:
     """Reach of each sphere, within which its candidates are."""
-    weight = length((world.gravity[0], world.gravity[1], world.gravity[2]))
+    weight = weight_of(world)
     reach = np.empty(len(motion.awake))
     for i in range(len(reach)):
         reach[i] = reach_of(length(row(motion.velocities, i)), weight, dt)
@@ -225,6 +225,4 @@ def _scatter(
         put(spheres_out.angular_velocities, i, row(motion.angular_velocities, m))
         for part in range(4):
             spheres_out.quaternions[i, part] = quaternions[m, part]
-        if members_islands.touched[m]:
-            connect(islands_out, i, members[members_islands.parent[m]])
-            islands_out.grounded[i] |= members_islands.grounded[m]
+    join(members_islands, members, islands_out)

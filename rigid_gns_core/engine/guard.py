@@ -17,7 +17,7 @@ import numpy as np
 
 from .islands import groups_of, Islands
 from .spheres import Spheres
-from .world import World
+from .world import gravity_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
 from ..kernels.vector import (
@@ -75,7 +75,7 @@ def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
     """Kinetic and potential energy of a sphere."""
     v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
     mass, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
-    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
+    gravity = gravity_of(world)
     potential = -mass * dot(row(spheres.positions, i), gravity)
     return 0.5 * mass * dot(v, v) + 0.5 * inertia * dot(w, w), potential
 

@@ -26,7 +26,7 @@ from .rectangle import (
     offset_from_rectangle,
     to_plane,
 )
-from .world import UNIT_GRAVITY, World
+from .world import gravity_of, THRESHOLD_TIME, UNIT_GRAVITY, World
 from ..kernels.jit import in_place
 from ..kernels.vector import dot, length, minus, plus, row, times, Vector
 
@@ -34,7 +34,7 @@ from ..kernels.vector import dot, length, minus, plus, row, times, Vector
 TOUCH = 1e-10
 # bodies nearer than this [radii], that approach slower than this speed, stay in contact
 _LASTING_GAP = 2e-4
-_LASTING_SPEED = UNIT_GRAVITY * 1.25e-3
+_LASTING_SPEED = UNIT_GRAVITY * THRESHOLD_TIME
 # largest turn [rad] of a contact until the middle of a substep; one that turns farther flies off
 _LARGEST_TURN = 0.3
 
@@ -97,8 +97,19 @@ def _missed_time(gap: float, approach_speed: float, lookback: float) -> float:
 
 
 @in_place
-def _lasts(approach_speed: float, velocity: Vector, distance: float, h: float) -> bool:
-    """Whether bodies that touch stay in contact."""
+def _lasts(
+    gap: float,
+    radius: float,
+    margin: float,
+    approach_speed: float,
+    velocity: Vector,
+    distance: float,
+    h: float,
+) -> bool:
+    """Whether bodies are so near, and so slow along the normal, that they stay in contact."""
+    # without gravity, nothing presses bodies together
+    if gap > _LASTING_GAP * radius or margin <= 0:
+        return False
     tangential = math.sqrt(max(dot(velocity, velocity) - approach_speed**2, 0.0))
     slow = math.fabs(approach_speed) <= _LASTING_SPEED
     return slow and 0.5 * h * tangential <= _LARGEST_TURN * distance
@@ -139,9 +150,7 @@ def impact_of_spheres(
             hits = time <= h
     approach_speed = -along / max(distance, 1e-30)
     smaller = min(radius_a, radius_b)
-    # without gravity, nothing presses bodies together
-    lasting = gap <= _LASTING_GAP * smaller and margin > 0
-    lasting = lasting and _lasts(approach_speed, velocity, distance, h)
+    lasting = _lasts(gap, smaller, margin, approach_speed, velocity, distance, h)
     touches = lasting or gap <= TOUCH * smaller
     if not (hits or touches or gap <= margin):
         return _no_impact()
@@ -206,7 +215,7 @@ def impact_with_plane(
     axes, half = world.axes[plane], world.half[plane]
     local = to_plane(axes, minus(position, row(world.point, plane)))
     moving = to_plane(axes, velocity)
-    pulling = to_plane(axes, (world.gravity[0], world.gravity[1], world.gravity[2]))
+    pulling = to_plane(axes, gravity_of(world))
     side = -1.0 if world.two_sided[plane] and local[2] < 0 else 1.0
     start = offset_from_rectangle(local, half)
     inside = is_over_face(start)
@@ -225,8 +234,7 @@ def impact_with_plane(
     if not inside:
         normal = times(1.0 / max(distance, 1e-30), start)
     approach_speed = -dot(normal, moving)
-    lasting = gap <= _LASTING_GAP * radius and margin > 0
-    lasting = lasts or (lasting and _lasts(approach_speed, moving, radius, h))
+    lasting = lasts or _lasts(gap, radius, margin, approach_speed, moving, radius, h)
     hits = hits and not lasts
     touches = lasting or gap <= TOUCH * radius
     if not (hits or touches or gap <= margin):

@@ -67,6 +67,14 @@ def copy_impulses(impulses: Impulses) -> Impulses:
 
 
 @in_place
+def copy_impulse(impulses: Impulses, i: int, target_out: Impulses, k: int) -> None:
+    """Copy the impulses of contact i to contact k of others."""
+    target_out.normal[k] = impulses.normal[i]
+    put(target_out.tangential, k, row(impulses.tangential, i))
+    put(target_out.rolling, k, row(impulses.rolling, i))
+
+
+@in_place
 def apply_linear(
     world: World, contacts: Contacts, bodies_out: Bodies, k: int, impulse: Vector
 ) -> None:

@@ -68,6 +68,21 @@ def connect(islands_out: Islands, a: int, b: int) -> None:
     islands_out.parent[max(first, second)] = min(first, second)
 
 
+@in_place
+def join(local: Islands, members: Indices, islands_out: Islands) -> None:
+    """Add the islands among some spheres, with indices of their own, to those of all.
+
+    Args:
+        local: Islands of the members.
+        members: Index of each among all, shape (m,).
+        islands_out: Islands of all; contacts are added.
+    """
+    for m in range(len(members)):
+        if local.touched[m]:
+            connect(islands_out, members[m], members[local.parent[m]])
+            islands_out.grounded[members[m]] |= local.grounded[m]
+
+
 @compiled
 def groups_of(islands: Islands) -> Groups:
     """Touched spheres by island."""

@@ -15,10 +15,10 @@ from .contact_law import Law, Target, target_of
 from .contacts import Contacts
 from .impact import TOUCH
 from .impulses import Bodies, Impulses, separation_velocity
-from .world import World
+from .world import gravity_of, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
-from ..kernels.vector import across, dot, length, minus, put, row, times
+from ..kernels.vector import across, dot, minus, put, row, times
 from ..scenes.state import Array
 
 # contacts with this share of the force of a body's strongest one count half
@@ -31,20 +31,19 @@ class SolverState(NamedTuple):
     """Contacts that are solved, and what is known of each from iteration to iteration.
 
     group: indices of the contacts, shape (c,); free_separation: of their free paths;
-    start_coupling: change of separation velocity by the other contacts, at the start; coupling:
-    the same now; residual: target minus present separation velocity; active: whether it carries
-    force; weight: how much it counts at a and b, 0 to 1, shape (c, 2); split, friction_split:
-    parts into which a and b are split for normal and friction impulses, shape (c, 2);
-    rolling_split: parts of a for rolling friction; gravity_slip: slip that gravity makes in flight
-    after a bounce; momentum: share of the last step that is repeated; previous_normal,
-    previous_tangential: impulses before the last step; end_gap: gap of the target at the end;
-    target: its impulse, impulse_time and remaining, shape (c, 3); step: to add, shape (c, 3).
+    start_coupling: change of separation velocity by the other contacts, at the start; residual:
+    target minus present separation velocity; active: whether it carries force; weight: how much it
+    counts at a and b, 0 to 1, shape (c, 2); split, friction_split: parts into which a and b are
+    split for normal and friction impulses, shape (c, 2); rolling_split: parts of a for rolling
+    friction; gravity_slip: slip that gravity makes in flight after a bounce; momentum: share of
+    the last step that is repeated; previous_normal, previous_tangential: impulses before the last
+    step; end_gap: gap of the target at the end; target: its impulse, impulse_time and remaining,
+    shape (c, 3); step: to add, shape (c, 3).
     """
 
     group: Indices
     free_separation: Array
     start_coupling: Array
-    coupling: Array
     residual: Array
     active: NDArray[np.bool_]
     weight: Array
@@ -64,23 +63,22 @@ class SolverState(NamedTuple):
 def new_state(group: Indices) -> SolverState:
     """State before the first iteration of the contacts of `group`."""
     size = len(group)
-    numbers, vectors = np.zeros((7, size)), np.zeros((4, size, 3))
+    numbers, vectors = np.zeros((6, size)), np.zeros((4, size, 3))
     return SolverState(
         group=group,
         free_separation=numbers[0],
         start_coupling=numbers[1],
-        coupling=numbers[2],
-        residual=numbers[3],
+        residual=numbers[2],
         active=np.zeros(size, np.bool_),
         weight=np.zeros((size, 2)),
         split=np.ones((size, 2)),
         friction_split=np.ones((size, 2)),
         rolling_split=np.ones(size),
         gravity_slip=vectors[0],
-        momentum=numbers[4],
-        previous_normal=numbers[5],
+        momentum=numbers[3],
+        previous_normal=numbers[4],
         previous_tangential=vectors[1],
-        end_gap=numbers[6],
+        end_gap=numbers[5],
         target=vectors[2],
         step=vectors[3],
     )
@@ -152,16 +150,16 @@ def find_residuals(
     A contact of force x counts 1.01 x / (x + 0.01 x_max) in a body whose strongest has x_max, so
     that contacts without force change nothing.
     """
-    gravity = (world.gravity[0], world.gravity[1], world.gravity[2])
-    least = _LEAST * length(gravity) * nominal_h
+    gravity = gravity_of(world)
+    least = _LEAST * weight_of(world) * nominal_h
     bodies, state = bodies_out, state_out
     for k in state.group:
         bodies.strongest[contacts.a[k]] = bodies.strongest[contacts.b[k]] = 1e-30
     for q, k in enumerate(state.group):
         separation = separation_velocity(contacts, bodies, k)
-        state.coupling[q] = _coupling(law, impulses, state, q, separation)
+        coupling = _coupling(law, impulses, state, q, separation)
         # what acted at the start too is a force that lasts through the substep, the rest a blow
-        lasting = _minmod(state.start_coupling[q], state.coupling[q]) / h if h > 0 else 0.0
+        lasting = _minmod(state.start_coupling[q], coupling) / h if h > 0 else 0.0
         target = _target(contacts, law, state, q, h, lasting)
         put(state.target, q, (target.impulse, target.impulse_time, target.remaining))
         if contacts.plane[k] >= 0:

@@ -17,14 +17,13 @@ from .containment import keep_sides
 from .direct import MOST_CONTACTS
 from .events import has_event, MOST_OF_EVENTS, opening_time
 from .flight import fly_in_place
-from .impulses import Bodies, copy_impulses, Impulses, no_impulses
+from .impulses import Bodies, copy_impulse, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
 from .overlap import push_out
 from .solver import solve
-from .world import UNIT_GRAVITY, World
+from .world import UNIT_GRAVITY, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import counting_sort, Flags, Indices
-from ..kernels.vector import length, put, row
 from ..scenes.state import Array
 
 # Islands of few contacts are solved until an iteration changes none by more than this [g h, and
@@ -89,11 +88,11 @@ def step(
         last_h: Length of the last step.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations of the solver; isolated contacts need but one.
+        speeds: Of the spheres where their candidates were found, at least; shape (n,).
         motion_out: Motion of the spheres; advanced in place.
         impulses_out: Impulses by candidate; those of the last substep, which warm start this one,
             are replaced.
         islands_out: Contacts are added.
-        speeds: Of the spheres where their candidates were found, at least; shape (n,).
         label_out: Number of the island with events that each sphere belongs to, else -1; shape
             (n,), written.
         opening_out: When a contact of each of these islands opens, shape (n,); written.
@@ -128,7 +127,7 @@ def step(
         impulses_out=impulses,
     )
     for k in shared:
-        _copy(impulses_out, contacts.candidate[k], start, k)
+        copy_impulse(impulses_out, contacts.candidate[k], start, k)
     # by island, so that none depends on what happens elsewhere
     for island in range(len(begin) - 1):
         _solve_island(
@@ -174,7 +173,7 @@ def step(
             w[i, axis] += bodies.angular_change[i, axis]
     _clear(impulses_out)
     for k in range(size):
-        _copy(impulses, k, impulses_out, contacts.candidate[k])
+        copy_impulse(impulses, k, impulses_out, contacts.candidate[k])
         if contacts.speculative_gap[k] == 0 or impulses.normal[k] > 0:
             connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < count else -1)
     push_out(world, contacts, p)
@@ -197,7 +196,7 @@ def _solve_island(
 ) -> None:
     """Solve the contacts of one island; see `solve`."""
     impulses, first = impulses_out, start
-    fall = length((world.gravity[0], world.gravity[1], world.gravity[2])) * nominal_h
+    fall = weight_of(world) * nominal_h
     few, fastest = len(group) <= MOST_CONTACTS, 0.0
     for k in group:
         fastest = max(fastest, contacts.approach_speed[k])
@@ -244,13 +243,6 @@ def _bodies(world: World, motion: Motion, h: float) -> Bodies:
         strongest=np.zeros(count + 1),
         number=np.full(count + 1, -1),
     )
-
-
-@in_place
-def _copy(impulses: Impulses, i: int, target_out: Impulses, k: int) -> None:
-    target_out.normal[k] = impulses.normal[i]
-    put(target_out.tangential, k, row(impulses.tangential, i))
-    put(target_out.rolling, k, row(impulses.rolling, i))
 
 
 @in_place

@@ -17,8 +17,8 @@ from .broad_phase import Candidates
 from .contacts import find_contacts
 from .containment import speeds_of
 from .events import is_blow, NEAR, next_event
-from .impulses import copy_impulses, Impulses, no_impulses
-from .islands import connect, Islands, no_islands
+from .impulses import copy_impulse, copy_impulses, Impulses, no_impulses
+from .islands import Islands, join, no_islands
 from .step import copy_motion, Motion, step
 from .world import World, world_among
 from ..kernels.jit import compiled, in_place
@@ -190,13 +190,9 @@ def _advance_by_events(
         put(motion_out.positions, i, row(motion.positions, m))
         put(motion_out.velocities, i, row(motion.velocities, m))
         put(motion_out.angular_velocities, i, row(motion.angular_velocities, m))
-        if islands.touched[m]:
-            connect(islands_out, i, members[islands.parent[m]])
-            islands_out.grounded[i] |= islands.grounded[m]
+    join(islands, members, islands_out)
     for k in range(len(pairs)):
-        impulses_out.normal[pairs[k]] = impulses.normal[k]
-        put(impulses_out.tangential, pairs[k], row(impulses.tangential, k))
-        put(impulses_out.rolling, pairs[k], row(impulses.rolling, k))
+        copy_impulse(impulses, k, impulses_out, pairs[k])
 
 
 @in_place

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .impulses import Impulses, no_impulses
+from .impulses import copy_impulse, Impulses, no_impulses
 from ..kernels.jit import compiled, entry
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.vector import put, row
 
 
 class WarmStart(NamedTuple):
@@ -38,9 +37,7 @@ def impulses_of(warm_start: WarmStart, key: Indices) -> Impulses:
         while k < len(warm_start.key) and warm_start.key[k] < key[i]:
             k += 1
         if k < len(warm_start.key) and warm_start.key[k] == key[i]:
-            impulses.normal[i] = warm_start.impulses.normal[k]
-            put(impulses.tangential, i, row(warm_start.impulses.tangential, k))
-            put(impulses.rolling, i, row(warm_start.impulses.rolling, k))
+            copy_impulse(warm_start.impulses, k, impulses, i)
     return impulses
 
 

@@ -14,12 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.jit import compiled
+from ..kernels.jit import compiled, in_place
+from ..kernels.vector import length, Vector
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
 # gravity of the model's units, in which a frame takes 0.1 and the largest radius is 1
 UNIT_GRAVITY = 9.81
+# approach speeds below N times this time do not bounce, N the acceleration into the contact: the
+# teacher's threshold, 3 g dt / 240
+THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 
 
 class World(NamedTuple):
@@ -74,6 +78,18 @@ def world_of(scene: Scene, count: int) -> World:
         surface_restitution=array(scene.surface_values('restitution')),
         surface_friction=array(scene.surface_values('friction')),
     )
+
+
+@in_place
+def gravity_of(world: World) -> Vector:
+    """Gravity as a vector in registers."""
+    return world.gravity[0], world.gravity[1], world.gravity[2]
+
+
+@in_place
+def weight_of(world: World) -> float:
+    """Size of gravity."""
+    return length(gravity_of(world))
 
 
 @compiled

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Plane, Scene
 from rigid_gns_core.closed_form import GROUPS, laws, run_checks
-from rigid_gns_core.engine.contact_law import THRESHOLD_TIME
-from rigid_gns_core.engine.world import world_of
+from rigid_gns_core.engine.world import THRESHOLD_TIME, world_of
 
 from . import calls
 
