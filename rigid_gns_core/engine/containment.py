@@ -5,7 +5,8 @@
 
 Blows are solved on the free paths of a substep; a path that several of them bend may still lead
 through a plane. So the straight way of each centre over a substep is cut where it would, and the
-side of a plane that a sphere is on needs no memory. A room of plates is never left.
+side of a plane that a sphere is on needs no memory. A plane without end cuts no way: it pushes
+out what is behind it.
 """
 
 from __future__ import annotations
