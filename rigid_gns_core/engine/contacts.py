@@ -15,7 +15,7 @@ from .flight import position_on_path
 from .impact import impact_of_spheres, impact_with_plane
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
-from .world import gravity_of, weight_of, World
+from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
@@ -69,12 +69,13 @@ def find_contacts(
     world: World,
     positions: Array,
     velocities: Array,
+    accelerations: Array,
     candidates: Candidates,
     chosen: Flags,
     h: float,
     lookback: float,
 ) -> Contacts:
-    """Contacts of the next substep among the `chosen` candidates.
+    """Contacts of the next substep among the `chosen` candidates, on paths of these accelerations.
 
     Bodies that gravity may bring together within `h`, nearer than g h^2, are speculative contacts.
     """
@@ -88,13 +89,21 @@ def find_contacts(
     )
     edges = False
     for k in range(size):
-        if chosen[k] and _may_meet(world, positions, velocities, candidates, k, h):
-            _find(world, positions, velocities, candidates, k, h, lookback, False, impacts)
+        if chosen[k] and _may_meet(
+            world, positions, velocities, accelerations, candidates, k, h
+        ):
+            _find(
+                world, positions, velocities, accelerations, candidates, k, h, lookback, False,
+                impacts,
+            )  # fmt: skip
             edges |= impacts.edge[k]
     if edges:
         for k in range(size):
             if impacts.found[k] and impacts.edge[k]:
-                _shield(world, positions, velocities, candidates, k, h, lookback, impacts)
+                _shield(
+                    world, positions, velocities, accelerations, candidates, k, h, lookback,
+                    impacts,
+                )  # fmt: skip
     _drop_doubles(candidates, impacts)
     which = np.flatnonzero(impacts.found)
     count = len(which)
@@ -129,11 +138,21 @@ def find_contacts(
 
 @in_place
 def _may_meet(
-    world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
+    world: World,
+    positions: Array,
+    velocities: Array,
+    accelerations: Array,
+    candidates: Candidates,
+    k: int,
+    h: float,
 ) -> bool:
     """Whether a candidate pair is near enough to meet within h, at a glance."""
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
     fall = weight_of(world) * h * h
+    if world.in_air:
+        fall += length(row(accelerations, a)) * h * h
+        if plane < 0:
+            fall += length(row(accelerations, b)) * h * h
     if plane >= 0:
         normal = row(world.axes[plane], 2)
         height = dot(normal, minus(row(positions, a), row(world.point, plane)))
@@ -153,6 +172,7 @@ def _find(
     world: World,
     positions: Array,
     velocities: Array,
+    accelerations: Array,
     candidates: Candidates,
     k: int,
     h: float,
@@ -169,6 +189,7 @@ def _find(
             radius=world.radius[a],
             position=row(positions, a),
             velocity=row(velocities, a),
+            acceleration=row(accelerations, a),
             h=h,
             lookback=lookback,
             margin=margin,
@@ -178,6 +199,7 @@ def _find(
         impact = impact_of_spheres(
             offset=minus(row(positions, a), row(positions, b)),
             velocity=minus(row(velocities, a), row(velocities, b)),
+            acceleration=minus(row(accelerations, a), row(accelerations, b)),
             radius_a=world.radius[a],
             radius_b=world.radius[b],
             h=h,
@@ -193,7 +215,9 @@ def _find(
         values[k, 3], values[k, 4] = impact.speculative_gap, impact.approach_speed
         values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
         values[k, 7], values[k, 8] = impact.crossing_time, impact.rest_gap
-        if impact.crossing_time < h and _continues(world, positions, velocities, candidates, k, h):
+        if impact.crossing_time < h and _continues(
+            world, positions, velocities, accelerations, candidates, k, h
+        ):
             values[k, 7] = math.inf
 
 
@@ -202,6 +226,7 @@ def _shield(
     world: World,
     positions: Array,
     velocities: Array,
+    accelerations: Array,
     candidates: Candidates,
     k: int,
     h: float,
@@ -213,10 +238,10 @@ def _shield(
     A sphere that rolls over a seam hands its contact on: it lasts on the other plane.
     """
     impacts, a, current = impacts_out, candidates.a[k], k
-    gravity = gravity_of(world)
+    pull = row(accelerations, a)
     for hand in range(_HANDS):
         time = impacts.values[current, 0]
-        centre = position_on_path(row(positions, a), row(velocities, a), gravity, time)
+        centre = position_on_path(row(positions, a), row(velocities, a), pull, time)
         other = _shielding(world, candidates, current, centre)
         if other < 0:
             return
@@ -228,7 +253,10 @@ def _shield(
         if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
             impacts.found[current] = True
             return  # it meets that face only later, and is held until then
-        _find(world, positions, velocities, candidates, other, h, lookback, True, impacts)
+        _find(
+            world, positions, velocities, accelerations, candidates, other, h, lookback, True,
+            impacts,
+        )  # fmt: skip
         if not impacts.edge[other]:
             return
         current = other
@@ -266,13 +294,17 @@ def _is_parallel(impacts: _Impacts, q: int, k: int) -> bool:
 
 @in_place
 def _continues(
-    world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
+    world: World,
+    positions: Array,
+    velocities: Array,
+    accelerations: Array,
+    candidates: Candidates,
+    k: int,
+    h: float,
 ) -> bool:
     """Whether the plane of a contact goes on in another one where the sphere leaves it."""
-    gravity = gravity_of(world)
-    centre = position_on_path(
-        row(positions, candidates.a[k]), row(velocities, candidates.a[k]), gravity, h
-    )
+    a = candidates.a[k]
+    centre = position_on_path(row(positions, a), row(velocities, a), row(accelerations, a), h)
     other = _shielding(world, candidates, k, centre)
     if other < 0:
         return False

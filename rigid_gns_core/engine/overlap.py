@@ -82,7 +82,9 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
         if len(candidates.a) == 0:
             return
         chosen = np.ones(len(candidates.a), np.bool_)
-        contacts = find_contacts(world, positions, still, candidates, chosen, 0.0, 0.0)
+        contacts = find_contacts(
+            world, positions, still, world.pull, candidates, chosen, 0.0, 0.0
+        )
         deep = False
         for k in range(len(contacts.a)):
             gap, _ = gap_of(world, positions, contacts, k)

@@ -15,7 +15,7 @@ from .contact_law import Law, Target, target_of
 from .contacts import Contacts
 from .impact import TOUCH
 from .impulses import Bodies, Impulses, separation_velocity
-from .world import gravity_of, weight_of, World
+from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
 from ..kernels.vector import across, dot, minus, put, row, times
@@ -140,6 +140,7 @@ def find_residuals(
     contacts: Contacts,
     law: Law,
     impulses: Impulses,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     bodies_out: Bodies,
@@ -150,7 +151,6 @@ def find_residuals(
     A contact of force x counts 1.01 x / (x + 0.01 x_max) in a body whose strongest has x_max, so
     that contacts without force change nothing.
     """
-    gravity = gravity_of(world)
     least = _LEAST * weight_of(world) * nominal_h
     bodies, state = bodies_out, state_out
     for k in state.group:
@@ -163,7 +163,8 @@ def find_residuals(
         target = _target(contacts, law, state, q, h, lasting)
         put(state.target, q, (target.impulse, target.impulse_time, target.remaining))
         if contacts.plane[k] >= 0:
-            across_normal = across(gravity, row(contacts.normal, k))
+            pull = row(accelerations, contacts.a[k])
+            across_normal = across(pull, row(contacts.normal, k))
             put(state.gravity_slip, q, times(target.flight_time, across_normal))
         state.residual[q] = target.separation_velocity - separation
         state.end_gap[q] = target.end_gap

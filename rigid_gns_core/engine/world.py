@@ -29,8 +29,10 @@ THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 class World(NamedTuple):
     """Properties in the model's units; n spheres, s planes.
 
-    radius, inverse_mass, inverse_inertia (1 / (2/5 m r^2)): of spheres, and of the fixed body (0),
-    shape (n + 1,); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
+    radius, inverse_mass, inverse_inertia: of spheres, and of the fixed body (0), shape (n + 1,);
+    the mass is that with the added mass of air; pull: acceleration by gravity and buoyancy, shape
+    (n, 3); in_air: whether there is air; flight: parameters of the flights in it, shape (n, 13),
+    or (0, 13); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
     (3,); point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
     shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
@@ -40,6 +42,9 @@ class World(NamedTuple):
     radius: Array
     inverse_mass: Array
     inverse_inertia: Array
+    pull: Array
+    in_air: bool
+    flight: Array
     restitution: Array
     friction: Array
     rolling_friction: Array
@@ -56,6 +61,11 @@ def world_of(scene: Scene, count: int) -> World:
     """World of `count` spheres in `scene`."""
     radius = scene.per_sphere('radius', count)
     mass = scene.per_sphere('mass', count)
+    inertia = scene.per_sphere('inertia_factor', count)
+    pull, flight, heavy = np.tile(scene.gravity, (count, 1)), np.empty((0, 13)), mass
+    if scene.air is not None:
+        flight = np.ascontiguousarray(scene.air.flight(radius, mass, scene.gravity))
+        pull, heavy = flight[:, :3].copy(), scene.air.effective_mass(radius, mass)
     planes = scene.surfaces
     half = [[plane.length_x / 2, plane.length_y / 2] for plane in planes]
     half_lengths = np.array(half, dtype=np.float64).reshape(-1, 2)
@@ -65,8 +75,11 @@ def world_of(scene: Scene, count: int) -> World:
 
     return World(
         radius=np.append(radius, 0.0),
-        inverse_mass=np.append(1.0 / mass, 0.0),
-        inverse_inertia=np.append(2.5 / (mass * radius**2), 0.0),
+        inverse_mass=np.append(1.0 / heavy, 0.0),
+        inverse_inertia=np.append(1.0 / inertia / (mass * radius**2), 0.0),
+        pull=pull,
+        in_air=scene.air is not None,
+        flight=flight,
         restitution=array(scene.per_sphere('restitution', count)),
         friction=array(scene.per_sphere('friction', count)),
         rolling_friction=array(scene.per_sphere('rolling_friction', count)),
@@ -96,10 +109,14 @@ def weight_of(world: World) -> float:
 def world_among(world: World, members: NDArray[np.int64]) -> World:
     """World of these spheres alone."""
     bodies = np.append(members, len(world.restitution))
+    flight = world.flight[members] if world.in_air else world.flight
     return World(
         radius=world.radius[bodies],
         inverse_mass=world.inverse_mass[bodies],
         inverse_inertia=world.inverse_inertia[bodies],
+        pull=world.pull[members],
+        in_air=world.in_air,
+        flight=flight,
         restitution=world.restitution[members],
         friction=world.friction[members],
         rolling_friction=world.rolling_friction[members],

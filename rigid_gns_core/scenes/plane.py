@@ -24,6 +24,7 @@ RANGES = {
     'restitution': (0.0, 1.0, True),
     'friction': (0.0, np.inf, True),
     'rolling_friction': (0.0, np.inf, True),
+    'inertia_factor': (0.0, 0.67, False),  # a thin shell has 2/3, and no sphere has more
 }
 
 

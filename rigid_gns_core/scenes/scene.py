@@ -36,12 +36,14 @@ class Scene:
 
     Args:
         surfaces: Static planes.
-        radius: Radius [m]; a number, or one per sphere (as are the next four).
-        mass: Mass [kg]; spheres are solid, moment of inertia 2/5 m r^2.
+        radius: Radius [m]; a number, or one per sphere (as are the next five).
+        mass: Mass [kg].
         restitution: Coefficient of restitution of the material, 0 to 1.
         friction: Coulomb friction coefficient of the material.
         rolling_friction: Dimensionless rho: on a surface with normal force N, a torque rho r N
-            resists rolling, so a sphere that rolls on a level floor slows by rho g / 1.4.
+            resists rolling, so a sphere that rolls on a level floor slows by rho g / (1 + i).
+        inertia_factor: i of the moment of inertia i m r^2: 2/5 of a solid sphere, 2/3 of a thin
+            shell.
         gravity: Acceleration [m/s^2], world frame; one number means along -z.
         air: Air around the spheres; None: a vacuum.
 
@@ -59,6 +61,7 @@ class Scene:
     restitution: PerSphere = 0.6
     friction: PerSphere = 0.5
     rolling_friction: PerSphere = 0.02
+    inertia_factor: PerSphere = 0.4
     gravity: Vector = (0.0, 0.0, -9.81)
     air: Air | None = None
 
@@ -142,6 +145,8 @@ class Scene:
         }
         for name in RANGES:
             value = getattr(self, name)
+            if name == 'inertia_factor' and value == Scene.inertia_factor:
+                continue
             mapping[name] = list(value) if isinstance(value, tuple) else value
         mapping['gravity'] = list(self.gravity)
         if self.air is not None:

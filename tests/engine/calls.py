@@ -34,7 +34,9 @@ def contacts(world, positions, velocities, dt, h, lookback):
     everyone = np.ones(len(positions), np.bool_)
     found = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(found.a), np.bool_)
-    return find_contacts(world, positions, velocities, found, chosen, h, lookback)
+    return find_contacts(
+        world, positions, velocities, world.pull, found, chosen, h, lookback
+    )
 
 
 @njit
@@ -64,10 +66,12 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, positions, velocities, around, chosen, h, h)
+    found = find_contacts(
+        world, positions, velocities, world.pull, around, chosen, h, h
+    )
     coefficients = law_of(world, found)
     motion = Motion(positions, velocities, spins, everyone)
-    bodies = _bodies(world, motion, h)
+    bodies = _bodies(motion, world.pull, h)
     start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
     group = np.arange(len(found.a))
     change = solve(
@@ -77,6 +81,7 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
         group=group,
         start=start,
         lasting=start,
+        accelerations=world.pull,
         h=h,
         nominal_h=h,
         iterations=iterations,
@@ -117,7 +122,9 @@ def pushed_out(world, positions, velocities, dt):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, positions, velocities, around, chosen, 0.0, 0.0)
+    found = find_contacts(
+        world, positions, velocities, world.pull, around, chosen, 0.0, 0.0
+    )
     moved = positions.copy()
     push_out(world, found, moved)
     return moved
