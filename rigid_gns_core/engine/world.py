@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..kernels.jit import compiled, in_place
 from ..kernels.vector import length, Vector
+from ..scenes.contact_law import ContactLaw
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -36,7 +37,9 @@ class World(NamedTuple):
     (3,); point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
     shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
-    surface_restitution, surface_friction: of the planes, shape (s,).
+    surface_restitution, surface_friction: of the planes, shape (s,); surface_law: contact law of
+    each plane, and sphere_law: of two spheres, as of `_law_row`, all 0 where materials hold; shapes
+    (s, 9) and (9,).
     """
 
     radius: Array
@@ -55,6 +58,8 @@ class World(NamedTuple):
     two_sided: NDArray[np.bool_]
     surface_restitution: Array
     surface_friction: Array
+    surface_law: Array
+    sphere_law: Array
 
 
 def world_of(scene: Scene, count: int) -> World:
@@ -90,7 +95,27 @@ def world_of(scene: Scene, count: int) -> World:
         two_sided=np.asarray(np.isfinite(half_lengths).any(axis=1)),
         surface_restitution=array(scene.surface_values('restitution')),
         surface_friction=array(scene.surface_values('friction')),
+        surface_law=array([_law_row(plane.contact) for plane in planes], -1, 9),
+        sphere_law=array(_law_row(scene.sphere_contact)),
     )
+
+
+def _law_row(law: ContactLaw | None) -> list[float]:
+    """1, e_slow, e_fast, u_0, mu, beta, rho, rho', sigma of a contact law; zeros without."""
+    if law is None:
+        return [0.0] * 9
+    curve = law.curve
+    return [
+        1.0,
+        curve.slow,
+        curve.fast,
+        curve.speed,
+        law.friction,
+        law.tangential_restitution,
+        law.rolling_friction,
+        law.rolling_friction_slope,
+        law.spinning_friction,
+    ]
 
 
 @in_place
@@ -127,4 +152,6 @@ def world_among(world: World, members: NDArray[np.int64]) -> World:
         two_sided=world.two_sided,
         surface_restitution=world.surface_restitution,
         surface_friction=world.surface_friction,
+        surface_law=world.surface_law,
+        sphere_law=world.sphere_law,
     )

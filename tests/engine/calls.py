@@ -57,7 +57,7 @@ def law(world, found):
 @njit
 def target(e, h, time, gap, approach_speed, acceleration, coupling):
     """See `target_of`."""
-    return target_of(e, h, time, gap, approach_speed, acceleration, coupling)
+    return target_of(e, e, 1.0, h, time, gap, approach_speed, acceleration, coupling)
 
 
 @njit
