@@ -96,7 +96,8 @@ def step_rolling(
         new = minus(old, times(1.0 / state_out.rolling_split[q], plus(rolls, about_normal)))
         limit = law.rolling[k] * impulses_out.normal[k]
         if law.rolling_slope[k] > 0:
-            v = plus(row(bodies_out.free_velocity, a), row(bodies_out.velocity_change, a))
+            half = times(0.5, row(bodies_out.velocity_change, a))  # at the middle of the substep
+            v = plus(row(bodies_out.free_velocity, a), half)
             limit += law.rolling_slope[k] * length(across(v, normal)) * impulses_out.normal[k]
         most = law.spinning[k] * impulses_out.normal[k]
         spinning = min(max(dot(new, normal), -most), most)
