@@ -105,9 +105,7 @@ def _winds(simulate: Simulate) -> Iterator[Check]:
     """
     wind = 20.0
     air = Air(wind=(wind, 0.0, 0.0))
-    run = simulated(
-        simulate, (Plane(),), [(0.0, 0.0, 1.0)], seconds=_SIX, mass=_MASS, air=air
-    )
+    run = simulated(simulate, (Plane(),), [(0.0, 0.0, 1.0)], seconds=_SIX, mass=_MASS, air=air)
     way, left = air_laws.slowed(Sphere(air, 1.0, _MASS, 0.0), wind, 0.0, run.times)
     case = f'{wind:g} m/s'
     expected = wind * run.times - way
@@ -133,9 +131,7 @@ def _floating(
     )
 
 
-def _error(
-    name: str, case: str, measured: Array, expected: Array, bound: float = EXACT
-) -> Check:
+def _error(name: str, case: str, measured: Array, expected: Array, bound: float = EXACT) -> Check:
     """Check of the largest error in any frame, over the largest value."""
     error = np.abs(measured - expected).max() / np.abs(expected).max()
     return check(name, case, error, 0, bound)

@@ -55,11 +55,11 @@ class Law(NamedTuple):
 class Target(NamedTuple):
     """Where a contact alone would end up, under its present acceleration.
 
-    active: whether the bodies touch at all; bounced: whether a blow parts them; separation_velocity: at the end of the substep;
-    flight_time: since the last bounce where they are apart at the end, else 0; end_gap: gap at the
-    end; impulse: normal impulse over effective mass; impulse_time: time before the end at which
-    that impulse, acting at once, leads to the same place; remaining: time from the impact to the
-    end of the substep.
+    active: whether the bodies touch at all; bounced: whether a blow parts them;
+    separation_velocity: at the end of the substep; flight_time: since the last bounce where they
+    are apart at the end, else 0; end_gap: gap at the end; impulse: normal impulse over effective
+    mass; impulse_time: time before the end at which that impulse, acting at once, leads to the
+    same place; remaining: time from the impact to the end of the substep.
     """
 
     active: bool
@@ -167,7 +167,8 @@ def target_of(
     the last bounce was 2 e u / N (1 - e^n) / (1 - e) after the impact, at e^(n+1) u. The contact
     rests where an approach is slower than N times `THRESHOLD_TIME`, or where all flights of the
     series end within T (the logarithm's argument is not positive). So small bounces need no small
-    substeps. Where e depends on u, flights are followed one by one. Where nothing presses the bodies together, N <= 0, they part at e u, however slow.
+    substeps. Where e depends on u, flights are followed one by one. Where nothing presses the
+    bodies together, N <= 0, they part at e u, however slow.
 
     Args:
         slow: e_slow of the restitution, see `restitution_at`.

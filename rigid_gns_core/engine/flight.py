@@ -11,6 +11,7 @@ law, and the parabola leaves its path by less than 1e-9 m within a step of 2 ms.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,14 @@ from ..kernels.neighbours import Flags
 from ..kernels.quaternions import turn
 from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
+
+
+class Paths(NamedTuple):
+    """Paths p + v t + a t^2 / 2 of all spheres over a step, shape (n, 3) each."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
 
 
 @in_place
@@ -116,11 +125,11 @@ def fly(
 
 
 @in_place
-def _fly_in_air(
-    world: World, before: Spheres, i: int, time: float, spheres_out: Spheres
-) -> None:
-    v, w, flight = row(before.velocities, i), row(before.angular_velocities, i), flight_at(
-        world.flight, i
+def _fly_in_air(world: World, before: Spheres, i: int, time: float, spheres_out: Spheres) -> None:
+    v, w, flight = (
+        row(before.velocities, i),
+        row(before.angular_velocities, i),
+        flight_at(world.flight, i),
     )
     path, mean = mean_accelerations(v, w, flight, time)
     put(spheres_out.positions, i, position_on_path(row(before.positions, i), v, path, time))

@@ -10,7 +10,7 @@ import numpy as np
 from .broad_phase import Candidates, find_candidates, PAD
 from .contacts import find_contacts
 from .containment import keep_sides
-from .flight import fly, reach_in_wind, reach_of
+from .flight import fly, Paths, reach_in_wind, reach_of
 from .impulses import no_impulses
 from .islands import Islands, join, no_islands
 from .overlap import push_out
@@ -187,9 +187,8 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
     """Candidates of bodies that overlap and approach, since contacts bent their paths."""
     count, size = len(motion.awake), len(candidates.a)
     every, missed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
-    contacts = find_contacts(
-        world, motion.positions, motion.velocities, world.pull, candidates, every, 0.0, h
-    )
+    paths = Paths(motion.positions, motion.velocities, world.pull)
+    contacts = find_contacts(world, paths, candidates, every, 0.0, h)
     hit = np.zeros(count + 1, np.bool_)
     for k in range(len(contacts.a)):
         if contacts.time[k] < 0 and contacts.approach_speed[k] > UNIT_GRAVITY * h:
@@ -203,9 +202,8 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
 @compiled
 def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags) -> None:
     """Push out overlaps among all candidates, also those that a correction left out."""
-    contacts = find_contacts(
-        world, motion.positions, motion.velocities, world.pull, candidates, every, 0.0, 0.0
-    )
+    paths = Paths(motion.positions, motion.velocities, world.pull)
+    contacts = find_contacts(world, paths, candidates, every, 0.0, 0.0)
     before = motion.positions.copy()
     push_out(world, contacts, motion.positions)
     still = np.zeros(len(before))

@@ -102,10 +102,11 @@ def limit_energy(
 ) -> tuple[int, float]:
     """Limit the energy of each island to what it was.
 
-    An island off the surfaces gets the linear and angular momentum of its ballistic flight, and loses
-    its excess of energy from internal motion, v - V - W x (p - P) of each sphere, so that both
-    momenta stay; air changes these, and they are as the substeps left them. On a surface all speeds are reduced by one factor; where that is not enough,
-    because the island was lifted, its positions are those before the frame.
+    An island off the surfaces gets the linear and angular momentum of its ballistic flight (in air
+    they stay as the substeps left them), and loses its excess of energy from internal motion,
+    v - V - W x (p - P) of each sphere, so that both momenta stay. On a surface all speeds are
+    reduced by one factor; where that is not enough, because the island was lifted, its positions
+    are those before the frame.
 
     Args:
         world: What does not move.

@@ -131,8 +131,8 @@ def impact_of_spheres(
 
     Where both fall alike, relative paths are straight, and the time of impact is the first root of
     |x + y t| = R, R = r_a + r_b. With d = |x| - R and b = x . y it is
-    t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits. Where air slows them
-    differently, it is found by Newton's method.
+    t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits. Where air bends
+    their paths differently, it is found by Newton's method.
 
     Args:
         offset: x, position of a relative to b.

@@ -35,11 +35,11 @@ class SolverState(NamedTuple):
     target minus present separation velocity; active: whether it carries force; weight: how much it
     counts at a and b, 0 to 1, shape (c, 2); split, friction_split: parts into which a and b are
     split for normal and friction impulses, shape (c, 2); rolling_split: parts of a for rolling
-    friction; slip_at_end: slip that friction leaves where it sticks, see `_slip_at_end`; free_slip:
-    slip of the free motion at the end, where there is tangential restitution; momentum: share of
-    the last step that is repeated; previous_normal, previous_tangential: impulses before the last
-    step; end_gap: gap of the target at the end; target: its impulse, impulse_time and remaining,
-    shape (c, 3); step: to add, shape (c, 3).
+    friction; slip_at_end: slip that friction leaves where it sticks, see `_slip_at_end`;
+    free_slip: slip of the free motion at the end, where there is tangential restitution; momentum:
+    share of the last step that is repeated; previous_normal, previous_tangential: impulses before
+    the last step; end_gap: gap of the target at the end; target: its impulse, impulse_time and
+    remaining, shape (c, 3); step: to add, shape (c, 3).
     """
 
     group: Indices

@@ -90,9 +90,7 @@ def solve(
     if direct:
         pivots = new_pivots(world, contacts, group)
     for _ in range(iterations):
-        find_residuals(
-            world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state
-        )
+        find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
         if shared:
             split_bodies(
                 couplings,

@@ -16,7 +16,7 @@ from .contacts import Contacts, find_contacts
 from .containment import keep_sides
 from .direct import MOST_CONTACTS
 from .events import has_event, MOST_OF_EVENTS, opening_time
-from .flight import accelerations_of, fly_in_place, slow_spins
+from .flight import accelerations_of, fly_in_place, Paths, slow_spins
 from .impulses import Bodies, copy_impulse, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
 from .overlap import push_out
@@ -105,7 +105,7 @@ def step(
     label_out[:] = -1
     path, mean = accelerations_of(world, v, w, h, path_h)
     slow_spins(world, h, w)
-    contacts = find_contacts(world, p, v, path, candidates, chosen, h, nominal_h)
+    contacts = find_contacts(world, Paths(p, v, path), candidates, chosen, h, nominal_h)
     size = len(contacts.a)
     if size == 0:
         fly_in_place(path, mean, motion.awake, h, motion.positions, motion.velocities)

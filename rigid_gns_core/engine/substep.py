@@ -16,8 +16,8 @@ import numpy as np
 from .broad_phase import Candidates
 from .contacts import find_contacts
 from .containment import speeds_of
-from .flight import accelerations_of
 from .events import is_blow, NEAR, next_event
+from .flight import accelerations_of, Paths
 from .impulses import copy_impulse, copy_impulses, Impulses, no_impulses
 from .islands import Islands, join, no_islands
 from .step import copy_motion, Motion, step
@@ -151,11 +151,9 @@ def _advance_by_events(
     opens = np.empty(len(members))
     left, last, speeds = h, nominal_h, speeds_of(motion.velocities)
     for _ in range(_MOST_EVENTS):
-        path, _ = accelerations_of(
-            here, motion.velocities, motion.angular_velocities, left, left
-        )
+        path, _ = accelerations_of(here, motion.velocities, motion.angular_velocities, left, left)
         contacts = find_contacts(
-            here, motion.positions, motion.velocities, path, local, every, left, nominal_h
+            here, Paths(motion.positions, motion.velocities, path), local, every, left, nominal_h
         )
         time, blow = next_event(here, contacts, left, nominal_h)
         if h - left < opening < h - left + time:

@@ -38,8 +38,8 @@ class World(NamedTuple):
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
     shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
     surface_restitution, surface_friction: of the planes, shape (s,); surface_law: contact law of
-    each plane, and sphere_law: of two spheres, as of `_law_row`, all 0 where materials hold; shapes
-    (s, 9) and (9,).
+    each plane, shape (s, 9), and sphere_law: of two spheres, shape (9,), as of `_law_row`, all 0
+    where materials hold.
     """
 
     radius: Array

@@ -17,7 +17,7 @@ from ..errors import UserError
 
 @dataclass(frozen=True)
 class RestitutionCurve:
-    """Restitution that changes with the approach speed u from one value to another:
+    """Restitution that changes with the approach speed u from one value to another.
 
         e(u) = e_fast + (e_slow - e_fast) u_0 / (u_0 + u)
 
@@ -31,7 +31,7 @@ class RestitutionCurve:
 
     Raises:
         UserError: A value is out of range.
-    """  # noqa: D400, D415
+    """
 
     slow: float
     fast: float

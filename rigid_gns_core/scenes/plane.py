@@ -18,6 +18,9 @@ from ..errors import UserError
 PerSphere = float | tuple[float, ...]
 Vector = tuple[float, float, float]
 
+SOLID = 0.4
+"""Inertia factor of a solid sphere."""
+
 # name: (lowest, highest, lowest is allowed)
 RANGES = {
     'radius': (0.0, np.inf, False),

@@ -13,7 +13,7 @@ import numpy as np
 
 from .air import Air
 from .contact_law import checked_law, ContactLaw
-from .plane import checked_property, checked_vector, PerSphere, RANGES, Vector
+from .plane import checked_property, checked_vector, PerSphere, RANGES, SOLID, Vector
 from .plane import Plane as Plane
 from .state import Array
 from ..errors import UserError
@@ -65,7 +65,7 @@ class Scene:
     restitution: PerSphere = 0.6
     friction: PerSphere = 0.5
     rolling_friction: PerSphere = 0.02
-    inertia_factor: PerSphere = 0.4
+    inertia_factor: PerSphere = SOLID
     gravity: Vector = (0.0, 0.0, -9.81)
     air: Air | None = None
     sphere_contact: ContactLaw | None = None
@@ -166,7 +166,7 @@ class Scene:
         }
         for name in RANGES:
             value = getattr(self, name)
-            if name == 'inertia_factor' and value == Scene.inertia_factor:
+            if name == 'inertia_factor' and value == SOLID:
                 continue
             mapping[name] = list(value) if isinstance(value, tuple) else value
         mapping['gravity'] = list(self.gravity)

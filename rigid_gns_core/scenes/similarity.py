@@ -10,8 +10,8 @@ that turns gravity to -z:
     p_m = R p / L,  v_m = R v T / L,  w_m = R w T,  dt = dt_m T.
 
 Masses carry over, so that the density of air becomes rho L^3, its wind scales as velocities, and
-its spin decay as 1 / T; the coefficients of drag and lift have no units. Of a contact law, the
-speed of a restitution curve and the slope of rolling friction have units of speed and of 1 / speed.
+its spin decay as 1 / T; the coefficients of drag and lift have no units. Of a contact law, only
+the speed of a restitution curve and the slope of rolling friction have units.
 """
 
 from __future__ import annotations

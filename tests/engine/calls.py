@@ -9,6 +9,7 @@ import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
 from rigid_gns_core.engine.contact_law import law_of, target_of
 from rigid_gns_core.engine.contacts import find_contacts, gap_of
+from rigid_gns_core.engine.flight import Paths
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
@@ -35,7 +36,7 @@ def contacts(world, positions, velocities, dt, h, lookback):
     found = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(found.a), np.bool_)
     return find_contacts(
-        world, positions, velocities, world.pull, found, chosen, h, lookback
+        world, Paths(positions, velocities, world.pull), found, chosen, h, lookback
     )
 
 
@@ -66,9 +67,7 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(
-        world, positions, velocities, world.pull, around, chosen, h, h
-    )
+    found = find_contacts(world, Paths(positions, velocities, world.pull), around, chosen, h, h)
     coefficients = law_of(world, found)
     motion = Motion(positions, velocities, spins, everyone)
     bodies = _bodies(motion, world.pull, h)
@@ -123,7 +122,7 @@ def pushed_out(world, positions, velocities, dt):
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
     found = find_contacts(
-        world, positions, velocities, world.pull, around, chosen, 0.0, 0.0
+        world, Paths(positions, velocities, world.pull), around, chosen, 0.0, 0.0
     )
     moved = positions.copy()
     push_out(world, found, moved)
