@@ -98,6 +98,21 @@ def law_of(world: World, contacts: Contacts) -> Law:
 
 
 @in_place
+def law_among(law: Law, first: int, last: int) -> Law:
+    """View of the law of some contacts in a row."""
+    return Law(
+        restitution=law.restitution[first:last],
+        friction=law.friction[first:last],
+        rolling=law.rolling[first:last],
+        inverse_effective_mass=law.inverse_effective_mass[first:last],
+        arm_a=law.arm_a[first:last],
+        arm_b=law.arm_b[first:last],
+        rotation_a=law.rotation_a[first:last],
+        rotation_b=law.rotation_b[first:last],
+    )
+
+
+@in_place
 def target_of(
     e: float,
     h: float,

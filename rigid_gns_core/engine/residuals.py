@@ -17,7 +17,6 @@ from .impact import TOUCH
 from .impulses import Bodies, Impulses, separation_velocity
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import Indices
 from ..kernels.vector import across, dot, minus, put, row, times
 from ..scenes.state import Array
 
@@ -28,9 +27,9 @@ _LEAST, _ROUNDING = 1e-9, 1e-13
 
 
 class SolverState(NamedTuple):
-    """Contacts that are solved, and what is known of each from iteration to iteration.
+    """What is known of each contact from iteration to iteration; c contacts.
 
-    group: indices of the contacts, shape (c,); free_separation: of their free paths;
+    free_separation: of their free paths, shape (c,);
     start_coupling: change of separation velocity by the other contacts, at the start; residual:
     target minus present separation velocity; active: whether it carries force; weight: how much it
     counts at a and b, 0 to 1, shape (c, 2); split, friction_split: parts into which a and b are
@@ -41,7 +40,6 @@ class SolverState(NamedTuple):
     shape (c, 3); step: to add, shape (c, 3).
     """
 
-    group: Indices
     free_separation: Array
     start_coupling: Array
     residual: Array
@@ -60,12 +58,10 @@ class SolverState(NamedTuple):
 
 
 @compiled
-def new_state(group: Indices) -> SolverState:
-    """State before the first iteration of the contacts of `group`."""
-    size = len(group)
+def new_state(size: int) -> SolverState:
+    """State of so many contacts before the first iteration."""
     numbers, vectors = np.zeros((6, size)), np.zeros((4, size, 3))
     return SolverState(
-        group=group,
         free_separation=numbers[0],
         start_coupling=numbers[1],
         residual=numbers[2],
@@ -85,26 +81,47 @@ def new_state(group: Indices) -> SolverState:
 
 
 @in_place
+def state_among(state: SolverState, first: int, last: int) -> SolverState:
+    """View of the state of some contacts in a row."""
+    return SolverState(
+        free_separation=state.free_separation[first:last],
+        start_coupling=state.start_coupling[first:last],
+        residual=state.residual[first:last],
+        active=state.active[first:last],
+        weight=state.weight[first:last],
+        split=state.split[first:last],
+        friction_split=state.friction_split[first:last],
+        rolling_split=state.rolling_split[first:last],
+        gravity_slip=state.gravity_slip[first:last],
+        momentum=state.momentum[first:last],
+        previous_normal=state.previous_normal[first:last],
+        previous_tangential=state.previous_tangential[first:last],
+        end_gap=state.end_gap[first:last],
+        target=state.target[first:last],
+        step=state.step[first:last],
+    )
+
+
+@in_place
 def find_free_motion(
     contacts: Contacts, law: Law, bodies: Bodies, impulses: Impulses, state_out: SolverState
 ) -> None:
     """Find the separation on free paths, and the coupling by the impulses so far."""
-    for q, k in enumerate(state_out.group):
+    for k in range(len(contacts.a)):
         free = minus(
             row(bodies.free_velocity, contacts.a[k]), row(bodies.free_velocity, contacts.b[k])
         )
-        state_out.free_separation[q] = (
+        state_out.free_separation[k] = (
             dot(row(contacts.normal, k), free) + contacts.turning_speed[k]
         )
         separation = separation_velocity(contacts, bodies, k)
-        state_out.start_coupling[q] = _coupling(law, impulses, state_out, q, separation)
+        state_out.start_coupling[k] = _coupling(law, impulses, state_out, k, separation)
 
 
 @in_place
 def _target(
-    contacts: Contacts, law: Law, state: SolverState, q: int, h: float, coupling: float
+    contacts: Contacts, law: Law, state: SolverState, k: int, h: float, coupling: float
 ) -> Target:
-    k = state.group[q]
     return target_of(
         e=law.restitution[k],
         h=h,
@@ -118,12 +135,11 @@ def _target(
 
 @in_place
 def _coupling(
-    law: Law, impulses: Impulses, state: SolverState, q: int, separation: float
+    law: Law, impulses: Impulses, state: SolverState, k: int, separation: float
 ) -> float:
     """Change of the separation velocity by the other contacts; with all it is `separation`."""
-    k = state.group[q]
     own = impulses.normal[k] * law.inverse_effective_mass[k]
-    return separation - state.free_separation[q] - own
+    return separation - state.free_separation[k] - own
 
 
 @in_place
@@ -153,34 +169,34 @@ def find_residuals(
     gravity = gravity_of(world)
     least = _LEAST * weight_of(world) * nominal_h
     bodies, state = bodies_out, state_out
-    for k in state.group:
+    for k in range(len(contacts.a)):
         bodies.strongest[contacts.a[k]] = bodies.strongest[contacts.b[k]] = 1e-30
-    for q, k in enumerate(state.group):
+    for k in range(len(contacts.a)):
         separation = separation_velocity(contacts, bodies, k)
-        coupling = _coupling(law, impulses, state, q, separation)
+        coupling = _coupling(law, impulses, state, k, separation)
         # what acted at the start too is a force that lasts through the substep, the rest a blow
-        lasting = _minmod(state.start_coupling[q], coupling) / h if h > 0 else 0.0
-        target = _target(contacts, law, state, q, h, lasting)
-        put(state.target, q, (target.impulse, target.impulse_time, target.remaining))
+        lasting = _minmod(state.start_coupling[k], coupling) / h if h > 0 else 0.0
+        target = _target(contacts, law, state, k, h, lasting)
+        put(state.target, k, (target.impulse, target.impulse_time, target.remaining))
         if contacts.plane[k] >= 0:
             across_normal = across(gravity, row(contacts.normal, k))
-            put(state.gravity_slip, q, times(target.flight_time, across_normal))
-        state.residual[q] = target.separation_velocity - separation
-        state.end_gap[q] = target.end_gap
+            put(state.gravity_slip, k, times(target.flight_time, across_normal))
+        state.residual[k] = target.separation_velocity - separation
+        state.end_gap[k] = target.end_gap
         slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])
-        presses = impulses.normal[k] > 0 or state.residual[q] > slowest
+        presses = impulses.normal[k] > 0 or state.residual[k] > slowest
         # a gap that the free path does not close takes a force that presses the bodies together
         gap = contacts.rest_gap[k] + contacts.speculative_gap[k]
         apart = h > 0 and lasting >= 0 and gap > TOUCH * world.radius[contacts.a[k]]
-        state.active[q] = target.active and presses and not apart
+        state.active[k] = target.active and presses and not apart
         # weight 0 holds the force until the strongest of each body is known
         own = impulses.normal[k] * law.inverse_effective_mass[k]
-        strength = own + math.fabs(state.residual[q])
-        state.weight[q, 0] = strength if state.active[q] else 0.0
+        strength = own + math.fabs(state.residual[k])
+        state.weight[k, 0] = strength if state.active[k] else 0.0
         for body in (contacts.a[k], contacts.b[k]):
-            bodies.strongest[body] = max(bodies.strongest[body], state.weight[q, 0])
-    for q, k in enumerate(state.group):
-        strength = state.weight[q, 0]
+            bodies.strongest[body] = max(bodies.strongest[body], state.weight[k, 0])
+    for k in range(len(contacts.a)):
+        strength = state.weight[k, 0]
         for side, body in enumerate((contacts.a[k], contacts.b[k])):
             total = strength + _FAINT * bodies.strongest[body]
-            state.weight[q, side] = (1.0 + _FAINT) * strength / total
+            state.weight[k, side] = (1.0 + _FAINT) * strength / total
