@@ -119,9 +119,7 @@ def find_free_motion(
 
 
 @in_place
-def _target(
-    contacts: Contacts, law: Law, state: SolverState, k: int, h: float, coupling: float
-) -> Target:
+def _target(contacts: Contacts, law: Law, k: int, h: float, coupling: float) -> Target:
     return target_of(
         e=law.restitution[k],
         h=h,
@@ -176,7 +174,7 @@ def find_residuals(
         coupling = _coupling(law, impulses, state, k, separation)
         # what acted at the start too is a force that lasts through the substep, the rest a blow
         lasting = _minmod(state.start_coupling[k], coupling) / h if h > 0 else 0.0
-        target = _target(contacts, law, state, k, h, lasting)
+        target = _target(contacts, law, k, h, lasting)
         put(state.target, k, (target.impulse, target.impulse_time, target.remaining))
         if contacts.plane[k] >= 0:
             across_normal = across(gravity, row(contacts.normal, k))
