@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .state import Array
+from .state import Array, as_unit, UNIT
 from ..errors import UserError
 
 PerSphere = float | tuple[float, ...]
@@ -52,21 +52,18 @@ def checked_vector(name: str, value: ArrayLike) -> Vector:
 
 def _unit(name: str, value: ArrayLike) -> Vector:
     vector = np.asarray(checked_vector(name, value))
-    norm = float(np.linalg.norm(vector))
-    if norm < 1e-9:
+    if np.linalg.norm(vector) < 1e-9:
         raise UserError(f'{name} is {value}, expected a vector that is not zero')
-    if abs(norm - 1.0) > 1e-15:  # else the same bits again, for a scene that is read back
-        vector = vector / norm
-    return tuple(vector.tolist())
+    return tuple(as_unit(vector).tolist())
 
 
 @dataclass(frozen=True)
 class Plane:
     """A static, bounded plane (thesis section 3.1.2).
 
-    With both lengths infinite it bounds a body, and spheres are on the side of its normal. With an
-    end, on one axis (a strip) or on both (a plate), it has two faces: spheres may be on either
-    side, and it does not act beyond its ends.
+    With both lengths infinite it is a half-space: it bounds a body, and spheres are on the side of
+    its normal. With an end, on one axis (a strip) or on both (a plate), it has two faces: spheres
+    may be on either side, and it does not act beyond its ends.
 
     Args:
         point: Centre p_s [m], world frame.
@@ -99,7 +96,7 @@ class Plane:
         if direction is None:
             direction = np.eye(3)[int(np.argmin(np.abs(normal)))]
         direction = np.asarray(_unit('direction of a plane', direction))
-        while abs(along := direction @ normal) > 1e-15:  # else the same bits, see `_unit`
+        while abs(along := direction @ normal) > UNIT:  # else the same bits again, see `as_unit`
             direction = direction - along * normal
             if np.linalg.norm(direction) < 1e-6:
                 raise UserError(
@@ -124,6 +121,18 @@ class Plane:
         axes = np.stack([direction, np.cross(normal, direction), normal])
         axes.setflags(write=False)
         return axes
+
+    @cached_property
+    def half_lengths(self) -> Array:
+        """Half lengths along the first two `axes` [m], shape (2,), read-only."""
+        half = np.array([self.length_x, self.length_y]) / 2
+        half.setflags(write=False)
+        return half
+
+    @property
+    def is_half_space(self) -> bool:
+        """Whether it has no end, and so one face; a strip or a plate has two."""
+        return bool(np.isinf(self.half_lengths).all())
 
     @classmethod
     def box(
@@ -179,7 +188,19 @@ def closest_points(
     for index, plane in enumerate(surfaces):
         local = (positions - plane.point) @ plane.axes.T
         heights[:, index] = local[:, 2]
-        half = np.array([plane.length_x, plane.length_y]) / 2
-        inside = np.clip(local[:, :2], -half, half)
+        inside = np.clip(local[:, :2], -plane.half_lengths, plane.half_lengths)
         points[:, index] = np.asarray(plane.point) + inside @ plane.axes[:2]
     return points, heights
+
+
+def distances(surfaces: tuple[Plane, ...], positions: ArrayLike) -> NDArray[np.float64]:
+    """Distance of positions to surfaces [m], shape (n, surfaces).
+
+    That to the closest point of a strip or a plate, from either side. That to a half-space is the
+    height above it, negative behind it: what went through it is still in it, however deep.
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    points, heights = closest_points(surfaces, positions)
+    half_spaces = np.array([plane.is_half_space for plane in surfaces], dtype=bool)
+    apart = np.linalg.norm(positions[:, None] - points, axis=2)
+    return np.asarray(np.where(half_spaces, heights, apart))

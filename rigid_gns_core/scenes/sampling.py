@@ -34,16 +34,19 @@ def sample_start(
     positions = place_spheres(scene, recipe, radii, rng)
     if recipe.speed == recipe.spin == (0.0, 0.0):
         given = (recipe.velocities, recipe.angular_velocities)
+        velocities, spins = (np.reshape(v, (-1, 3)) if v else None for v in given)
+    else:
+        moves = rng.random((recipe.spheres, 1)) < recipe.moving
         velocities, spins = (
-            np.reshape(v, (-1, 3)) if v else np.zeros((len(radii), 3)) for v in given
+            moves * _vectors(size, recipe.spheres, rng, level)
+            for size, level in ((recipe.speed, recipe.layout != 'scattered'), (recipe.spin, False))
         )
-        return State(positions=positions, velocities=velocities, angular_velocities=spins)
-    moves = rng.random((recipe.spheres, 1)) < recipe.moving
-    velocities, spins = (
-        moves * _vectors(size, recipe.spheres, rng, level)
-        for size, level in ((recipe.speed, recipe.layout != 'scattered'), (recipe.spin, False))
+    return State(
+        positions=positions,
+        quaternions=np.array(recipe.quaternions) if recipe.quaternions else None,
+        velocities=velocities,
+        angular_velocities=spins,
     )
-    return State(positions=positions, velocities=velocities, angular_velocities=spins)
 
 
 def _vectors(
