@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .state import Array, as_unit, UNIT
 from ..errors import UserError
+
+# distance up to which an end of a surface is on another one, as part of its length
+_ON = 1e-6
 
 PerSphere = float | tuple[float, ...]
 Vector = tuple[float, float, float]
@@ -204,3 +207,44 @@ def distances(surfaces: tuple[Plane, ...], positions: ArrayLike) -> NDArray[np.f
     half_spaces = np.array([plane.is_half_space for plane in surfaces], dtype=bool)
     apart = np.linalg.norm(positions[:, None] - points, axis=2)
     return np.asarray(np.where(half_spaces, heights, apart))
+
+
+@lru_cache(maxsize=64)
+def free_ends(surfaces: tuple[Plane, ...]) -> tuple[bool, ...]:
+    """Whether each surface has an end that spheres in front of it may meet.
+
+    An end is covered where it is on another surface, or within a half-space, to the front of which
+    its own surface is: a wall of `Plane.box` has no free end, a fence has, and so has each face of
+    a box seen from outside.
+    """
+    return tuple(
+        any(not _is_covered(end, plane, surfaces) for end in _ends(plane)) for plane in surfaces
+    )
+
+
+def _ends(plane: Plane) -> list[Array]:
+    """Middles of the edges [m], two for each axis with an end, shape (3,) each."""
+    return [
+        np.asarray(plane.point) + side * half * axis
+        for half, axis in zip(plane.half_lengths, plane.axes[:2], strict=True)
+        for side in (-1.0, 1.0)
+        if np.isfinite(half)
+    ]
+
+
+def _is_covered(end: Array, plane: Plane, surfaces: tuple[Plane, ...]) -> bool:
+    others = tuple(other for other in surfaces if other is not plane)
+    near = _ON * min(plane.length_x, plane.length_y)
+    heights = closest_points(others, [plane.point])[1]
+    return bool(((distances(others, [end]) <= near) & (heights >= -near)).any())
+
+
+def seen_from_behind(surfaces: tuple[Plane, ...], positions: ArrayLike) -> NDArray[np.bool_]:
+    """Strips and plates of which an end or the back may be met, shape (surfaces,).
+
+    They have free ends, or not all centres [m], shape (n, 3), are in front of them. Engines that
+    know only bodies and half-spaces may take any other for the face of one.
+    """
+    half_spaces = np.array([plane.is_half_space for plane in surfaces], dtype=bool)
+    behind = (closest_points(surfaces, positions)[1] <= 0).any(axis=0)
+    return ~half_spaces & (behind | np.array(free_ends(surfaces), dtype=bool))
