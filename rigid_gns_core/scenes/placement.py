@@ -185,7 +185,7 @@ def _nearest(positions: Array, radii: Array, place: Array, radius: float) -> flo
 
 def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:
     """Gap [m] of spheres to surfaces, negative inside or behind; shape (n, surfaces)."""
-    return distances(scene.surfaces, places) - np.reshape(radii, (-1, 1))
+    return np.asarray(distances(scene.surfaces, places) - np.reshape(radii, (-1, 1)))
 
 
 def _is_clear(scene: Scene, places: Array, radius: float, gap: float, floor: int) -> bool:

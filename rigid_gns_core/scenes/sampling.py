@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .placement import place_spheres
@@ -33,8 +35,11 @@ def sample_start(
     radii = scene.per_sphere('radius', recipe.spheres)
     positions = place_spheres(scene, recipe, radii, rng)
     if recipe.speed == recipe.spin == (0.0, 0.0):
-        given = (recipe.velocities, recipe.angular_velocities)
-        velocities, spins = (np.reshape(v, (-1, 3)) if v else None for v in given)
+        still = (0.0, 0.0, 0.0)
+        velocities, spins = (
+            _given(values, recipe.spheres, still)
+            for values in (recipe.velocities, recipe.angular_velocities)
+        )
     else:
         moves = rng.random((recipe.spheres, 1)) < recipe.moving
         velocities, spins = (
@@ -43,10 +48,15 @@ def sample_start(
         )
     return State(
         positions=positions,
-        quaternions=np.array(recipe.quaternions) if recipe.quaternions else None,
+        quaternions=_given(recipe.quaternions, recipe.spheres, (0.0, 0.0, 0.0, 1.0)),
         velocities=velocities,
         angular_velocities=spins,
     )
+
+
+def _given(values: Sequence[tuple[float, ...]], count: int, default: tuple[float, ...]) -> Array:
+    """Given values, or the default for each of `count` spheres, shape (count, k)."""
+    return np.array(values or [default] * count, dtype=np.float64)
 
 
 def _vectors(

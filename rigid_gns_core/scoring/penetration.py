@@ -136,7 +136,7 @@ def _signed_distance(positions: Array, plane: Plane) -> Array:
     """Distance of each centre to the rectangle [m], negative: it went through; (frames, n)."""
     local = _local(positions, plane)
     outside = local[..., :2] - np.clip(local[..., :2], -plane.half_lengths, plane.half_lengths)
-    distance = np.sqrt(np.sum(outside**2, axis=-1) + local[..., 2] ** 2)
+    distance: Array = np.sqrt(np.sum(outside**2, axis=-1) + local[..., 2] ** 2)
     inside = _passages(local, plane)[1] & (outside == 0).all(axis=-1)
     return np.where(inside, -distance, distance)
 
