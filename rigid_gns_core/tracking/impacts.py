@@ -99,7 +99,13 @@ def position_after(
 
 @in_place
 def first_impact(
-    surfaces: Surfaces, position: Vector, velocity: Vector, radius: float, begin: float, end: float
+    surfaces: Surfaces,
+    position: Vector,
+    velocity: Vector,
+    radius: float,
+    before: float,
+    begin: float,
+    end: float,
 ) -> Impact:
     """First impact of a flight on a surface.
 
@@ -108,37 +114,31 @@ def first_impact(
         position: Centre at time 0 [m].
         velocity: Velocity at time 0 [m/s].
         radius: Radius [m].
+        before: Time at which it is on the side of the faces that it may meet [s].
         begin: Earliest time [s].
         end: Latest time [s].
     """
     found = Impact(math.inf, (0.0, 0.0, 0.0), 0.0, 0.0)
     for k in range(len(surfaces.points)):
-        point = row(surfaces.points, k)
-        for face in range(2 if surfaces.two_sided[k] else 1):
-            normal = times(1.0 - 2.0 * face, row(surfaces.axes[k], 2))
-            height = dot(minus(position, point), normal)
-            when = _time_of_touch(height - radius, dot(velocity, normal), normal, surfaces.gravity)
-            if not (when >= begin and when <= end and when < found.time):
-                continue
-            at = position_after(position, velocity, surfaces.gravity, when)
-            if _is_over(surfaces, k, minus(at, point)):
-                found = Impact(when, normal, surfaces.restitution[k], surfaces.friction[k])
+        normal, point = row(surfaces.axes[k], 2), row(surfaces.points, k)
+        a = 0.5 * dot(normal, surfaces.gravity)
+        b = dot(velocity, normal)
+        height = dot(minus(position, point), normal)
+        if surfaces.two_sided[k] and height + before * (b + before * a) < 0:
+            normal, a, b, height = times(-1.0, normal), -a, -b, -height
+        c = height - radius
+        discriminant = b * b - 4.0 * a * c
+        if not discriminant > 0:
+            continue
+        root = math.sqrt(discriminant)
+        # one root in two forms, each where its terms do not cancel
+        when = (-b - root) / (2.0 * a) if b > 0 else 2.0 * c / (root - b)
+        if not (when >= begin and when <= end and when < found.time):
+            continue
+        at = position_after(position, velocity, surfaces.gravity, when)
+        if _is_over(surfaces, k, minus(at, point)):
+            found = Impact(when, normal, surfaces.restitution[k], surfaces.friction[k])
     return found
-
-
-@in_place
-def _time_of_touch(gap: float, speed: float, normal: Vector, gravity: Vector) -> float:
-    """Time at which a gap [m] that opens at a speed [m/s] closes under gravity [s], or infinity.
-
-    Of the two roots of d + v t + (n . g) t^2 / 2 = 0, the one at which it closes.
-    """
-    a = 0.5 * dot(normal, gravity)
-    discriminant = speed * speed - 4.0 * a * gap
-    if not discriminant > 0:
-        return math.inf
-    root = math.sqrt(discriminant)
-    # one root in two forms, each where its terms do not cancel
-    return (-speed - root) / (2.0 * a) if speed > 0 else 2.0 * gap / (root - speed)
 
 
 @in_place

@@ -12,6 +12,7 @@ import pytest
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
+from rigid_gns_core.tracking.coasting import coast
 from rigid_gns_core.tracking.environment import Environment
 from rigid_gns_core.tracking.motion_models import FLIGHT, Motion, ROLLING
 from rigid_gns_core.tracking.velocity import estimate_motion
@@ -214,6 +215,16 @@ def test_a_ceiling_turns_back_what_is_below_it_and_not_what_is_beside(
             law = speed[-1] * up if place else (speed[-1] - 1.64 * 8.0) * up
             np.testing.assert_allclose(motion.velocities[0], law, atol=1e-2)
             np.testing.assert_allclose(motion.positions[0], places[-1, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_what_flies_away_from_a_strip_has_not_met_its_other_face(side: float) -> None:
+    strip = Plane((0.0, 0.0, 5.0), direction=(1.0, 0.0, 0.0), length_x=20.0)
+    environment = Environment.of(Scene(surfaces=(strip,), gravity=0.0))
+    places, speeds = np.array([[0.0, 0.0, 5.0 + 1.1 * side]]), np.array([[0.0, 0.0, 60.0 * side]])
+    found = coast(environment, places, speeds, np.ones(1, bool), np.ones(1), np.full(1, DT))
+    np.testing.assert_array_equal(found[0], places + DT * speeds)
+    np.testing.assert_array_equal(found[1], speeds)
 
 
 def test_spin_since_a_bounce_is_not_mixed_with_that_before() -> None:
