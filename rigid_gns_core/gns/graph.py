@@ -11,6 +11,7 @@ number of neighbours.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import get_args, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..errors import UserError
-from ..scenes.plane import closest_points, distances, free_ends, Plane
+from ..scenes.plane import closest_points, free_ends, Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -166,8 +167,8 @@ def surface_edges(
     Returns:
         Shapes (e,), (e,) and (e, 3).
     """
-    points, _ = closest_points(scene.surfaces, positions)
-    gap = _distances(scene.surfaces, positions) - radii[:, None]
+    points, distance = _closest(scene.surfaces, positions)
+    gap = distance - radii[:, None]
     travel = np.linalg.norm(velocities, axis=1) * dt
     if reach.connectivity == 'epsilon':
         near = gap <= reach.epsilon
@@ -177,7 +178,7 @@ def surface_edges(
         near = gap <= travel[:, None] + reach.margin
     else:
         ahead = positions + velocities * dt + 0.5 * np.asarray(scene.gravity) * dt**2
-        ahead_gap = _distances(scene.surfaces, ahead) - radii[:, None]
+        ahead_gap = _closest(scene.surfaces, ahead)[1] - radii[:, None]
         near = np.minimum(gap, ahead_gap) <= reach.margin
         near |= _crosses(scene.surfaces, positions, ahead, radii + reach.margin)
     if reach.ground_edge and scene.ground is not None:
@@ -219,6 +220,7 @@ def _facing_normals(
     return np.where(turned[:, None], -normals, normals)
 
 
+@lru_cache(maxsize=64)
 def _one_faced(surfaces: tuple[Plane, ...]) -> NDArray[np.bool_]:
     """Half-spaces, and walls without height whose ends are on other surfaces, as in `Plane.box`.
 
@@ -235,8 +237,11 @@ def _one_faced(surfaces: tuple[Plane, ...]) -> NDArray[np.bool_]:
     )
 
 
-def _distances(surfaces: tuple[Plane, ...], positions: Array) -> Array:
-    """Distance [m] of centres to surfaces, negative behind one-faced ones; (n, surfaces)."""
-    apart = distances(surfaces, positions)
-    behind = closest_points(surfaces, positions)[1] < 0
-    return np.where(_one_faced(surfaces) & behind, -np.abs(apart), apart)
+def _closest(surfaces: tuple[Plane, ...], positions: Array) -> tuple[Array, Array]:
+    """Closest points [m], shape (n, surfaces, 3), and distances [m], shape (n, surfaces).
+
+    A distance is negative behind a one-faced surface.
+    """
+    points, heights = closest_points(surfaces, positions)
+    apart: Array = np.linalg.norm(positions[:, None] - points, axis=-1)
+    return points, np.where(_one_faced(surfaces) & (heights < 0), -apart, apart)
