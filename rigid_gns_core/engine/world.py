@@ -57,8 +57,6 @@ def world_of(scene: Scene, count: int) -> World:
     radius = scene.per_sphere('radius', count)
     mass = scene.per_sphere('mass', count)
     planes = scene.surfaces
-    half = [[plane.length_x / 2, plane.length_y / 2] for plane in planes]
-    half_lengths = np.array(half, dtype=np.float64).reshape(-1, 2)
 
     def array(values: object, *shape: int) -> Array:
         return np.array(values, dtype=np.float64).reshape(shape or (-1,))
@@ -73,8 +71,8 @@ def world_of(scene: Scene, count: int) -> World:
         gravity=array(scene.gravity),
         point=array([plane.point for plane in planes], -1, 3),
         axes=array([plane.axes for plane in planes], -1, 3, 3),
-        half=half_lengths,
-        two_sided=np.asarray(np.isfinite(half_lengths).any(axis=1)),
+        half=array([plane.half_lengths for plane in planes], -1, 2),
+        two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
         surface_restitution=array(scene.surface_values('restitution')),
         surface_friction=array(scene.surface_values('friction')),
     )
