@@ -20,6 +20,8 @@ from .world import THRESHOLD_TIME, World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
+# columns of `Law.given`
+FAST, MIDDLE, GRIP, SLOPE, SPIN = range(5)
 # restitutions nearer to 1 than this have no geometric series, but flights of one length
 _ELASTIC = 1e-9
 # speeds below this are rounding
@@ -29,27 +31,22 @@ _ROUNDING = 1e-12
 class Law(NamedTuple):
     """Coefficients of the contacts of one substep, shape (c,) each.
 
-    restitution, restitution_fast, restitution_speed: e_slow, e_fast and u_0 of the pair, see
-    `restitution_at`; friction, tangential_restitution: of the pair; rolling, rolling_slope,
-    spinning: rho r, rho' r and sigma r, 0 between spheres;
+    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres; given: e_fast
+    and u_0 (see `restitution_at`), beta, rho' r and sigma r of a contact law, shape (c, 5);
     inverse_effective_mass: change of separation velocity by a unit of normal impulse,
     1 / m_a + 1 / m_b; arm_a, arm_b: l, from centre to contact point; rotation_a, rotation_b:
     l^2 / I, what rotation adds to it across the normal.
     """
 
     restitution: Array
-    restitution_fast: Array
-    restitution_speed: Array
     friction: Array
-    tangential_restitution: Array
     rolling: Array
-    rolling_slope: Array
-    spinning: Array
     inverse_effective_mass: Array
     arm_a: Array
     arm_b: Array
     rotation_a: Array
     rotation_b: Array
+    given: Array
 
 
 class Target(NamedTuple):
@@ -79,7 +76,7 @@ def law_of(world: World, contacts: Contacts) -> Law:
     e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
     """
     size = len(contacts.a)
-    own = np.zeros((13, size))
+    own = np.empty((8, size))
     law = Law(
         restitution=own[0],
         friction=own[1],
@@ -89,12 +86,15 @@ def law_of(world: World, contacts: Contacts) -> Law:
         arm_b=own[5],
         rotation_a=own[6],
         rotation_b=own[7],
-        restitution_fast=own[8],
-        restitution_speed=own[9],
-        tangential_restitution=own[10],
-        rolling_slope=own[11],
-        spinning=own[12],
+        given=np.empty((size, 5)),
     )
+    _fill(world, contacts, law)
+    return law
+
+
+@in_place
+def _fill(world: World, contacts: Contacts, law_out: Law) -> None:
+    law, size = law_out, len(contacts.a)
     for k in range(size):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
         if plane >= 0:
@@ -106,26 +106,31 @@ def law_of(world: World, contacts: Contacts) -> Law:
             law.rolling[k] = 0.0
             law.arm_a[k], law.arm_b[k] = world.radius[a] + 0.5 * gap, world.radius[b] + 0.5 * gap
         law.restitution[k] = world.restitution[a] * restitution
-        law.restitution_fast[k], law.restitution_speed[k] = law.restitution[k], 1.0
         law.friction[k] = world.friction[a] * friction
-        law.spinning[k] = law.rolling[k]
-        given = world.surface_law[plane] if plane >= 0 else world.sphere_law
-        if given[0] > 0:
-            _take(given, k, world.radius[a], law)
+        law.given[k, FAST], law.given[k, MIDDLE] = law.restitution[k], 1.0
+        law.given[k, GRIP] = law.given[k, SLOPE] = 0.0
+        law.given[k, SPIN] = law.rolling[k]
+        given = plane if plane >= 0 else len(world.laws) - 1
+        if world.laws[given, 0] > 0:
+            _take_given(world.laws, given, k, world.radius[a], law)
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]
-    return law
 
 
 @in_place
-def _take(given: Array, k: int, radius: float, law_out: Law) -> None:
-    """Write a contact law, as `world._law_row` orders it, into the coefficients of contact k."""
-    law_out.restitution[k], law_out.restitution_fast[k] = given[1], given[2]
-    law_out.restitution_speed[k], law_out.friction[k] = given[3], given[4]
-    law_out.tangential_restitution[k] = given[5]
-    law_out.rolling[k], law_out.rolling_slope[k] = given[6] * radius, given[7] * radius
-    law_out.spinning[k] = given[8] * radius
+def _take_given(laws: Array, i: int, k: int, radius: float, law_out: Law) -> None:
+    """Take over a contact law, in the order of `world._law_row`."""
+    law_out.restitution[k], law_out.friction[k] = laws[i, 1], laws[i, 4]
+    law_out.given[k, FAST], law_out.given[k, MIDDLE] = laws[i, 2], laws[i, 3]
+    law_out.given[k, GRIP], law_out.rolling[k] = laws[i, 5], laws[i, 6] * radius
+    law_out.given[k, SLOPE], law_out.given[k, SPIN] = laws[i, 7] * radius, laws[i, 8] * radius
+
+
+@in_place
+def resists(law: Law, k: int) -> bool:
+    """Whether contact k resists rolling or spinning."""
+    return law.rolling[k] + law.given[k, SLOPE] + law.given[k, SPIN] > 0
 
 
 @in_place
@@ -139,10 +144,26 @@ def restitution_at(slow: float, fast: float, middle: float, speed: float) -> flo
 @in_place
 def restitution_on_plane(world: World, i: int, plane: int, speed: float) -> float:
     """Restitution of a sphere on a plane at an approach speed."""
-    given = world.surface_law[plane]
-    if given[0] > 0:
-        return restitution_at(given[1], given[2], given[3], speed)
+    laws = world.laws
+    if laws[plane, 0] > 0:
+        return restitution_at(laws[plane, 1], laws[plane, 2], laws[plane, 3], speed)
     return world.restitution[i] * world.surface_restitution[plane]
+
+
+@in_place
+def law_among(law: Law, first: int, last: int) -> Law:
+    """View of the law of some contacts in a row."""
+    return Law(
+        restitution=law.restitution[first:last],
+        friction=law.friction[first:last],
+        rolling=law.rolling[first:last],
+        inverse_effective_mass=law.inverse_effective_mass[first:last],
+        arm_a=law.arm_a[first:last],
+        arm_b=law.arm_b[first:last],
+        rotation_a=law.rotation_a[first:last],
+        rotation_b=law.rotation_b[first:last],
+        given=law.given[first:last],
+    )
 
 
 @in_place

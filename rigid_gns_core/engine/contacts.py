@@ -162,7 +162,8 @@ def _find(
     impacts_out: _Impacts,
 ) -> None:
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-    margin = weight_of(world) * h**2
+    weight = weight_of(world)
+    margin, pressed = weight * h**2, weight > 0
     if plane >= 0:
         impact = impact_with_plane(
             world=world,
@@ -174,6 +175,7 @@ def _find(
             h=h,
             lookback=lookback,
             margin=margin,
+            pressed=pressed,
             lasts=lasts,
         )
     else:
@@ -186,6 +188,7 @@ def _find(
             h=h,
             lookback=lookback,
             margin=margin,
+            pressed=pressed,
         )
     impacts, values = impacts_out, impacts_out.values
     impacts.found[k], impacts.edge[k] = impact.found, impact.edge

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""No centre passes through a plane that has an end, at any speed and whatever presses on it.
+"""No centre passes through a plane, at any speed and whatever presses on it.
 
 Blows are solved on the free paths of a substep; a path that several of them bend may still lead
 through a plane. So the straight way of each centre over a substep is cut where it would, and the
-side of a plane that a sphere is on needs no memory. A plane without end cuts no way: it pushes
-out what is behind it.
+side of a plane that a sphere is on needs no memory. A plane without end, which has one face, cuts
+only ways that begin in front of it: it pushes out what is behind it.
 """
 
 from __future__ import annotations
@@ -53,15 +53,14 @@ def keep_sides(
     first, plane = np.ones(len(before)), np.full(len(before), -1)
     for k in range(len(candidates.a)):
         i, p = candidates.a[k], candidates.plane[k]
-        if p >= 0 and world.two_sided[p]:
+        if p >= 0:
             _cut(world, p, i, before, positions_out, first, plane)
     gravity = weight_of(world)
     for i in range(len(before)):
         way = length(minus(row(positions_out, i), row(before, i)))
         if way > reach_of(speeds[i], gravity, h) + 0.5 * PAD * world.radius[i]:
             for p in range(len(world.point)):  # it was struck, and meets what it could not before
-                if world.two_sided[p]:
-                    _cut(world, p, i, before, positions_out, first, plane)
+                _cut(world, p, i, before, positions_out, first, plane)
     for i in range(len(before)):
         p = plane[i]
         if p < 0:
@@ -100,9 +99,9 @@ def _share_of_way(world: World, plane: int, i: int, start: Vector, end: Vector) 
     """
     axes, half, point = world.axes[plane], world.half[plane], row(world.point, plane)
     local, there = to_plane(axes, minus(start, point)), to_plane(axes, minus(end, point))
-    side = -1.0 if local[2] < 0 else 1.0
+    side = -1.0 if local[2] < 0 and world.two_sided[plane] else 1.0
     height, depth = side * local[2], -side * there[2]
-    if depth < 0 or height + depth <= 0:
+    if height < 0 or depth < 0 or height + depth <= 0:
         return 1.0
     share = height / (height + depth)
     for axis in range(2):

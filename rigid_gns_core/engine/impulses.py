@@ -13,7 +13,6 @@ from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import Indices
 from ..kernels.vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -33,19 +32,20 @@ class Impulses(NamedTuple):
 class Bodies(NamedTuple):
     """Moving bodies in a substep, and the fixed one last.
 
-    free_velocity: at the end of the substep, without contacts; angular_velocity: at its start;
+    free_velocity: at the end of the substep, without contacts; acceleration: of the path in
+    flight, shape (n, 3); angular_velocity: at the start of the substep;
     velocity_change, angular_change: what impulses add to them; displacement: beyond that of free
     flight; shape (n + 1, 3) each. strongest: force of the strongest active contact of each body,
-    as a speed; number: scratch of `find_couplings`; shape (n + 1,).
+    as a speed, shape (n + 1,).
     """
 
     free_velocity: Array
+    acceleration: Array
     angular_velocity: Array
     velocity_change: Array
     angular_change: Array
     displacement: Array
     strongest: Array
-    number: Indices
 
 
 @compiled
@@ -63,6 +63,16 @@ def copy_impulses(impulses: Impulses) -> Impulses:
         normal=impulses.normal.copy(),
         tangential=impulses.tangential.copy(),
         rolling=impulses.rolling.copy(),
+    )
+
+
+@in_place
+def impulses_among(impulses: Impulses, first: int, last: int) -> Impulses:
+    """View of the impulses of some contacts in a row."""
+    return Impulses(
+        normal=impulses.normal[first:last],
+        tangential=impulses.tangential[first:last],
+        rolling=impulses.rolling[first:last],
     )
 
 
@@ -139,17 +149,16 @@ def start_from(
     world: World,
     contacts: Contacts,
     law: Law,
-    group: Indices,
     initial: Impulses,
     bodies_out: Bodies,
     impulses_out: Impulses,
 ) -> None:
     """Warm start: set the impulses so far to `initial`, and the bodies' changes to theirs."""
-    for k in group:
+    for k in range(len(contacts.a)):
         for body in (contacts.a[k], contacts.b[k]):
             put(bodies_out.velocity_change, body, (0.0, 0.0, 0.0))
             put(bodies_out.angular_change, body, (0.0, 0.0, 0.0))
-    for k in group:
+    for k in range(len(contacts.a)):
         normal = row(contacts.normal, k)
         # the normal has turned since the last substep
         tangential = across(row(initial.tangential, k), normal)

@@ -165,13 +165,16 @@ def _advance_by_events(
             for k in range(len(contacts.a)):
                 if is_blow(here, contacts, k, nominal_h):
                     chosen[contacts.candidate[k]] = False
-            _scale(impulses, time / last)
+            # the forces of a tiny step are rounding
+            tiny = time <= NEAR * nominal_h
+            pressing = copy_impulses(impulses) if tiny else impulses
+            _scale(pressing, time / last)
             done = h - left
             found = step(
                 here, local, chosen, time, left, last, nominal_h, iterations, speeds, motion,
-                impulses, islands, label, opens,
+                pressing, islands, label, opens,
             )  # fmt: skip
-            left, last = left - time, time
+            left, last = left - time, last if tiny else time
             if found == 1 and done + opens[0] > h - left + NEAR * nominal_h:
                 opening = done + opens[0]
         if blow:

@@ -33,13 +33,13 @@ class World(NamedTuple):
     radius, inverse_mass, inverse_inertia: of spheres, and of the fixed body (0), shape (n + 1,);
     the mass is that with the added mass of air; pull: acceleration by gravity and buoyancy, shape
     (n, 3); in_air: whether there is air; flight: parameters of the flights in it, shape (n, 13),
-    or (0, 13); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: shape
-    (3,); point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
+    or (0, 13); restitution, friction, rolling_friction: of spheres, shape (n,); gravity: a
+    vector; point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
     shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
-    surface_restitution, surface_friction: of the planes, shape (s,); surface_law: contact law of
-    each plane, shape (s, 9), and sphere_law: of two spheres, shape (9,), as of `_law_row`, all 0
-    where materials hold.
+    surface_restitution, surface_friction: of the planes, shape (s,); laws: contact laws of the
+    planes and, last, of two spheres, as of `_law_row`, all 0 where materials hold, shape
+    (s + 1, 9).
     """
 
     radius: Array
@@ -51,15 +51,14 @@ class World(NamedTuple):
     restitution: Array
     friction: Array
     rolling_friction: Array
-    gravity: Array
+    gravity: Vector
     point: Array
     axes: Array
     half: Array
     two_sided: NDArray[np.bool_]
     surface_restitution: Array
     surface_friction: Array
-    surface_law: Array
-    sphere_law: Array
+    laws: Array
 
 
 def world_of(scene: Scene, count: int) -> World:
@@ -72,8 +71,7 @@ def world_of(scene: Scene, count: int) -> World:
         flight = np.ascontiguousarray(scene.air.flight(radius, mass, scene.gravity))
         pull, heavy = flight[:, :3].copy(), scene.air.effective_mass(radius, mass)
     planes = scene.surfaces
-    half = [[plane.length_x / 2, plane.length_y / 2] for plane in planes]
-    half_lengths = np.array(half, dtype=np.float64).reshape(-1, 2)
+    laws = [*(plane.contact for plane in planes), scene.sphere_contact]
 
     def array(values: object, *shape: int) -> Array:
         return np.array(values, dtype=np.float64).reshape(shape or (-1,))
@@ -88,15 +86,14 @@ def world_of(scene: Scene, count: int) -> World:
         restitution=array(scene.per_sphere('restitution', count)),
         friction=array(scene.per_sphere('friction', count)),
         rolling_friction=array(scene.per_sphere('rolling_friction', count)),
-        gravity=array(scene.gravity),
+        gravity=scene.gravity,
         point=array([plane.point for plane in planes], -1, 3),
         axes=array([plane.axes for plane in planes], -1, 3, 3),
-        half=half_lengths,
-        two_sided=np.asarray(np.isfinite(half_lengths).any(axis=1)),
+        half=array([plane.half_lengths for plane in planes], -1, 2),
+        two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
         surface_restitution=array(scene.surface_values('restitution')),
         surface_friction=array(scene.surface_values('friction')),
-        surface_law=array([_law_row(plane.contact) for plane in planes], -1, 9),
-        sphere_law=array(_law_row(scene.sphere_contact)),
+        laws=array([*map(_law_row, laws)], -1, 9),
     )
 
 
@@ -121,7 +118,7 @@ def _law_row(law: ContactLaw | None) -> list[float]:
 @in_place
 def gravity_of(world: World) -> Vector:
     """Gravity as a vector in registers."""
-    return world.gravity[0], world.gravity[1], world.gravity[2]
+    return world.gravity
 
 
 @in_place
@@ -152,6 +149,5 @@ def world_among(world: World, members: NDArray[np.int64]) -> World:
         two_sided=world.two_sided,
         surface_restitution=world.surface_restitution,
         surface_friction=world.surface_friction,
-        surface_law=world.surface_law,
-        sphere_law=world.sphere_law,
+        laws=world.laws,
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..bags.reader import BagError, Topic
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
-from ..scenes.state import Array
+from ..scenes.state import Array, as_unit
 from ..tracking.pose_noise import estimate_noise, PoseNoise
 from ..tracking.usable_frames import median_interval, Stamps, usable_passes
 
@@ -197,5 +197,5 @@ def split_at_gaps(
 
 def _segment(run: list[PoseArrayFrame], ids: tuple[int, ...] | None) -> Segment:
     poses = np.stack([frame.poses for frame in run])
-    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    poses[..., 3:] = as_unit(poses[..., 3:])
     return Segment(np.array([frame.stamp_ns for frame in run], dtype=np.int64), poses, ids)

@@ -84,6 +84,7 @@ class StartRecipe:
         at: Given centres [m].
         velocities: Given velocities [m/s], one per centre in `at`.
         angular_velocities: Given angular velocities [rad/s], one per centre in `at`.
+        quaternions: Given rotations (x, y, z, w), one per centre in `at`.
     """
 
     spheres: int = None  # type: ignore[assignment]
@@ -100,6 +101,7 @@ class StartRecipe:
     at: tuple[Vector, ...] = ()
     velocities: tuple[Vector, ...] = ()
     angular_velocities: tuple[Vector, ...] = ()
+    quaternions: tuple[tuple[float, float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         placed = len(self.at) + sum(int(np.prod(block.count)) for block in self.blocks)
@@ -115,7 +117,7 @@ class StartRecipe:
             raise ConfigError(
                 f'layout is {self.layout!r}, but blocks or at give the places; leave one out'
             )
-        for name in ('velocities', 'angular_velocities'):
+        for name in ('velocities', 'angular_velocities', 'quaternions'):
             given = getattr(self, name)
             if given and (len(given) != len(self.at) or self.blocks):
                 raise ConfigError(
@@ -124,7 +126,8 @@ class StartRecipe:
                 )
             if not np.isfinite(given).all():
                 raise ConfigError(f'{name} is {given}, expected finite numbers')
-            if given and not self.speed == self.spin == (0.0, 0.0):
+            moving = name != 'quaternions' and not self.speed == self.spin == (0.0, 0.0)
+            if given and moving:
                 raise ConfigError(f'{name} and speed or spin say how spheres move; leave one out')
         check_range('height', self.height, -np.inf)
         if not self.gap >= 0:

@@ -108,7 +108,9 @@ def try_surface_impacts(
         doubt = SLACK * sigma * math.sqrt(variance_at(before, middle)) / max(speed, 1e-300)
         slack = min(doubt, MOST_SLACK * (end - begin))
         position = plus(origin, before.origin)
-        hit = first_impact(surfaces, position, before.slope, radius, begin - slack, end + slack)
+        hit = first_impact(
+            surfaces, position, before.slope, radius, begin, begin - slack, end + slack
+        )
         if hit.time == math.inf:
             continue
         when = min(max(hit.time, begin), end)

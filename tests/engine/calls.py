@@ -70,7 +70,7 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     found = find_contacts(world, Paths(positions, velocities, world.pull), around, chosen, h, h)
     coefficients = law_of(world, found)
     motion = Motion(positions, velocities, spins, everyone)
-    bodies = _bodies(motion, world.pull, h)
+    bodies = _bodies(motion, world.pull, world.pull, h)
     start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
     group = np.arange(len(found.a))
     change = solve(
@@ -80,7 +80,6 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
         group=group,
         start=start,
         lasting=start,
-        accelerations=world.pull,
         h=h,
         nominal_h=h,
         iterations=iterations,

@@ -85,8 +85,10 @@ def test_mujoco_refuses_unsupported_scenes() -> None:
     with pytest.raises(ValueError, match='radius differs'):
         mujoco(Scene(radius=(1.0, 2.0)), start)
     shelf = Plane((0.0, 0.0, 2.0), length_x=10.0, length_y=10.0)
-    with pytest.raises(ValueError, match='planes of MuJoCo have no end'):
-        mujoco(Scene(surfaces=(Plane(), shelf)), start)
+    strip = Plane((0.0, 0.0, 2.0), length_x=10.0)
+    for surfaces in ((Plane(), shelf), (Plane(), strip), Plane.box(6.0, 60.0)):
+        with pytest.raises(ValueError, match='planes of MuJoCo have no end'):
+            mujoco(Scene(surfaces=surfaces), start)  # of the box, one sphere is behind a wall
 
 
 def test_bullet_peer_has_no_rolling_friction_in_python() -> None:

@@ -246,8 +246,8 @@ def _fitting(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> Scene
     radius = scene.per_sphere('radius', count)
     allowed = _BEHIND * radius + 5.0 * noise.position
     for index, plane in enumerate(scene.surfaces):
-        if not (np.isinf(plane.length_x) and np.isinf(plane.length_y)):
-            continue
+        if not plane.is_half_space:
+            continue  # it has a second face
         depth = (np.asarray(plane.point) - part.poses[..., :3]) @ np.asarray(plane.normal)
         if (depth > allowed).any():
             frame, sphere = np.unravel_index(int((depth - allowed).argmax()), depth.shape)
