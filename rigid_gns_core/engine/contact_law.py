@@ -16,14 +16,25 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .world import THRESHOLD_TIME, World
+from .world import (
+    FAST,
+    given_law,
+    MIDDLE,
+    ROLL,
+    SLIDE,
+    SLOPE,
+    SLOW,
+    SPIN,
+    THRESHOLD_TIME,
+    World,
+)  # fmt: skip
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
-# columns of `Law.given`
-FAST, MIDDLE, GRIP, SLOPE, SPIN = range(5)
 # restitutions nearer to 1 than this have no geometric series, but flights of one length
 _ELASTIC = 1e-9
+# resistance to rolling of a contact that resists only otherwise
+_NEXT_TO_NOTHING = 1e-300
 # speeds below this are rounding
 _ROUNDING = 1e-12
 
@@ -31,8 +42,7 @@ _ROUNDING = 1e-12
 class Law(NamedTuple):
     """Coefficients of the contacts of one substep, shape (c,) each.
 
-    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres; given: e_fast
-    and u_0 (see `restitution_at`), beta, rho' r and sigma r of a contact law, shape (c, 5);
+    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres;
     inverse_effective_mass: change of separation velocity by a unit of normal impulse,
     1 / m_a + 1 / m_b; arm_a, arm_b: l, from centre to contact point; rotation_a, rotation_b:
     l^2 / I, what rotation adds to it across the normal.
@@ -46,7 +56,6 @@ class Law(NamedTuple):
     arm_b: Array
     rotation_a: Array
     rotation_b: Array
-    given: Array
 
 
 class Target(NamedTuple):
@@ -86,19 +95,11 @@ def law_of(world: World, contacts: Contacts) -> Law:
         arm_b=own[5],
         rotation_a=own[6],
         rotation_b=own[7],
-        given=np.empty((size, 5)),
     )
-    _fill(world, contacts, law)
-    return law
-
-
-@in_place
-def _fill(world: World, contacts: Contacts, law_out: Law) -> None:
-    law, size = law_out, len(contacts.a)
     for k in range(size):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
         if plane >= 0:
-            restitution, friction = world.surface_restitution[plane], world.surface_friction[plane]
+            restitution, friction = world.laws[plane, SLOW], world.laws[plane, SLIDE]
             law.rolling[k] = world.rolling_friction[a] * world.radius[a]
             law.arm_a[k], law.arm_b[k] = world.radius[a] + gap, 0.0
         else:
@@ -107,30 +108,14 @@ def _fill(world: World, contacts: Contacts, law_out: Law) -> None:
             law.arm_a[k], law.arm_b[k] = world.radius[a] + 0.5 * gap, world.radius[b] + 0.5 * gap
         law.restitution[k] = world.restitution[a] * restitution
         law.friction[k] = world.friction[a] * friction
-        law.given[k, FAST], law.given[k, MIDDLE] = law.restitution[k], 1.0
-        law.given[k, GRIP] = law.given[k, SLOPE] = 0.0
-        law.given[k, SPIN] = law.rolling[k]
-        given = plane if plane >= 0 else len(world.laws) - 1
-        if world.laws[given, 0] > 0:
-            _take_given(world.laws, given, k, world.radius[a], law)
+        given = given_law(world, plane)
+        if given >= 0:
+            law.restitution[k], law.friction[k] = world.laws[given, SLOW], world.laws[given, SLIDE]
+            law.rolling[k] = _rolling_of(world, given, world.radius[a])
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]
-
-
-@in_place
-def _take_given(laws: Array, i: int, k: int, radius: float, law_out: Law) -> None:
-    """Take over a contact law, in the order of `world._law_row`."""
-    law_out.restitution[k], law_out.friction[k] = laws[i, 1], laws[i, 4]
-    law_out.given[k, FAST], law_out.given[k, MIDDLE] = laws[i, 2], laws[i, 3]
-    law_out.given[k, GRIP], law_out.rolling[k] = laws[i, 5], laws[i, 6] * radius
-    law_out.given[k, SLOPE], law_out.given[k, SPIN] = laws[i, 7] * radius, laws[i, 8] * radius
-
-
-@in_place
-def resists(law: Law, k: int) -> bool:
-    """Whether contact k resists rolling or spinning."""
-    return law.rolling[k] + law.given[k, SLOPE] + law.given[k, SPIN] > 0
+    return law
 
 
 @in_place
@@ -142,12 +127,26 @@ def restitution_at(slow: float, fast: float, middle: float, speed: float) -> flo
 
 
 @in_place
+def curve_of(world: World, given: int) -> tuple[float, float, float]:
+    """Restitution of a contact law: e_slow, e_fast and u_0."""
+    return world.laws[given, SLOW], world.laws[given, FAST], world.laws[given, MIDDLE]
+
+
+@in_place
 def restitution_on_plane(world: World, i: int, plane: int, speed: float) -> float:
     """Restitution of a sphere on a plane at an approach speed."""
-    laws = world.laws
-    if laws[plane, 0] > 0:
-        return restitution_at(laws[plane, 1], laws[plane, 2], laws[plane, 3], speed)
-    return world.restitution[i] * world.surface_restitution[plane]
+    given = given_law(world, plane)
+    if given >= 0:
+        slow, fast, middle = curve_of(world, given)
+        return restitution_at(slow, fast, middle, speed)
+    return world.restitution[i] * world.laws[plane, SLOW]
+
+
+@in_place
+def _rolling_of(world: World, given: int, radius: float) -> float:
+    """Resistance rho r by a contact law: more than 0 where it has any of rho, rho' and sigma."""
+    others = world.laws[given, SLOPE] + world.laws[given, SPIN]
+    return max(world.laws[given, ROLL] * radius, _NEXT_TO_NOTHING if others > 0 else 0.0)
 
 
 @in_place
@@ -162,7 +161,6 @@ def law_among(law: Law, first: int, last: int) -> Law:
         arm_b=law.arm_b[first:last],
         rotation_a=law.rotation_a[first:last],
         rotation_b=law.rotation_b[first:last],
-        given=law.given[first:last],
     )
 
 

@@ -15,7 +15,7 @@ from .flight import Paths, position_on_path
 from .impact import impact_of_spheres, impact_with_plane
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
-from .world import weight_of, World
+from .world import gravity_of, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
@@ -171,7 +171,7 @@ def _find(
             radius=world.radius[a],
             position=row(paths.positions, a),
             velocity=row(paths.velocities, a),
-            acceleration=row(paths.accelerations, a),
+            acceleration=row(paths.accelerations, a) if world.in_air else gravity_of(world),
             h=h,
             lookback=lookback,
             margin=margin,
@@ -179,10 +179,13 @@ def _find(
             lasts=lasts,
         )
     else:
+        relative = (0.0, 0.0, 0.0)  # in a vacuum both fall alike
+        if world.in_air:
+            relative = minus(row(paths.accelerations, a), row(paths.accelerations, b))
         impact = impact_of_spheres(
             offset=minus(row(paths.positions, a), row(paths.positions, b)),
             velocity=minus(row(paths.velocities, a), row(paths.velocities, b)),
-            acceleration=minus(row(paths.accelerations, a), row(paths.accelerations, b)),
+            acceleration=relative,
             radius_a=world.radius[a],
             radius_b=world.radius[b],
             h=h,

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .contact_law import Law, resists
+from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
@@ -137,7 +137,7 @@ def split_bodies(
                 share = weight[couplings.other[e], couplings.side[e]]
                 normal += share * couplings.normal[e]
                 friction += share * couplings.friction[e]
-                rolling += share if resists(law, couplings.other[e]) else 0.0
+                rolling += share if law.rolling[couplings.other[e]] > 0 else 0.0
             normal_out[k, own], friction_out[k, own] = max(normal, 1.0), max(friction, 1.0)
             if own == 0:
                 rolling_out[k] = max(rolling, 1.0)

@@ -55,7 +55,7 @@ def accelerations_of(
     gravity, and nothing is computed. Shape (n, 3) each.
     """
     if not world.in_air:
-        return world.pull, world.pull
+        return world.flight, world.flight
     path, mean = np.empty_like(velocities), np.empty_like(velocities)
     for i in range(len(velocities)):
         v, w, flight = row(velocities, i), row(spins, i), flight_at(world.flight, i)

@@ -187,7 +187,7 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
     """Candidates of bodies that overlap and approach, since contacts bent their paths."""
     count, size = len(motion.awake), len(candidates.a)
     every, missed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
-    paths = Paths(motion.positions, motion.velocities, world.pull)
+    paths = Paths(motion.positions, motion.velocities, world.flight)
     contacts = find_contacts(world, paths, candidates, every, 0.0, h)
     hit = np.zeros(count + 1, np.bool_)
     for k in range(len(contacts.a)):
@@ -202,7 +202,7 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
 @compiled
 def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags) -> None:
     """Push out overlaps among all candidates, also those that a correction left out."""
-    paths = Paths(motion.positions, motion.velocities, world.pull)
+    paths = Paths(motion.positions, motion.velocities, world.flight)
     contacts = find_contacts(world, paths, candidates, every, 0.0, 0.0)
     before = motion.positions.copy()
     push_out(world, contacts, motion.positions)

@@ -84,7 +84,7 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
             return
         chosen = np.ones(len(candidates.a), np.bool_)
         contacts = find_contacts(
-            world, Paths(positions, still, world.pull), candidates, chosen, 0.0, 0.0
+            world, Paths(positions, still, world.flight), candidates, chosen, 0.0, 0.0
         )
         deep = False
         for k in range(len(contacts.a)):

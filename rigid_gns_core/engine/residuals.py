@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact_law import FAST, GRIP, Law, MIDDLE, Target, target_of
+from .contact_law import curve_of, Law, Target, target_of
 from .contacts import Contacts
 from .impact import TOUCH
 from .impulses import Bodies, free_slip, Impulses, separation_velocity
-from .world import weight_of, World
+from .world import given_law, gravity_of, GRIP, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.vector import across, dot, minus, put, row, times
 from ..scenes.state import Array
@@ -120,11 +120,17 @@ def find_free_motion(
 
 
 @in_place
-def _target(contacts: Contacts, law: Law, k: int, h: float, coupling: float) -> Target:
+def _target(
+    world: World, contacts: Contacts, law: Law, k: int, given: int, h: float, coupling: float
+) -> Target:
+    slow = fast = law.restitution[k]
+    middle = 1.0
+    if given >= 0:
+        slow, fast, middle = curve_of(world, given)
     return target_of(
-        slow=law.restitution[k],
-        fast=law.given[k, FAST],
-        middle=law.given[k, MIDDLE],
+        slow=slow,
+        fast=fast,
+        middle=middle,
         h=h,
         time=contacts.time[k],
         gap=contacts.speculative_gap[k],
@@ -145,7 +151,13 @@ def _coupling(
 
 @in_place
 def _add_rebound(
-    contacts: Contacts, law: Law, bodies: Bodies, k: int, target: Target, state_out: SolverState
+    contacts: Contacts,
+    law: Law,
+    bodies: Bodies,
+    k: int,
+    grip: float,
+    target: Target,
+    state_out: SolverState,
 ) -> None:
     """Add the slip that tangential restitution makes of that before a blow: -beta (s - a t).
 
@@ -158,7 +170,7 @@ def _add_rebound(
         slip = minus(slip, times(target.remaining, pull))
         slip_at_end = row(state_out.slip_at_end, k)
     if target.bounced:
-        slip_at_end = minus(slip_at_end, times(law.given[k, GRIP], slip))
+        slip_at_end = minus(slip_at_end, times(grip, slip))
     put(state_out.slip_at_end, k, slip_at_end)
 
 
@@ -186,6 +198,7 @@ def find_residuals(
     A contact of force x counts 1.01 x / (x + 0.01 x_max) in a body whose strongest has x_max, so
     that contacts without force change nothing.
     """
+    gravity = gravity_of(world)
     least = _LEAST * weight_of(world) * nominal_h
     bodies, state = bodies_out, state_out
     for k in range(len(contacts.a)):
@@ -195,14 +208,15 @@ def find_residuals(
         coupling = _coupling(law, impulses, state, k, separation)
         # what acted at the start too is a force that lasts through the substep, the rest a blow
         lasting = _minmod(state.start_coupling[k], coupling) / h if h > 0 else 0.0
-        target = _target(contacts, law, k, h, lasting)
+        given = given_law(world, contacts.plane[k])
+        target = _target(world, contacts, law, k, given, h, lasting)
         put(state.target, k, (target.impulse, target.impulse_time, target.remaining))
         if contacts.plane[k] >= 0:
-            pull = row(bodies.acceleration, contacts.a[k])
+            pull = row(bodies.acceleration, contacts.a[k]) if world.in_air else gravity
             across_normal = across(pull, row(contacts.normal, k))
             put(state.slip_at_end, k, times(target.flight_time, across_normal))
-        if law.given[k, GRIP] != 0:
-            _add_rebound(contacts, law, bodies, k, target, state)
+        if given >= 0 and world.laws[given, GRIP] != 0:
+            _add_rebound(contacts, law, bodies, k, world.laws[given, GRIP], target, state)
         state.residual[k] = target.separation_velocity - separation
         state.end_gap[k] = target.end_gap
         slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from .contact_law import Law, resists, SLOPE, SPIN
+from .contact_law import Law
 from .contacts import Contacts
 from .impulses import apply_angular, apply_linear, Bodies, Impulses, slip_velocity
 from .residuals import SolverState
-from .world import World
+from .world import given_law, SLOPE, SPIN, World
 from ..kernels.jit import in_place
 from ..kernels.vector import (
     across,
@@ -60,18 +60,26 @@ def _slip_and_inverse_mass(
 
 
 @in_place
-def _limit_of_rolling(
-    world: World, contacts: Contacts, law: Law, bodies: Bodies, impulses: Impulses, k: int
-) -> float:
-    """Angular impulse L = (rho + rho' v) r N at the speed v in the middle of the substep.
+def _limits(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    bodies: Bodies,
+    impulses: Impulses,
+    k: int,
+    given: int,
+) -> tuple[float, float]:
+    """Limits of the angular impulses L of a contact law against rolling and spinning.
 
-    L slows a sphere that rolls by l L / (I + m l^2), so that v = v_0 - l L / 2 (I + m l^2).
+    L = (rho + rho' v) r N, at the speed v in the middle of the substep: L slows a sphere that
+    rolls by l L / (I + m l^2), so that v = v_0 - l L / 2 (I + m l^2). And L = sigma r N.
     """
     a, normal, force = contacts.a[k], row(contacts.normal, k), impulses.normal[k]
     speed, arm = length(across(row(bodies.free_velocity, a), normal)), law.arm_a[k]
     inertia = 1.0 / world.inverse_inertia[a] + arm * arm / world.inverse_mass[a]
-    slope = law.given[k, SLOPE] * force
-    return (law.rolling[k] * force + slope * speed) / (1.0 + 0.5 * slope * arm / inertia)
+    slope = world.laws[given, SLOPE] * world.radius[a] * force
+    rolling = (law.rolling[k] * force + slope * speed) / (1.0 + 0.5 * slope * arm / inertia)
+    return rolling, world.laws[given, SPIN] * world.radius[a] * force
 
 
 @in_place
@@ -93,7 +101,7 @@ def step_rolling(
     """
     for k in range(len(contacts.a)):
         put(state_out.step, k, (0.0, 0.0, 0.0))
-        if not resists(law, k):
+        if law.rolling[k] == 0:
             continue
         a, normal, old = contacts.a[k], row(contacts.normal, k), row(impulses_out.rolling, k)
         slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, k)
@@ -108,10 +116,10 @@ def step_rolling(
             rolls = across(plus(about_centre, orbit), normal)
         about_normal = minus(about_centre, flat)
         new = minus(old, times(1.0 / state_out.rolling_split[k], plus(rolls, about_normal)))
-        limit = law.rolling[k] * impulses_out.normal[k]
-        if law.given[k, SLOPE] > 0:
-            limit = _limit_of_rolling(world, contacts, law, bodies_out, impulses_out, k)
-        most = law.given[k, SPIN] * impulses_out.normal[k]
+        limit = most = law.rolling[k] * impulses_out.normal[k]
+        given = given_law(world, contacts.plane[k])
+        if given >= 0:
+            limit, most = _limits(world, contacts, law, bodies_out, impulses_out, k, given)
         spinning = min(max(dot(new, normal), -most), most)
         new = plus(clip(across(new, normal), limit), times(spinning, normal))
         put(impulses_out.rolling, k, new)

@@ -36,7 +36,7 @@ def contacts(world, positions, velocities, dt, h, lookback):
     found = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(found.a), np.bool_)
     return find_contacts(
-        world, Paths(positions, velocities, world.pull), found, chosen, h, lookback
+        world, Paths(positions, velocities, world.flight), found, chosen, h, lookback
     )
 
 
@@ -67,10 +67,10 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, Paths(positions, velocities, world.pull), around, chosen, h, h)
+    found = find_contacts(world, Paths(positions, velocities, world.flight), around, chosen, h, h)
     coefficients = law_of(world, found)
     motion = Motion(positions, velocities, spins, everyone)
-    bodies = _bodies(motion, world.pull, world.pull, h)
+    bodies = _bodies(motion, world.flight, world.flight, h)
     start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
     group = np.arange(len(found.a))
     change = solve(
@@ -121,7 +121,7 @@ def pushed_out(world, positions, velocities, dt):
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
     found = find_contacts(
-        world, Paths(positions, velocities, world.pull), around, chosen, 0.0, 0.0
+        world, Paths(positions, velocities, world.flight), around, chosen, 0.0, 0.0
     )
     moved = positions.copy()
     push_out(world, found, moved)
