@@ -28,8 +28,8 @@ REGIONS = (0.5, 0.9)
 
 # a sphere is forecast that was seen this often in a window
 _SAMPLES = 3
-# largest distance of a sample from its horizon, as a part of the horizon
-_TOLERANCE = 0.1
+# largest distance of a sample from its horizon [horizons], [median intervals of the track]
+_TOLERANCE, _FRAMES = 0.02, 0.6
 # contacts from this number on are one group
 _MANY = 3
 # start and end of a window are met to this [s]: stamps have seven digits or fewer
@@ -254,10 +254,11 @@ def _compared(
     found = []
     for sphere in spheres.tolist():
         times, places = track.samples(sphere)
+        frame = _FRAMES * float(np.median(np.diff(times)))
         for horizon in horizons:
             nearest = int(np.abs(times - start - horizon).argmin())
             lead = float(times[nearest]) - start
-            if abs(lead - horizon) <= _TOLERANCE * horizon:
+            if abs(lead - horizon) <= max(_TOLERANCE * horizon, frame):
                 found.append((sphere, horizon, lead, places[nearest]))
     return found
 
