@@ -52,10 +52,10 @@ def _of_bag(report: dict[str, Any]) -> str:
 
 def _of_csv(report: dict[str, Any]) -> str:
     count = len(report['spheres'])
+    spheres = f'{count} sphere{"s" if count > 1 else ""}, {report["samples"]} samples'
+    interval = f'{1e3 * report["interval_s"]:.4g} ms'
     lines = [
-        f'{report["file"]}: {report["tracks"]} tracks of {count} '
-        f'sphere{"s" if count > 1 else ""}, {report["samples"]} samples, '
-        f'frames {1e3 * report["interval_s"]:.4g} ms apart',
+        f'{report["file"]}: {report["tracks"]} tracks of {spheres}, frames {interval} apart',
         f'  noise: {1e3 * report["noise_m"]:.3g} mm in each coordinate',
     ]
     if report['clock']:

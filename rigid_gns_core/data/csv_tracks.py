@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracks in CSV: `track,sphere,time,x,y,z[,qx,qy,qz,qw]`, with a header; other columns are ignored.
+"""Tracks in CSV: `track,sphere,time,x,y,z[,qx,qy,qz,qw]`, with a header.
 
-A row is one measurement of one sphere. Rows of one track with the same time are one frame; a
-sphere without a row in it was not seen.
+Other columns are ignored. A row is one measurement of one sphere. Rows of one track with the same
+time are one frame; a sphere without a row in it was not seen.
 """
 
 from __future__ import annotations

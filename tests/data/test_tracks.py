@@ -16,8 +16,8 @@ from rigid_gns_core.data.tracks import (
     load_tracks,
     read_tracks,
     Track,
-    TRACKS_NAME,
     tracks_hash,
+    TRACKS_NAME,
     TrackSet,
     write_tracks,
 )

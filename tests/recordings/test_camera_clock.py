@@ -47,11 +47,11 @@ def test_jitter_goes(lost: float, late: float) -> None:
     assert clock is not None and clock.used
     assert clock.period == pytest.approx(1 / RATE, rel=2e-4)
     # t0 of a track of 126 frames and more is known to 0.6 ms / sqrt(126) = 0.05 ms, its slope
-    # through that of all tracks better; no frame is on the wrong tick, which is 5.6 ms off, but
-    # for those held up at the end of a track, which nothing after them tells: of 12 tracks with
-    # one frame in 50 held up that is one hold-up or so, of three frames
-    off = np.sort(np.abs(errors(found, truth)))
-    assert off[: -4 if late else None].max() < 5 * JITTER / np.sqrt(126)
+    # through that of all tracks better. A frame on the wrong tick is 5.6 ms off: none is, but
+    # where frames are held up at the end of a track, or one of them is lost besides, which of 2 %
+    # held up and 20 % lost are about 2 % of all
+    off = np.abs(errors(found, truth))
+    assert np.quantile(off, 0.97 if late else 1.0) < 5 * JITTER / np.sqrt(126)
     assert 0.8 * JITTER < clock.jitter < 1.2 * JITTER
 
 

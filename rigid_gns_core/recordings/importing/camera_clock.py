@@ -4,8 +4,8 @@
 """Stamps of arrival, put back on the clock of the camera where one shows.
 
 A camera of constant rate takes frame k at t0 + k T. Its frames arrive late by a time that varies,
-and some are lost: t = t0 + k T + jitter, with k rising by one or more. T is that of all tracks of a
-file, t0 of each track. The stamps are replaced only where the motion says so: short parabolas
+and some are lost: t = t0 + k T + jitter, with k rising by one or more. T is that of all tracks of
+a file, t0 of each track. The stamps are replaced only where the motion says so: short parabolas
 through the positions must fit clearly better on the clock than on the stamps, since stamps that
 are irregular may well be true.
 """

@@ -9,12 +9,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from .camera_clock import on_camera_clock
-from .options import Imported, ImportBagError, ImportOptions
+from .options import ImportBagError, Imported, ImportOptions
 from .stretches import native_dt, resampled, SLOWEST
 from .track_checks import problem_of
 from .units_and_axes import check_fall, check_speed, turned
@@ -97,12 +96,7 @@ def noise_of_tracks(tracks: Sequence[Track]) -> float:
 
 
 def _usable(
-    checked: Sequence[CsvTrack],
-    scene: Scene,
-    noise: float,
-    labels: Sequence[str],
-    *,
-    skip: bool,
+    checked: Sequence[CsvTrack], scene: Scene, noise: float, labels: Sequence[str], *, skip: bool
 ) -> tuple[list[Track], list[str]]:
     """Tracks without a problem, and the problems of the others.
 
@@ -153,11 +147,12 @@ def _records(
         return records, counts, ''
     if not intervals:
         return [], counts, 'no two frames side by side show all spheres'
-    return [], counts, (
-        f'no stretch that shows all spheres is {options.min_steps} steps of {dt:.3g} s long, with '
-        f'frames at most {SLOWEST * dt:.3g} s apart; the longest has {longest:.3g} s, frames are '
-        f'{float(np.median(intervals)):.3g} s apart'
+    need = f'{options.min_steps} steps of {dt:.3g} s, frames at most {SLOWEST * dt:.3g} s apart'
+    why = (
+        f'no stretch that shows all spheres is long and dense enough ({need}); the longest has '
+        f'{longest:.3g} s, frames are {float(np.median(intervals)):.3g} s apart'
     )
+    return [], counts, why
 
 
 def _stretches(track: Track, options: ImportOptions, dt: float) -> list[Segment]:

@@ -152,7 +152,8 @@ def _accelerations(times: Array, places: Array, noise: float) -> Array:
     error = 2.0 * np.maximum(left, noise) / np.abs(curve[:, 0]) / span**2
     size = np.linalg.norm(found, axis=1)
     fits = (left <= 3.0 * noise + 1e-3 * way) & (error <= _KNOWN * size)
-    return found[fits]
+    kept: Array = found[fits]
+    return kept
 
 
 def _usual_speed(tracks: Sequence[Track]) -> float:
