@@ -29,6 +29,8 @@ from ...tracking.pose_noise import estimate_noise, PoseNoise
 from ...tracking.usable_frames import GAP
 
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
+# no tracker of moving balls is slower [s]
+_SLOW = 1.0
 
 
 def import_csv(path: Path, options: ImportOptions) -> Imported:
@@ -54,6 +56,7 @@ def import_csv(path: Path, options: ImportOptions) -> Imported:
             f'has properties of {scene.sphere_count}; give one number for all in the scene, or '
             'one per sphere in the order of their numbers'
         )
+    _check_interval(tracks, path)
     noise = noise_of_tracks(tracks)
     check_fall(tracks, scene, noise, str(path))
     checked = [
@@ -80,6 +83,15 @@ def import_csv(path: Path, options: ImportOptions) -> Imported:
         'no_records': why,
     }
     return Imported(records, kept, scene, report)
+
+
+def _check_interval(tracks: Sequence[Track], path: Path) -> None:
+    spans = np.concatenate([np.zeros(0), *(np.diff(track.times) for track in tracks)])
+    if len(spans) and (usual := float(np.median(spans))) > _SLOW:
+        raise ImportBagError(
+            f'{path}: rows are {usual:.4g} s apart, expected at most {_SLOW:g} s; write times in '
+            'seconds, not in milliseconds or nanoseconds'
+        )
 
 
 def noise_of_tracks(tracks: Sequence[Track]) -> float:
