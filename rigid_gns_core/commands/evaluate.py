@@ -147,7 +147,9 @@ def _refuse(arguments: argparse.Namespace, *, data: bool, tracks: bool) -> None:
         if getattr(arguments, name) not in (None, False):
             if name in _OF_BAG:
                 raise UserError(f'--{name} goes with --bag: data say it themselves')
-            remedy = 'of tracks there are numbers at --horizons' if tracks else 'all of a bag is scored'
+            remedy = (
+                'of tracks there are numbers at --horizons' if tracks else 'all of a bag is scored'
+            )
             raise UserError(f'--{name} goes with --data: {remedy}')
 
 

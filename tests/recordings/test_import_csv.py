@@ -71,6 +71,17 @@ def test_a_file_with_tracks_alone_says_so_to_others(tmp_path: Path) -> None:
         Dataset(tmp_path / 'data')
 
 
+def test_tracks_of_files_with_one_name_are_told_apart(tmp_path: Path) -> None:
+    files = []
+    for seed, folder in enumerate(('monday', 'tuesday')):
+        (tmp_path / folder).mkdir()
+        rows = rows_of(shots(1, noise=NOISE, seed=seed))
+        files.append(write_csv(tmp_path / folder / 'shots.csv', rows))
+    import_bags(files, tmp_path / 'data', ImportOptions(scene=write_scene(tmp_path)))
+    names = [track.name for track in load_tracks(tmp_path / 'data')]
+    assert names == ['shots_0', 'shots_0~2']
+
+
 @pytest.mark.parametrize('up', list(AXES))
 def test_axes_are_turned_without_a_mirror(up: str) -> None:
     matrix = np.array(AXES[up], dtype=np.float64)
