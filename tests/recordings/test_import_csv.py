@@ -33,7 +33,7 @@ def test_a_file_becomes_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(['import', str(path), '--scene', str(scene), '--out', str(out)]) == 0
     printed = capsys.readouterr().out
     assert '4 tracks of 1 sphere, 724 samples, frames 5.556 ms apart' in printed
-    assert '4 tracks and 4 records in' in printed
+    assert f'4 tracks in {out / "tracks.h5"}\n4 records in {out}' in printed
     tracks = load_tracks(out)
     assert [track.name for track in tracks] == [f'shots_{number}' for number in range(4)]
     for track, (times, centres) in zip(tracks, shots(noise=NOISE), strict=True):
