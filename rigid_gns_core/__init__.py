@@ -9,6 +9,8 @@ import importlib
 from typing import Any, TYPE_CHECKING
 
 from .errors import UserError
+from .scenes.air import Air
+from .scenes.contact_law import ContactLaw, RestitutionCurve
 from .scenes.plane import Plane
 from .scenes.scene import Scene
 from .scenes.scene_file import load_scene
@@ -20,7 +22,10 @@ if TYPE_CHECKING:
     from .rollout.simulator import Simulator
 
 __all__ = [
+    'Air',
+    'ContactLaw',
     'Plane',
+    'RestitutionCurve',
     'Rollout',
     'Scene',
     'Simulator',

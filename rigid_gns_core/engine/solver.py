@@ -30,6 +30,7 @@ from .steps import step_friction, step_normal, step_rolling
 from .world import UNIT_GRAVITY, weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.vector import length, put, row, times
+from ..scenes.state import Array
 
 # largest momentum, the share of a step that the next one repeats: halves the iterations of piles
 MOMENTUM = 0.5
@@ -48,6 +49,7 @@ def solve_isolated(
     law: Law,
     start: Impulses,
     last: int,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     state_out: SolverState,
@@ -62,6 +64,7 @@ def solve_isolated(
         law: Their coefficients.
         start: No impulses for these.
         last: Where they end.
+        accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
         state_out: New.
@@ -73,7 +76,7 @@ def solve_isolated(
     bodies, impulses = bodies_out, impulses_among(impulses_out, 0, last)
     start_from(world, contacts, law, start, bodies, impulses)
     find_free_motion(contacts, law, bodies, impulses, state)
-    find_residuals(world, contacts, law, impulses, h, nominal_h, bodies, state)
+    find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
     step_normal(world, contacts, bodies, impulses, state)
     step_rolling(world, contacts, law, bodies, impulses, state)
     step_friction(world, contacts, law, bodies, impulses, state)
@@ -89,6 +92,7 @@ def solve(
     start: Impulses,
     first: int,
     last: int,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     iterations: int,
@@ -107,6 +111,7 @@ def solve(
         start: Impulses of the last substep, from which forces that last are told from blows.
         first: Where the island begins; no other contact shares a moving body with it.
         last: Where it ends.
+        accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations, unless more are needed.
@@ -134,14 +139,14 @@ def solve(
         most = max(iterations, _MOST_ITERATIONS)
         tolerance = _EXACT * (weight_of(world) * nominal_h + fastest)
     change = _iterate(
-        world, contacts, law, couplings, h, nominal_h, most, tolerance, few, pivots, bodies,
-        impulses, state,
+        world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few, pivots,
+        bodies, impulses, state,
     )  # fmt: skip
     if not few and change > _UNCONVERGED * UNIT_GRAVITY * nominal_h:
         most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
         change = _iterate(
-            world, contacts, law, couplings, h, nominal_h, most, tolerance, few, pivots, bodies,
-            impulses, state,
+            world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few,
+            pivots, bodies, impulses, state,
         )  # fmt: skip
     if not (few and displace_directly(world, contacts, pivots, impulses, state, h, bodies)):
         displace_by_blows(world, contacts, law, impulses, state, False, bodies)
@@ -154,6 +159,7 @@ def _iterate(
     contacts: Contacts,
     law: Law,
     couplings: Couplings,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     most: int,
@@ -167,7 +173,7 @@ def _iterate(
     """Iterate until one changes every contact by less than the tolerance; returns its change."""
     bodies, impulses, state, change = bodies_out, impulses_out, state_out, 0.0
     for iteration in range(most):
-        find_residuals(world, contacts, law, impulses, h, nominal_h, bodies, state)
+        find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
         split_bodies(
             couplings, law, state.weight, state.split, state.friction_split, state.rolling_split
         )

@@ -17,7 +17,7 @@ from .containment import keep_sides
 from .couplings import find_couplings
 from .direct import new_pivots
 from .events import has_event, MOST_OF_EVENTS, opening_time
-from .flight import fly_in_place
+from .flight import accelerations_of, fly_in_place, Paths, slow_spins
 from .groups import by_island
 from .impulses import Bodies, copy_impulse, Impulses, no_impulses
 from .islands import connect, Islands
@@ -64,6 +64,7 @@ def step(
     candidates: Candidates,
     chosen: Flags,
     h: float,
+    path_h: float,
     last_h: float,
     nominal_h: float,
     iterations: int,
@@ -81,6 +82,7 @@ def step(
         candidates: Pairs that may touch.
         chosen: Which of them to consider.
         h: Length; 0 for a correction of collisions that the last one missed.
+        path_h: Length over which the paths in flight are found: larger where an event ends it.
         last_h: Length of the last step.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations of the solver; isolated contacts need but one.
@@ -97,15 +99,17 @@ def step(
     v, w = motion_out.velocities, motion_out.angular_velocities
     count = len(p)
     label_out[:] = -1
-    contacts = find_contacts(world, p, v, candidates, chosen, h, nominal_h)
+    path, mean = accelerations_of(world, v, w, h, path_h)
+    slow_spins(world, h, w)
+    contacts = find_contacts(world, Paths(p, v, path), candidates, chosen, h, nominal_h)
     size = len(contacts.a)
     if size == 0:
-        fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
+        fly_in_place(path, mean, motion.awake, h, motion.positions, motion.velocities)
         _clear(impulses_out)
         return 0
     contacts, begin = by_island(contacts, count)
     isolated, law = begin[0], law_of(world, contacts)
-    bodies = _bodies(world, motion, h)
+    bodies = _bodies(motion, mean, h)
     impulses, start, state = no_impulses(size), no_impulses(size), new_state(size)
     for k in range(isolated, size):
         copy_impulse(impulses_out, contacts.candidate[k], start, k)
@@ -115,6 +119,7 @@ def step(
         law=law,
         start=start,
         last=isolated,
+        accelerations=path,
         h=h,
         nominal_h=nominal_h,
         state_out=state,
@@ -132,6 +137,7 @@ def step(
             start=start,
             first=begin[island],
             last=begin[island + 1],
+            accelerations=path,
             h=h,
             nominal_h=nominal_h,
             iterations=iterations,
@@ -161,7 +167,7 @@ def step(
             opening_out[events] = opening
             events += 1
     positions = p.copy()
-    fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
+    fly_in_place(path, mean, motion.awake, h, motion.positions, motion.velocities)
     for i in range(count):
         for axis in range(3):
             p[i, axis] += bodies.displacement[i, axis]
@@ -178,12 +184,12 @@ def step(
 
 
 @compiled
-def _bodies(world: World, motion: Motion, h: float) -> Bodies:
+def _bodies(motion: Motion, mean: Array, h: float) -> Bodies:
     count = len(motion.positions)
     rows = np.zeros((5, count + 1, 3))
     for i in range(count):
         for axis in range(3):
-            fall = h * world.gravity[axis] if motion.awake[i] else 0.0
+            fall = h * mean[i, axis] if motion.awake[i] else 0.0
             rows[0, i, axis] = motion.velocities[i, axis] + fall
             rows[1, i, axis] = motion.angular_velocities[i, axis]
     return Bodies(

@@ -55,7 +55,7 @@ def _slip_and_inverse_mass(
     split = state.friction_split
     inverse_mass = split[k, 0] * (world.inverse_mass[a] + law.rotation_a[k])
     inverse_mass += split[k, 1] * (world.inverse_mass[b] + law.rotation_b[k])
-    slip = minus(slip_velocity(contacts, law, bodies, k), row(state.gravity_slip, k))
+    slip = minus(slip_velocity(contacts, law, bodies, k), row(state.slip_at_end, k))
     return slip, inverse_mass
 
 
@@ -68,15 +68,17 @@ def step_rolling(
     impulses_out: Impulses,
     state_out: SolverState,
 ) -> None:
-    """Step the angular impulse of rolling friction: at most rho r N, enough to stop the rolling.
+    """Step the angular impulse of rolling friction: enough to stop the rolling, but limited.
+
+    At most (rho + rho' v) r N, v the speed of the centre across the normal.
 
     Where the contact sticks it acts on the angular momentum about the contact point,
     L = I w + m r n x v, which friction does not change; where it slips, on that about the centre.
-    About the normal it resists spinning, with the same bound.
+    About the normal it resists spinning, at most by sigma r N.
     """
     for k in range(len(contacts.a)):
         put(state_out.step, k, (0.0, 0.0, 0.0))
-        if law.rolling[k] == 0:
+        if law.rolling[k] + law.rolling_slope[k] + law.spinning[k] == 0:
             continue
         a, normal, old = contacts.a[k], row(contacts.normal, k), row(impulses_out.rolling, k)
         slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, k)
@@ -92,7 +94,12 @@ def step_rolling(
         about_normal = minus(about_centre, flat)
         new = minus(old, times(1.0 / state_out.rolling_split[k], plus(rolls, about_normal)))
         limit = law.rolling[k] * impulses_out.normal[k]
-        spinning = min(max(dot(new, normal), -limit), limit)
+        if law.rolling_slope[k] > 0:
+            half = times(0.5, row(bodies_out.velocity_change, a))  # at the middle of the substep
+            v = plus(row(bodies_out.free_velocity, a), half)
+            limit += law.rolling_slope[k] * length(across(v, normal)) * impulses_out.normal[k]
+        most = law.spinning[k] * impulses_out.normal[k]
+        spinning = min(max(dot(new, normal), -most), most)
         new = plus(clip(across(new, normal), limit), times(spinning, normal))
         put(impulses_out.rolling, k, new)
         put(state_out.step, k, minus(new, old))

@@ -9,12 +9,17 @@ import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
 from rigid_gns_core.engine.contact_law import law_of, target_of
 from rigid_gns_core.engine.contacts import find_contacts, gap_of
+from rigid_gns_core.engine.couplings import find_couplings
+from rigid_gns_core.engine.direct import new_pivots
+from rigid_gns_core.engine.flight import Paths
+from rigid_gns_core.engine.groups import by_island
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
 from rigid_gns_core.engine.overlap import push_out
+from rigid_gns_core.engine.residuals import new_state
 from rigid_gns_core.engine.sleep import put_to_sleep, wake
-from rigid_gns_core.engine.solver import solve
+from rigid_gns_core.engine.solver import solve, solve_isolated
 from rigid_gns_core.engine.spheres import copy_spheres
 from rigid_gns_core.engine.step import _bodies, Motion
 from rigid_gns_core.engine.warm_start import impulses_of, with_sleepers
@@ -34,7 +39,9 @@ def contacts(world, positions, velocities, dt, h, lookback):
     everyone = np.ones(len(positions), np.bool_)
     found = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(found.a), np.bool_)
-    return find_contacts(world, positions, velocities, found, chosen, h, lookback)
+    return find_contacts(
+        world, Paths(positions, velocities, world.pull), found, chosen, h, lookback
+    )
 
 
 @njit
@@ -55,7 +62,7 @@ def law(world, found):
 @njit
 def target(e, h, time, gap, approach_speed, acceleration, coupling):
     """See `target_of`."""
-    return target_of(e, h, time, gap, approach_speed, acceleration, coupling)
+    return target_of(e, e, 1.0, h, time, gap, approach_speed, acceleration, coupling)
 
 
 @njit
@@ -64,27 +71,37 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, positions, velocities, around, chosen, h, h)
+    found = find_contacts(world, Paths(positions, velocities, world.pull), around, chosen, h, h)
+    found, begin = by_island(found, len(positions))
     coefficients = law_of(world, found)
     motion = Motion(positions, velocities, spins, everyone)
-    bodies = _bodies(world, motion, h)
+    bodies = _bodies(motion, world.pull, h)
     start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
-    group = np.arange(len(found.a))
-    change = solve(
-        world=world,
-        contacts=found,
-        law=coefficients,
-        group=group,
-        start=start,
-        lasting=start,
-        h=h,
-        nominal_h=h,
-        iterations=iterations,
-        tolerance=0.0,
-        shared=True,
-        bodies_out=bodies,
-        impulses_out=impulses,
+    state, pulls = new_state(len(found.a)), world.pull
+    solve_isolated(
+        world, found, coefficients, start, begin[0], pulls, h, h, state, bodies, impulses
     )
+    couplings, scratch = find_couplings(world, found, coefficients, begin), new_pivots()
+    change = 0.0
+    for island in range(len(begin) - 1):
+        last = solve(
+            world=world,
+            contacts=found,
+            law=coefficients,
+            couplings=couplings,
+            start=start,
+            first=begin[island],
+            last=begin[island + 1],
+            accelerations=pulls,
+            h=h,
+            nominal_h=h,
+            iterations=iterations,
+            scratch_out=scratch,
+            state_out=state,
+            bodies_out=bodies,
+            impulses_out=impulses,
+        )
+        change = max(change, last)
     return found, coefficients, impulses, bodies, change
 
 
@@ -117,7 +134,9 @@ def pushed_out(world, positions, velocities, dt):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, positions, velocities, around, chosen, 0.0, 0.0)
+    found = find_contacts(
+        world, Paths(positions, velocities, world.pull), around, chosen, 0.0, 0.0
+    )
     moved = positions.copy()
     push_out(world, found, moved)
     return moved
