@@ -73,14 +73,10 @@ class Target(NamedTuple):
 
 
 @compiled
-def law_of(world: World, contacts: Contacts) -> Law:
-    """Coefficients of contacts: those of their contact law, or else products of materials.
-
-    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
-    """
-    size = len(contacts.a)
-    own = np.zeros((13, size))
-    law = Law(
+def new_law(size: int) -> Law:
+    """Coefficients of so many contacts, to be written."""
+    own = np.empty((13, size))
+    return Law(
         restitution=own[0],
         friction=own[1],
         rolling=own[2],
@@ -95,7 +91,16 @@ def law_of(world: World, contacts: Contacts) -> Law:
         rolling_slope=own[11],
         spinning=own[12],
     )
-    for k in range(size):
+
+
+@in_place
+def find_law(world: World, contacts: Contacts, law_out: Law) -> None:
+    """Coefficients of contacts: those of their contact law, or else products of materials.
+
+    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
+    """
+    law = law_out
+    for k in range(len(contacts.a)):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
         if plane >= 0:
             restitution, friction = world.surface_restitution[plane], world.surface_friction[plane]
@@ -108,14 +113,14 @@ def law_of(world: World, contacts: Contacts) -> Law:
         law.restitution[k] = world.restitution[a] * restitution
         law.restitution_fast[k], law.restitution_speed[k] = law.restitution[k], 1.0
         law.friction[k] = world.friction[a] * friction
-        law.spinning[k] = law.rolling[k]
+        law.rolling_slope[k], law.spinning[k] = 0.0, law.rolling[k]
+        law.tangential_restitution[k] = 0.0
         given = world.surface_law[plane] if plane >= 0 else world.sphere_law
         if given[0] > 0:
             _take(given, k, world.radius[a], law)
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]
-    return law
 
 
 @in_place

@@ -13,6 +13,7 @@ from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
 from ..kernels.vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -54,16 +55,6 @@ def no_impulses(count: int) -> Impulses:
     )
 
 
-@compiled
-def copy_impulses(impulses: Impulses) -> Impulses:
-    """Impulses in arrays of their own."""
-    return Impulses(
-        normal=impulses.normal.copy(),
-        tangential=impulses.tangential.copy(),
-        rolling=impulses.rolling.copy(),
-    )
-
-
 @in_place
 def impulses_among(impulses: Impulses, first: int, last: int) -> Impulses:
     """View of the impulses of some contacts in a row."""
@@ -80,6 +71,31 @@ def copy_impulse(impulses: Impulses, i: int, target_out: Impulses, k: int) -> No
     target_out.normal[k] = impulses.normal[i]
     put(target_out.tangential, k, row(impulses.tangential, i))
     put(target_out.rolling, k, row(impulses.rolling, i))
+
+
+@in_place
+def copy_impulses(impulses: Impulses, pairs: Indices, target_out: Impulses) -> None:
+    """Copy the impulses of some contacts."""
+    for k in pairs:
+        copy_impulse(impulses, k, target_out, k)
+
+
+@in_place
+def clear_impulses(pairs: Indices, impulses_out: Impulses) -> None:
+    """Take away the impulses of some contacts."""
+    for k in pairs:
+        impulses_out.normal[k] = 0.0
+        put(impulses_out.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses_out.rolling, k, (0.0, 0.0, 0.0))
+
+
+@in_place
+def scale_impulses(factor: float, pairs: Indices, impulses_out: Impulses) -> None:
+    """Impulses of forces that last, for a step of another length."""
+    for k in pairs:
+        impulses_out.normal[k] *= factor
+        put(impulses_out.tangential, k, times(factor, row(impulses_out.tangential, k)))
+        put(impulses_out.rolling, k, times(factor, row(impulses_out.rolling, k)))
 
 
 @in_place

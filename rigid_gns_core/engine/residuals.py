@@ -61,17 +61,17 @@ class SolverState(NamedTuple):
 
 @compiled
 def new_state(size: int) -> SolverState:
-    """State of so many contacts before the first iteration."""
-    numbers, vectors = np.zeros((6, size)), np.zeros((5, size, 3))
+    """Room for so many contacts, to be reset."""
+    numbers, vectors = np.empty((6, size)), np.empty((5, size, 3))
     return SolverState(
         free_separation=numbers[0],
         start_coupling=numbers[1],
         residual=numbers[2],
-        active=np.zeros(size, np.bool_),
-        weight=np.zeros((size, 2)),
-        split=np.ones((size, 2)),
-        friction_split=np.ones((size, 2)),
-        rolling_split=np.ones(size),
+        active=np.empty(size, np.bool_),
+        weight=np.empty((size, 2)),
+        split=np.empty((size, 2)),
+        friction_split=np.empty((size, 2)),
+        rolling_split=np.empty(size),
         slip_at_end=vectors[0],
         free_slip=vectors[4],
         momentum=numbers[3],
@@ -81,6 +81,18 @@ def new_state(size: int) -> SolverState:
         target=vectors[2],
         step=vectors[3],
     )
+
+
+@in_place
+def reset_state(state_out: SolverState) -> None:
+    """State before the first iteration: bodies are not split, and no slip is left."""
+    state = state_out
+    for k in range(len(state.residual)):
+        state.split[k, 0] = state.split[k, 1] = 1.0
+        state.friction_split[k, 0] = state.friction_split[k, 1] = 1.0
+        state.rolling_split[k], state.momentum[k], state.previous_normal[k] = 1.0, 0.0, 0.0
+        put(state.previous_tangential, k, (0.0, 0.0, 0.0))
+        put(state.slip_at_end, k, (0.0, 0.0, 0.0))
 
 
 @in_place

@@ -25,7 +25,7 @@ from .direct import MOST_CONTACTS, Pivots, pivots_of, solve_normals
 from .displacement import displace_by_blows, displace_directly
 from .groups import contacts_among
 from .impulses import apply_linear, Bodies, Impulses, impulses_among, start_from
-from .residuals import find_free_motion, find_residuals, SolverState, state_among
+from .residuals import find_free_motion, find_residuals, reset_state, SolverState, state_among
 from .steps import step_friction, step_normal, step_rolling
 from .world import UNIT_GRAVITY, weight_of, World
 from ..kernels.jit import in_place
@@ -47,7 +47,6 @@ def solve_isolated(
     world: World,
     contacts: Contacts,
     law: Law,
-    start: Impulses,
     last: int,
     accelerations: Array,
     h: float,
@@ -62,19 +61,22 @@ def solve_isolated(
         world: What does not move.
         contacts: All contacts of the substep, these first.
         law: Their coefficients.
-        start: No impulses for these.
         last: Where they end.
         accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
-        state_out: New.
+        state_out: Reset, and written.
         bodies_out: Changes of their bodies are written.
         impulses_out: Written.
     """
     contacts, law = contacts_among(contacts, 0, last), law_among(law, 0, last)
-    state, start = state_among(state_out, 0, last), impulses_among(start, 0, last)
+    state = state_among(state_out, 0, last)
     bodies, impulses = bodies_out, impulses_among(impulses_out, 0, last)
-    start_from(world, contacts, law, start, bodies, impulses)
+    reset_state(state)
+    for k in range(last):  # no warm start: one step is exact
+        impulses.normal[k] = 0.0
+        put(impulses.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses.rolling, k, (0.0, 0.0, 0.0))
     find_free_motion(contacts, law, bodies, impulses, state)
     find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
     step_normal(world, contacts, bodies, impulses, state)
@@ -116,7 +118,7 @@ def solve(
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations, unless more are needed.
         scratch_out: Of the direct solution.
-        state_out: New.
+        state_out: Reset, and written.
         bodies_out: Changes of their bodies are written.
         impulses_out: Written.
     """
@@ -124,6 +126,7 @@ def solve(
     couplings, start = couplings_among(couplings, first, last), impulses_among(start, first, last)
     bodies, impulses = bodies_out, impulses_among(impulses_out, first, last)
     state = state_among(state_out, first, last)
+    reset_state(state)
     start_from(world, contacts, law, start, bodies, impulses)
     find_free_motion(contacts, law, bodies, impulses, state)
     for k in range(len(contacts.a)):

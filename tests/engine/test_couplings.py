@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 from rigid_gns_core import Plane, Scene
-from rigid_gns_core.engine.couplings import find_couplings, split_bodies
+from rigid_gns_core.engine.couplings import find_couplings, new_couplings, split_bodies
 from rigid_gns_core.engine.world import world_of
 
 from . import calls
@@ -15,7 +15,8 @@ from . import calls
 @numba.njit(error_model='numpy')
 def splits(world, contacts, law):
     size = len(contacts.a)
-    couplings = find_couplings(world, contacts, law, np.array([0, size]))
+    couplings = new_couplings(len(world.radius), size, (2 * size) ** 2)
+    find_couplings(world, contacts, law, np.array([0, 0, size]), 1, couplings)
     normal, friction, rolling = np.empty((size, 2)), np.empty((size, 2)), np.empty(size)
     split_bodies(couplings, law, np.ones((size, 2)), normal, friction, rolling)
     return normal, friction
