@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-import hashlib
 from importlib import resources
 import json
-import os
 from pathlib import Path
 import re
 from typing import Any, Literal
 
-import h5py
 import numpy as np
 import yaml
 
+from .checked_hdf5 import DatasetError as DatasetError
+from .checked_hdf5 import read_checked, write_checked
 from .recipe import DataRecipe, recipe_hash
-from ..errors import UserError
+from .tracks import TRACKS_NAME
 from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, from_mapping, load_yaml
 from ..scenes.scene import Scene
@@ -31,10 +30,7 @@ RECIPE_NAME = 'recipe.yaml'
 
 Contents = Literal['full', 'poses']
 
-# HDF5 leaves the first bytes of a file to others: they hold a line with a checksum of the rest,
-# since HDF5 itself may loop for ever or crash on a damaged file
-_HEAD_SIZE = 512
-_HEAD = re.compile(rb'rigid_gns trajectory sha256 ([0-9a-f]{64})\n')
+_KIND, _REMEDY = 'trajectory', 'generate it again'
 
 # name: (last dimension, unit, dtype in a full file). Positions keep float64: at 100 m a float32
 # would put 1e-4 m/s of noise into velocities by differences, more than a resting sphere has.
@@ -45,10 +41,6 @@ _ARRAYS: dict[str, tuple[int, str, str]] = {
     'angular_velocities': (3, 'rad/s', 'f4'),
 }
 _POSES = ('positions', 'quaternions')
-
-
-class DatasetError(UserError):
-    """A file of trajectories is damaged, incomplete, of another kind, or absent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,36 +82,27 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
         raise DatasetError(
             f'{record.name or path}: step {bad} is not finite; a record must be finite throughout'
         )
-    with whole_file(path) as partial:
-        # attributes over 64 kB, such as 10 000 radii, need version 1.10
-        with h5py.File(partial, 'w', libver=('v110', 'v110'), userblock_size=_HEAD_SIZE) as file:
-            file.attrs['format_version'] = FORMAT_VERSION
-            file.attrs['contents'] = contents
-            file.attrs['dt'] = trajectory.dt
-            file.attrs['scene'] = json.dumps(record.scene.to_mapping())
-            file.attrs['teacher'] = json.dumps(record.teacher)
-            for name in ('seed', 'name', 'index', 'recipe'):
-                file.attrs[name] = getattr(record, name)
-            for name in _POSES if contents == 'poses' else _ARRAYS:
-                last, unit, dtype = _ARRAYS[name]
-                array = getattr(trajectory, name)
-                stored = file.create_dataset(
-                    name,
-                    data=array,
-                    dtype='f4' if contents == 'poses' else dtype,
-                    chunks=(min(64, len(array)), max(1, trajectory.count), last),
-                    compression='gzip',
-                    shuffle=True,
-                )
-                stored.attrs['unit'] = unit
-                file.flush()  # in this order: left to HDF5 it depends on when objects are freed
-        with open(partial, 'r+b') as file:
-            file.seek(_HEAD_SIZE)
-            checksum = hashlib.file_digest(file, 'sha256').hexdigest()
-            file.seek(0)
-            file.write(f'rigid_gns trajectory sha256 {checksum}\n'.encode())
-            file.flush()
-            os.fsync(file.fileno())
+    with write_checked(path, _KIND) as file:
+        file.attrs['format_version'] = FORMAT_VERSION
+        file.attrs['contents'] = contents
+        file.attrs['dt'] = trajectory.dt
+        file.attrs['scene'] = json.dumps(record.scene.to_mapping())
+        file.attrs['teacher'] = json.dumps(record.teacher)
+        for name in ('seed', 'name', 'index', 'recipe'):
+            file.attrs[name] = getattr(record, name)
+        for name in _POSES if contents == 'poses' else _ARRAYS:
+            last, unit, dtype = _ARRAYS[name]
+            array = getattr(trajectory, name)
+            stored = file.create_dataset(
+                name,
+                data=array,
+                dtype='f4' if contents == 'poses' else dtype,
+                chunks=(min(64, len(array)), max(1, trajectory.count), last),
+                compression='gzip',
+                shuffle=True,
+            )
+            stored.attrs['unit'] = unit
+            file.flush()  # in this order: left to HDF5 it depends on when objects are freed
     return path
 
 
@@ -129,23 +112,8 @@ def read_record(path: str | Path) -> Record:
     Raises:
         DatasetError: The file is absent, damaged, or of a version this program does not know.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise DatasetError(f'{path}: no such file')
-    with open(path, 'rb') as file:
-        if (head := _HEAD.match(file.read(_HEAD_SIZE))) is None:
-            raise DatasetError(
-                f'{path}: not a trajectory file, or its beginning is damaged; generate it again'
-            )
-        if hashlib.file_digest(file, 'sha256').hexdigest().encode() != head[1]:
-            raise DatasetError(f'{path}: damaged, its checksum differs; generate it again')
-    with h5py.File(path, 'r') as file:
+    with read_checked(Path(path), _KIND, FORMAT_VERSION, _REMEDY) as file:
         attributes: dict[str, Any] = dict(file.attrs)
-        if (version := int(attributes['format_version'])) != FORMAT_VERSION:
-            raise DatasetError(
-                f'{path}: format version {version}, this program reads {FORMAT_VERSION}; '
-                'generate it again'
-            )
         arrays = {str(name): np.asarray(file[name], dtype=np.float64) for name in file}
     return _assemble(attributes, arrays)
 
@@ -251,6 +219,11 @@ def read_recipe(folder: str | Path) -> DataRecipe:
         DatasetError: The folder is no data set, or its recipe cannot be read.
     """
     path = Path(folder) / RECIPE_NAME
+    if not path.is_file() and (Path(folder) / TRACKS_NAME).is_file():
+        raise DatasetError(
+            f'{folder}: holds tracks alone, no trajectories at a time step; `rigid-gns import` '
+            'said why when it made them'
+        )
     if not path.is_file():
         raise DatasetError(f'{folder}: no data set here, {RECIPE_NAME} is absent')
     try:

@@ -79,14 +79,10 @@ class Target(NamedTuple):
 
 
 @compiled
-def law_of(world: World, contacts: Contacts) -> Law:
-    """Coefficients of contacts: those of their contact law, or else products of materials.
-
-    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
-    """
-    size = len(contacts.a)
+def new_law(size: int) -> Law:
+    """Coefficients of so many contacts, to be written."""
     own = np.empty((8, size))
-    law = Law(
+    return Law(
         restitution=own[0],
         friction=own[1],
         rolling=own[2],
@@ -96,7 +92,16 @@ def law_of(world: World, contacts: Contacts) -> Law:
         rotation_a=own[6],
         rotation_b=own[7],
     )
-    for k in range(size):
+
+
+@in_place
+def find_law(world: World, contacts: Contacts, law_out: Law) -> None:
+    """Coefficients of contacts: those of their contact law, or else products of materials.
+
+    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
+    """
+    law = law_out
+    for k in range(len(contacts.a)):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
         if plane >= 0:
             restitution, friction = world.laws[plane, SLOW], world.laws[plane, SLIDE]
@@ -115,7 +120,28 @@ def law_of(world: World, contacts: Contacts) -> Law:
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]
-    return law
+
+
+@in_place
+def law_among(law: Law, first: int, last: int) -> Law:
+    """View of the law of some contacts in a row."""
+    return Law(
+        restitution=law.restitution[first:last],
+        friction=law.friction[first:last],
+        rolling=law.rolling[first:last],
+        inverse_effective_mass=law.inverse_effective_mass[first:last],
+        arm_a=law.arm_a[first:last],
+        arm_b=law.arm_b[first:last],
+        rotation_a=law.rotation_a[first:last],
+        rotation_b=law.rotation_b[first:last],
+    )
+
+
+@in_place
+def _rolling_of(world: World, given: int, radius: float) -> float:
+    """Resistance rho r by a contact law: more than 0 where it has any of rho, rho' and sigma."""
+    others = world.laws[given, SLOPE] + world.laws[given, SPIN]
+    return max(world.laws[given, ROLL] * radius, _NEXT_TO_NOTHING if others > 0 else 0.0)
 
 
 @in_place
@@ -140,28 +166,6 @@ def restitution_on_plane(world: World, i: int, plane: int, speed: float) -> floa
         slow, fast, middle = curve_of(world, given)
         return restitution_at(slow, fast, middle, speed)
     return world.restitution[i] * world.laws[plane, SLOW]
-
-
-@in_place
-def _rolling_of(world: World, given: int, radius: float) -> float:
-    """Resistance rho r by a contact law: more than 0 where it has any of rho, rho' and sigma."""
-    others = world.laws[given, SLOPE] + world.laws[given, SPIN]
-    return max(world.laws[given, ROLL] * radius, _NEXT_TO_NOTHING if others > 0 else 0.0)
-
-
-@in_place
-def law_among(law: Law, first: int, last: int) -> Law:
-    """View of the law of some contacts in a row."""
-    return Law(
-        restitution=law.restitution[first:last],
-        friction=law.friction[first:last],
-        rolling=law.rolling[first:last],
-        inverse_effective_mass=law.inverse_effective_mass[first:last],
-        arm_a=law.arm_a[first:last],
-        arm_b=law.arm_b[first:last],
-        rotation_a=law.rotation_a[first:last],
-        rotation_b=law.rotation_b[first:last],
-    )
 
 
 @in_place

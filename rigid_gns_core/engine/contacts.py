@@ -8,15 +8,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from .broad_phase import Candidates, PAD
 from .flight import Paths, position_on_path
 from .impact import impact_of_spheres, impact_with_plane
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
 from .world import gravity_of, weight_of, World
-from ..kernels.jit import compiled, in_place
+from ..kernels.jit import in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
@@ -50,7 +48,7 @@ class Contacts(NamedTuple):
     rest_gap: Array
 
 
-class _Impacts(NamedTuple):
+class Impacts(NamedTuple):
     """Impacts of all candidates, shapes (m,), (m, 3) and (m, 9).
 
     values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed,
@@ -64,67 +62,42 @@ class _Impacts(NamedTuple):
     values: Array
 
 
-@compiled
-def find_contacts(
-    world: World, paths: Paths, candidates: Candidates, chosen: Flags, h: float, lookback: float
-) -> Contacts:
-    """Contacts of the next substep among the `chosen` candidates, on paths in flight.
+@in_place
+def find_impacts(
+    world: World,
+    paths: Paths,
+    candidates: Candidates,
+    pairs: Indices,
+    chosen: Flags,
+    h: float,
+    lookback: float,
+    impacts_out: Impacts,
+) -> None:
+    """Find the impacts of the next substep among candidates, on paths in flight.
 
     Bodies that gravity may bring together within `h`, nearer than g h^2, are speculative contacts.
+
+    Args:
+        world: What does not move.
+        paths: Of all spheres.
+        candidates: All of the frame.
+        pairs: Which of them to consider: with one of a sphere and a plane, all of that sphere.
+        chosen: Those that count, shape (m,).
+        h: Length of the substep.
+        lookback: Bodies that overlap are taken to have met at most so long ago.
+        impacts_out: Those of the pairs are written.
     """
-    size = len(candidates.a)
-    impacts = _Impacts(
-        found=np.zeros(size, np.bool_),
-        edge=np.zeros(size, np.bool_),
-        lasting=np.zeros(size, np.bool_),
-        normal=np.empty((size, 3)),
-        values=np.empty((size, 9)),
-    )
-    edges = False
-    for k in range(size):
+    impacts, edges = impacts_out, False
+    for k in pairs:
+        impacts.found[k] = impacts.edge[k] = impacts.lasting[k] = False
         if chosen[k] and _may_meet(world, paths, candidates, k, h):
-            _find(
-                world, paths, candidates, k, h, lookback, False,
-                impacts,
-            )  # fmt: skip
+            _find(world, paths, candidates, k, h, lookback, False, impacts)
             edges |= impacts.edge[k]
     if edges:
-        for k in range(size):
+        for k in pairs:
             if impacts.found[k] and impacts.edge[k]:
-                _shield(
-                    world, paths, candidates, k, h, lookback,
-                    impacts,
-                )  # fmt: skip
-    _drop_doubles(candidates, impacts)
-    which = np.flatnonzero(impacts.found)
-    count = len(which)
-    index, normal, values = (
-        np.empty((3, count), np.int64),
-        np.empty((count, 3)),
-        np.empty((8, count)),
-    )
-    for c in range(count):
-        k = which[c]
-        index[0, c], index[1, c] = candidates.a[k], candidates.b[k]
-        index[2, c] = candidates.plane[k]
-        put(normal, c, row(impacts.normal, k))
-        for field in range(8):
-            values[field, c] = impacts.values[k, field + 1]
-    return Contacts(
-        candidate=which,
-        a=index[0],
-        b=index[1],
-        plane=index[2],
-        normal=normal,
-        time=values[0],
-        gap=values[1],
-        speculative_gap=values[2],
-        approach_speed=values[3],
-        acceleration=values[4],
-        turning_speed=values[5],
-        crossing_time=values[6],
-        rest_gap=values[7],
-    )
+                _shield(world, paths, candidates, k, h, lookback, impacts)
+    _drop_doubles(candidates, pairs, impacts)
 
 
 @in_place
@@ -159,7 +132,7 @@ def _find(
     h: float,
     lookback: float,
     lasts: bool,
-    impacts_out: _Impacts,
+    impacts_out: Impacts,
 ) -> None:
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
     weight = weight_of(world)
@@ -214,7 +187,7 @@ def _shield(
     k: int,
     h: float,
     lookback: float,
-    impacts_out: _Impacts,
+    impacts_out: Impacts,
 ) -> None:
     """Drop an edge contact that another plane shields.
 
@@ -254,10 +227,10 @@ def _is_ghost(world: World, candidates: Candidates, k: int, centre: Vector) -> b
 
 
 @in_place
-def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
+def _drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) -> None:
     """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
     impacts = impacts_out
-    for k in range(1, len(candidates.a)):
+    for k in pairs:
         if not impacts.found[k] or candidates.plane[k] < 0:
             continue
         q = k - 1
@@ -271,7 +244,7 @@ def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
 
 
 @in_place
-def _is_parallel(impacts: _Impacts, q: int, k: int) -> bool:
+def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
     return dot(row(impacts.normal, q), row(impacts.normal, k)) > 1.0 - _PARALLEL**2
 
 

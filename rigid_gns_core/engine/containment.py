@@ -12,6 +12,7 @@ only ways that begin in front of it: it pushes out what is behind it.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,13 +30,29 @@ from ..scenes.state import Array
 _OVERLAP = 1e-9
 
 
+class Cuts(NamedTuple):
+    """Ways that planes cut: the share of each that is left, and which plane, shape (n,)."""
+
+    share: Array
+    plane: Indices
+
+
 @compiled
+def new_cuts(spheres: int) -> Cuts:
+    """Room for the ways of so many spheres."""
+    return Cuts(share=np.empty(spheres), plane=np.empty(spheres, np.int64))
+
+
+@in_place
 def keep_sides(
     world: World,
     candidates: Candidates,
+    members: Indices,
+    pairs: Indices,
     before: Array,
     speeds: Array,
     h: float,
+    cuts_out: Cuts,
     positions_out: Array,
     velocities_out: Array,
 ) -> None:
@@ -43,25 +60,30 @@ def keep_sides(
 
     Args:
         world: What does not move.
-        candidates: All pairs that may touch.
+        candidates: All pairs of the frame.
+        members: The spheres.
+        pairs: Candidates of theirs.
         before: Centres at the start of the substep, shape (n, 3).
         speeds: Speeds there, shape (n,): within what they allow, a sphere meets candidates only.
         h: Length of the substep.
+        cuts_out: Scratch.
         positions_out: At its end; corrected in place.
         velocities_out: At its end, shape (n, 3); corrected in place.
     """
-    first, plane = np.ones(len(before)), np.full(len(before), -1)
-    for k in range(len(candidates.a)):
+    first, plane = cuts_out.share, cuts_out.plane
+    for i in members:
+        first[i], plane[i] = 1.0, -1
+    for k in pairs:
         i, p = candidates.a[k], candidates.plane[k]
         if p >= 0:
             _cut(world, p, i, before, positions_out, first, plane)
     gravity = weight_of(world)
-    for i in range(len(before)):
+    for i in members:
         way = length(minus(row(positions_out, i), row(before, i)))
         if way > reach_of(speeds[i], gravity, h) + 0.5 * PAD * world.radius[i]:
             for p in range(len(world.point)):  # it was struck, and meets what it could not before
                 _cut(world, p, i, before, positions_out, first, plane)
-    for i in range(len(before)):
+    for i in members:
         p = plane[i]
         if p < 0:
             continue
@@ -109,12 +131,3 @@ def _share_of_way(world: World, plane: int, i: int, start: Vector, end: Vector) 
         if math.fabs(across) > half[axis] * (1.0 + _OVERLAP):
             return 1.0
     return (height - min(height, world.radius[i])) / (height + depth)
-
-
-@compiled
-def speeds_of(velocities: Array) -> Array:
-    """Speeds, shape (n,)."""
-    speeds = np.empty(len(velocities))
-    for i in range(len(speeds)):
-        speeds[i] = length(row(velocities, i))
-    return speeds

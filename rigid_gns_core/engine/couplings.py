@@ -25,7 +25,7 @@ from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import counting_sort, Indices
+from ..kernels.neighbours import Indices
 from ..kernels.vector import dot, row
 from ..scenes.state import Array
 
@@ -35,7 +35,7 @@ class Couplings(NamedTuple):
 
     start: where those of side s of contact k begin, at 2 k + s, shape (2 c + 1,); other: contact
     of the island; side: of it that the body is on; normal, friction: size of the coupling, over
-    that with itself; shape (e,).
+    that with itself; shape (e,). head, next: scratch, the ends of contacts at each body as a list.
     """
 
     start: Indices
@@ -43,42 +43,66 @@ class Couplings(NamedTuple):
     side: Indices
     normal: Array
     friction: Array
+    head: Indices
+    next: Indices
 
 
 @compiled
-def find_couplings(world: World, contacts: Contacts, law: Law, begin: Indices) -> Couplings:
-    """Couplings among the contacts of each island; the fixed body couples none.
+def new_couplings(bodies: int, contacts: int, couplings: int) -> Couplings:
+    """Room for so many, to be written."""
+    sizes = np.empty((2, couplings))
+    places = np.empty((2, couplings), np.int64)
+    return Couplings(
+        start=np.empty(2 * contacts + 1, np.int64),
+        other=places[0],
+        side=places[1],
+        normal=sizes[0],
+        friction=sizes[1],
+        head=np.empty(bodies, np.int64),
+        next=np.empty(2 * contacts, np.int64),
+    )
+
+
+@in_place
+def find_couplings(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    begin: Indices,
+    islands: int,
+    couplings_out: Couplings,
+) -> None:
+    """Find the couplings among the contacts of each island; the fixed body couples none.
 
     Args:
         world: What does not move.
         contacts: All contacts of the substep, by island.
         law: Their coefficients.
-        begin: Where the islands that have couplings begin, and where the last one ends.
+        begin: Where island i begins, i = 1, 2, ...; before those are isolated contacts.
+        islands: How many there are.
+        couplings_out: Written.
     """
-    size, fixed = len(contacts.a), len(world.restitution)
-    first = begin[0]
-    body = np.empty(2 * (size - first), np.int64)
-    for end in range(len(body)):
-        k = first + end // 2
-        body[end] = contacts.a[k] if end % 2 == 0 else contacts.b[k]
-    ends, at_body = counting_sort(body, fixed + 1)
-    total = 0
-    for i in range(fixed):
-        total += (at_body[i + 1] - at_body[i]) ** 2
-    start = np.zeros(2 * size + 1, np.int64)
-    other, side = np.empty(total, np.int64), np.empty(total, np.int64)
-    normal, friction = np.empty(total), np.empty(total)
-    e = 0
-    for island in range(len(begin) - 1):
-        for end in range(2 * (begin[island] - first), 2 * (begin[island + 1] - first)):
-            i, k = body[end], first + end // 2
-            for p in range(at_body[i], at_body[i + 1] if i < fixed else at_body[i]):
-                m, side[e] = first + ends[p] // 2, ends[p] % 2
-                other[e] = m - begin[island]
-                normal[e], friction[e] = _sizes(world, contacts, law, k, end % 2, m, side[e])
-                e += 1
-            start[2 * first + end + 1] = e
-    return Couplings(start=start, other=other, side=side, normal=normal, friction=friction)
+    fixed, out, e = len(world.restitution), couplings_out, 0
+    for island in range(1, islands + 1):
+        first, last = begin[island], begin[island + 1]
+        for k in range(first, last):
+            out.head[contacts.a[k]] = out.head[contacts.b[k]] = -1
+        for end in range(2 * last - 1, 2 * first - 1, -1):
+            i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
+            if i < fixed:
+                out.next[end], out.head[i] = out.head[i], end
+        for end in range(2 * first, 2 * last):
+            i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
+            out.start[end] = e
+            other = out.head[i] if i < fixed else -1
+            while other >= 0:
+                m, side = other // 2, other % 2
+                out.other[e], out.side[e] = m - first, side
+                out.normal[e], out.friction[e] = _sizes(
+                    world, contacts, law, end // 2, end % 2, m, side
+                )
+                e, other = e + 1, out.next[other]
+        out.start[2 * last] = e
 
 
 @in_place
@@ -90,6 +114,8 @@ def couplings_among(couplings: Couplings, first: int, last: int) -> Couplings:
         side=couplings.side,
         normal=couplings.normal,
         friction=couplings.friction,
+        head=couplings.head,
+        next=couplings.next,
     )
 
 

@@ -13,6 +13,7 @@ from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
 from ..kernels.vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -32,15 +33,13 @@ class Impulses(NamedTuple):
 class Bodies(NamedTuple):
     """Moving bodies in a substep, and the fixed one last.
 
-    free_velocity: at the end of the substep, without contacts; acceleration: of the path in
-    flight, shape (n, 3); angular_velocity: at the start of the substep;
+    free_velocity: at the end of the substep, without contacts; angular_velocity: at its start;
     velocity_change, angular_change: what impulses add to them; displacement: beyond that of free
     flight; shape (n + 1, 3) each. strongest: force of the strongest active contact of each body,
     as a speed, shape (n + 1,).
     """
 
     free_velocity: Array
-    acceleration: Array
     angular_velocity: Array
     velocity_change: Array
     angular_change: Array
@@ -53,16 +52,6 @@ def no_impulses(count: int) -> Impulses:
     """Impulses of so many contacts, all zero."""
     return Impulses(
         normal=np.zeros(count), tangential=np.zeros((count, 3)), rolling=np.zeros((count, 3))
-    )
-
-
-@compiled
-def copy_impulses(impulses: Impulses) -> Impulses:
-    """Impulses in arrays of their own."""
-    return Impulses(
-        normal=impulses.normal.copy(),
-        tangential=impulses.tangential.copy(),
-        rolling=impulses.rolling.copy(),
     )
 
 
@@ -82,6 +71,31 @@ def copy_impulse(impulses: Impulses, i: int, target_out: Impulses, k: int) -> No
     target_out.normal[k] = impulses.normal[i]
     put(target_out.tangential, k, row(impulses.tangential, i))
     put(target_out.rolling, k, row(impulses.rolling, i))
+
+
+@in_place
+def copy_impulses(impulses: Impulses, pairs: Indices, target_out: Impulses) -> None:
+    """Copy the impulses of some contacts."""
+    for k in pairs:
+        copy_impulse(impulses, k, target_out, k)
+
+
+@in_place
+def clear_impulses(pairs: Indices, impulses_out: Impulses) -> None:
+    """Take away the impulses of some contacts."""
+    for k in pairs:
+        impulses_out.normal[k] = 0.0
+        put(impulses_out.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses_out.rolling, k, (0.0, 0.0, 0.0))
+
+
+@in_place
+def scale_impulses(factor: float, pairs: Indices, impulses_out: Impulses) -> None:
+    """Impulses of forces that last, for a step of another length."""
+    for k in pairs:
+        impulses_out.normal[k] *= factor
+        put(impulses_out.tangential, k, times(factor, row(impulses_out.tangential, k)))
+        put(impulses_out.rolling, k, times(factor, row(impulses_out.rolling, k)))
 
 
 @in_place

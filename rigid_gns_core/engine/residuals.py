@@ -17,7 +17,7 @@ from .impact import TOUCH
 from .impulses import Bodies, free_slip, Impulses, separation_velocity
 from .world import given_law, gravity_of, GRIP, weight_of, World
 from ..kernels.jit import compiled, in_place
-from ..kernels.vector import across, dot, minus, put, row, times
+from ..kernels.vector import across, dot, minus, put, row, times, Vector
 from ..scenes.state import Array
 
 # contacts with this share of the force of a body's strongest one count half
@@ -60,17 +60,17 @@ class SolverState(NamedTuple):
 
 @compiled
 def new_state(size: int) -> SolverState:
-    """State of so many contacts before the first iteration."""
-    numbers, vectors = np.zeros((6, size)), np.zeros((4, size, 3))
+    """Room for so many contacts, to be reset."""
+    numbers, vectors = np.empty((6, size)), np.empty((4, size, 3))
     return SolverState(
         free_separation=numbers[0],
         start_coupling=numbers[1],
         residual=numbers[2],
-        active=np.zeros(size, np.bool_),
-        weight=np.zeros((size, 2)),
-        split=np.ones((size, 2)),
-        friction_split=np.ones((size, 2)),
-        rolling_split=np.ones(size),
+        active=np.empty(size, np.bool_),
+        weight=np.empty((size, 2)),
+        split=np.empty((size, 2)),
+        friction_split=np.empty((size, 2)),
+        rolling_split=np.empty(size),
         slip_at_end=vectors[0],
         momentum=numbers[3],
         previous_normal=numbers[4],
@@ -79,6 +79,18 @@ def new_state(size: int) -> SolverState:
         target=vectors[2],
         step=vectors[3],
     )
+
+
+@in_place
+def reset_state(state_out: SolverState) -> None:
+    """State before the first iteration: bodies are not split, and no slip is left."""
+    state = state_out
+    for k in range(len(state.residual)):
+        state.split[k, 0] = state.split[k, 1] = 1.0
+        state.friction_split[k, 0] = state.friction_split[k, 1] = 1.0
+        state.rolling_split[k], state.momentum[k], state.previous_normal[k] = 1.0, 0.0, 0.0
+        put(state.previous_tangential, k, (0.0, 0.0, 0.0))
+        put(state.slip_at_end, k, (0.0, 0.0, 0.0))
 
 
 @in_place
@@ -150,28 +162,27 @@ def _coupling(
 
 
 @in_place
-def _add_rebound(
+def _set_rebound(
     contacts: Contacts,
     law: Law,
     bodies: Bodies,
     k: int,
     grip: float,
+    pull: Vector,
     target: Target,
     state_out: SolverState,
 ) -> None:
-    """Add the slip that tangential restitution makes of that before a blow: -beta (s - a t).
+    """Set the slip at the end with tangential restitution beta: a t_f - beta (s - a t).
 
-    That before is the slip of the free motion at the end, s, less what gravity, a, adds to it in
-    the time t after the impact.
+    That of gravity, a, across the normal in the flight t_f since a bounce; and of the blow, which
+    turns the slip of the free motion, s, less what it gains in the time t after the impact.
     """
-    slip, slip_at_end = free_slip(contacts, law, bodies, k), (0.0, 0.0, 0.0)
-    if contacts.plane[k] >= 0:
-        pull = across(row(bodies.acceleration, contacts.a[k]), row(contacts.normal, k))
-        slip = minus(slip, times(target.remaining, pull))
-        slip_at_end = row(state_out.slip_at_end, k)
+    fall = across(pull, row(contacts.normal, k))
+    slip = times(target.flight_time, fall)
     if target.bounced:
-        slip_at_end = minus(slip_at_end, times(grip, slip))
-    put(state_out.slip_at_end, k, slip_at_end)
+        blow = minus(free_slip(contacts, law, bodies, k), times(target.remaining, fall))
+        slip = minus(slip, times(grip, blow))
+    put(state_out.slip_at_end, k, slip)
 
 
 @in_place
@@ -188,6 +199,7 @@ def find_residuals(
     contacts: Contacts,
     law: Law,
     impulses: Impulses,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     bodies_out: Bodies,
@@ -211,12 +223,14 @@ def find_residuals(
         given = given_law(world, contacts.plane[k])
         target = _target(world, contacts, law, k, given, h, lasting)
         put(state.target, k, (target.impulse, target.impulse_time, target.remaining))
+        pull = (0.0, 0.0, 0.0)  # of two spheres, which fall alike
         if contacts.plane[k] >= 0:
-            pull = row(bodies.acceleration, contacts.a[k]) if world.in_air else gravity
-            across_normal = across(pull, row(contacts.normal, k))
-            put(state.slip_at_end, k, times(target.flight_time, across_normal))
+            pull = row(accelerations, contacts.a[k]) if world.in_air else gravity
+            slip = times(target.flight_time, across(pull, row(contacts.normal, k)))
+            put(state.slip_at_end, k, slip)
         if given >= 0 and world.laws[given, GRIP] != 0:
-            _add_rebound(contacts, law, bodies, k, world.laws[given, GRIP], target, state)
+            grip = world.laws[given, GRIP]
+            _set_rebound(contacts, law, bodies, k, grip, pull, target, state)
         state.residual[k] = target.separation_velocity - separation
         state.end_gap[k] = target.end_gap
         slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])

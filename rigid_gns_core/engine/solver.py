@@ -25,11 +25,12 @@ from .direct import MOST_CONTACTS, Pivots, pivots_of, solve_normals
 from .displacement import displace_by_blows, displace_directly
 from .groups import contacts_among
 from .impulses import apply_linear, Bodies, Impulses, impulses_among, start_from
-from .residuals import find_free_motion, find_residuals, SolverState, state_among
+from .residuals import find_free_motion, find_residuals, reset_state, SolverState, state_among
 from .steps import step_friction, step_normal, step_rolling
 from .world import UNIT_GRAVITY, weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.vector import length, put, row, times
+from ..scenes.state import Array
 
 # largest momentum, the share of a step that the next one repeats: halves the iterations of piles
 MOMENTUM = 0.5
@@ -46,8 +47,8 @@ def solve_isolated(
     world: World,
     contacts: Contacts,
     law: Law,
-    start: Impulses,
     last: int,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     state_out: SolverState,
@@ -60,20 +61,24 @@ def solve_isolated(
         world: What does not move.
         contacts: All contacts of the substep, these first.
         law: Their coefficients.
-        start: No impulses for these.
         last: Where they end.
+        accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
-        state_out: New.
+        state_out: Reset, and written.
         bodies_out: Changes of their bodies are written.
         impulses_out: Written.
     """
     contacts, law = contacts_among(contacts, 0, last), law_among(law, 0, last)
-    state, start = state_among(state_out, 0, last), impulses_among(start, 0, last)
+    state = state_among(state_out, 0, last)
     bodies, impulses = bodies_out, impulses_among(impulses_out, 0, last)
-    start_from(world, contacts, law, start, bodies, impulses)
+    reset_state(state)
+    for k in range(last):  # no warm start: one step is exact
+        impulses.normal[k] = 0.0
+        put(impulses.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses.rolling, k, (0.0, 0.0, 0.0))
     find_free_motion(contacts, law, bodies, impulses, state)
-    find_residuals(world, contacts, law, impulses, h, nominal_h, bodies, state)
+    find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
     step_normal(world, contacts, bodies, impulses, state)
     step_rolling(world, contacts, law, bodies, impulses, state)
     step_friction(world, contacts, law, bodies, impulses, state)
@@ -89,6 +94,7 @@ def solve(
     start: Impulses,
     first: int,
     last: int,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     iterations: int,
@@ -107,11 +113,12 @@ def solve(
         start: Impulses of the last substep, from which forces that last are told from blows.
         first: Where the island begins; no other contact shares a moving body with it.
         last: Where it ends.
+        accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations, unless more are needed.
         scratch_out: Of the direct solution.
-        state_out: New.
+        state_out: Reset, and written.
         bodies_out: Changes of their bodies are written.
         impulses_out: Written.
     """
@@ -119,6 +126,7 @@ def solve(
     couplings, start = couplings_among(couplings, first, last), impulses_among(start, first, last)
     bodies, impulses = bodies_out, impulses_among(impulses_out, first, last)
     state = state_among(state_out, first, last)
+    reset_state(state)
     start_from(world, contacts, law, start, bodies, impulses)
     find_free_motion(contacts, law, bodies, impulses, state)
     for k in range(len(contacts.a)):
@@ -134,14 +142,14 @@ def solve(
         most = max(iterations, _MOST_ITERATIONS)
         tolerance = _EXACT * (weight_of(world) * nominal_h + fastest)
     change = _iterate(
-        world, contacts, law, couplings, h, nominal_h, most, tolerance, few, pivots, bodies,
-        impulses, state,
+        world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few, pivots,
+        bodies, impulses, state,
     )  # fmt: skip
     if not few and change > _UNCONVERGED * UNIT_GRAVITY * nominal_h:
         most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
         change = _iterate(
-            world, contacts, law, couplings, h, nominal_h, most, tolerance, few, pivots, bodies,
-            impulses, state,
+            world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few,
+            pivots, bodies, impulses, state,
         )  # fmt: skip
     if not (few and displace_directly(world, contacts, pivots, impulses, state, h, bodies)):
         displace_by_blows(world, contacts, law, impulses, state, False, bodies)
@@ -154,6 +162,7 @@ def _iterate(
     contacts: Contacts,
     law: Law,
     couplings: Couplings,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     most: int,
@@ -167,7 +176,7 @@ def _iterate(
     """Iterate until one changes every contact by less than the tolerance; returns its change."""
     bodies, impulses, state, change = bodies_out, impulses_out, state_out, 0.0
     for iteration in range(most):
-        find_residuals(world, contacts, law, impulses, h, nominal_h, bodies, state)
+        find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
         split_bodies(
             couplings, law, state.weight, state.split, state.friction_split, state.rolling_split
         )

@@ -1,0 +1,77 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""HDF5 files that are written whole, and whose checksum is compared before HDF5 opens them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import hashlib
+import os
+from pathlib import Path
+
+import h5py
+
+from ..errors import UserError
+from ..files.atomic_file import whole_file
+
+# HDF5 leaves the first bytes of a file to others: they hold a line with a checksum of the rest,
+# since HDF5 itself may loop for ever or crash on a damaged file
+HEAD_SIZE = 512
+
+
+class DatasetError(UserError):
+    """A file of data is damaged, incomplete, of another kind, or absent."""
+
+
+@contextmanager
+def write_checked(path: Path, kind: str) -> Iterator[h5py.File]:
+    """Write an HDF5 file, whole or not at all; one that exists is replaced.
+
+    Args:
+        path: File to write.
+        kind: What it holds, one word, part of its first line.
+    """
+    with whole_file(path) as partial:
+        # attributes over 64 kB, such as 10 000 radii, need version 1.10
+        with h5py.File(partial, 'w', libver=('v110', 'v110'), userblock_size=HEAD_SIZE) as file:
+            yield file
+        with open(partial, 'r+b') as stream:
+            stream.seek(HEAD_SIZE)
+            checksum = hashlib.file_digest(stream, 'sha256').hexdigest()
+            stream.seek(0)
+            stream.write(f'rigid_gns {kind} sha256 {checksum}\n'.encode())
+            stream.flush()
+            os.fsync(stream.fileno())
+
+
+@contextmanager
+def read_checked(path: Path, kind: str, version: int, remedy: str) -> Iterator[h5py.File]:
+    """Open an HDF5 file of `write_checked`, after its checksum was compared.
+
+    Args:
+        path: File to read.
+        kind: What it must hold.
+        version: Value that its attribute `format_version` must have.
+        remedy: What makes the file anew, as the end of a message.
+
+    Raises:
+        DatasetError: The file is absent, damaged, of another kind or version.
+    """
+    if not path.is_file():
+        raise DatasetError(f'{path}: no such file')
+    begin = f'rigid_gns {kind} sha256 '.encode()
+    with open(path, 'rb') as stream:
+        head = stream.read(HEAD_SIZE)
+        expected = head[len(begin) : len(begin) + 64]
+        if not head.startswith(begin) or len(expected) < 64:
+            raise DatasetError(f'{path}: not a {kind} file, or its beginning is damaged; {remedy}')
+        if hashlib.file_digest(stream, 'sha256').hexdigest().encode() != expected:
+            raise DatasetError(f'{path}: damaged, its checksum differs; {remedy}')
+    with h5py.File(path, 'r') as file:
+        if (found := int(file.attrs['format_version'])) != version:
+            raise DatasetError(
+                f'{path}: format version {found}, this program reads {version}; {remedy}'
+            )
+        yield file
