@@ -23,7 +23,7 @@ _AT_LEAST_ZERO = (
 class Air:
     """Air, or another fluid of uniform density and wind, around rigid spheres.
 
-    With u = v - wind, V = 4/3 pi r^3, A = pi r^2 and S = r |w across u| / |u|, the spin ratio:
+    With u = v - wind, V = 4/3 pi r^3, A = pi r^2 and S = r |w across u| / |u|, the spin ratio::
 
         (m + rho V / 2) dv/dt = (m - rho V) g - rho A / 2 C_d |u| u
                                 + rho A / 2 C_l |u|^2 (w x u) / |w x u|
