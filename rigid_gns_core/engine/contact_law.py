@@ -236,8 +236,9 @@ def target_of(
     if leaves or fall <= 0:
         flight_time, bounced = remaining, True
     elif slow != fast:
-        flight_time, speed = _last_flight(slow, fast, middle, closing, fall, remaining)
-        bounced = flight_time >= 0
+        since, speed = _last_flight(slow, fast, middle, closing, fall, remaining)
+        bounced = since >= 0
+        flight_time = since if bounced else 0.0
     elif closing > THRESHOLD_TIME * fall and e > 1e-3:
         flights, series, damping = _flights(e, speed, fall, remaining)
         # the first flight whose approach is too slow is not begun
