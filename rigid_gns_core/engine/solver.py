@@ -39,7 +39,9 @@ MOMENTUM = 0.5
 _EXACT, _MOST_ITERATIONS = 3e-4, 16
 # many, whose last iteration changed a contact by more than this [g h], have not converged, as
 # after a blow; they get at most so many more, until one changes none by more than that [g h]
-_UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 1.0, 24, 0.1
+_UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
+# bodies are split anew in the first iterations, and then in every so many
+_FIRST, _EVERY = 3, 4
 
 
 @in_place
@@ -177,10 +179,16 @@ def _iterate(
     bodies, impulses, state, change = bodies_out, impulses_out, state_out, 0.0
     for iteration in range(most):
         find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
-        split_bodies(
-            couplings, law, state.weight, state.split, state.friction_split, state.rolling_split
-        )
-        _set_momentum(state)
+        if iteration < _FIRST or iteration % _EVERY == 0:
+            split_bodies(
+                couplings,
+                law,
+                state.weight,
+                state.split,
+                state.friction_split,
+                state.rolling_split,
+            )
+            _set_momentum(state)
         if not (direct and _step_exactly(world, contacts, pivots, bodies, impulses, state)):
             step_normal(world, contacts, bodies, impulses, state)
         step_rolling(world, contacts, law, bodies, impulses, state)

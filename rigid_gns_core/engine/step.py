@@ -132,8 +132,8 @@ def step(
     fly_in_place(path, mean, motion.awake, members, h, p, v)
     for i in members:
         add_to(p, i, row(bodies.displacement, i))
-        add_to(v, i, row(bodies.velocity_change, i))
-        add_to(w, i, row(bodies.angular_change, i))
+        put(v, i, row(bodies.velocity, i))
+        put(w, i, row(bodies.angular_velocity, i))
     clear_impulses(pairs, impulses_out)
     fixed = len(p)
     for k in range(size):
@@ -153,16 +153,17 @@ def _free_motion(
     zero = (0.0, 0.0, 0.0)
     for i in members:
         fall = times(h, row(mean, i)) if motion.awake[i] else zero
-        put(bodies_out.free_velocity, i, plus(row(motion.velocities, i), fall))
-        put(bodies_out.angular_velocity, i, row(motion.angular_velocities, i))
-        put(bodies_out.velocity_change, i, zero)
-        put(bodies_out.angular_change, i, zero)
+        velocity, spin = plus(row(motion.velocities, i), fall), row(motion.angular_velocities, i)
+        put(bodies_out.free_velocity, i, velocity)
+        put(bodies_out.free_angular_velocity, i, spin)
+        put(bodies_out.velocity, i, velocity)
+        put(bodies_out.angular_velocity, i, spin)
         put(bodies_out.displacement, i, zero)
     fixed = len(motion.positions)
     put(bodies_out.free_velocity, fixed, zero)
+    put(bodies_out.free_angular_velocity, fixed, zero)
+    put(bodies_out.velocity, fixed, zero)
     put(bodies_out.angular_velocity, fixed, zero)
-    put(bodies_out.velocity_change, fixed, zero)
-    put(bodies_out.angular_change, fixed, zero)
 
 
 @in_place

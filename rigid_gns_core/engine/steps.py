@@ -106,12 +106,12 @@ def step_rolling(
         a, normal, old = contacts.a[k], row(contacts.normal, k), row(impulses_out.rolling, k)
         slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, k)
         sticking = minus(row(impulses_out.tangential, k), times(1.0 / inverse_mass, slip))
-        w = plus(row(bodies_out.angular_velocity, a), row(bodies_out.angular_change, a))
+        w = row(bodies_out.angular_velocity, a)
         about_centre = times(1.0 / world.inverse_inertia[a], w)
         flat = across(about_centre, normal)
         rolls = flat
         if length(sticking) <= law.friction[k] * impulses_out.normal[k]:
-            v = plus(row(bodies_out.free_velocity, a), row(bodies_out.velocity_change, a))
+            v = row(bodies_out.velocity, a)
             orbit = times(law.arm_a[k] / world.inverse_mass[a], cross(normal, across(v, normal)))
             rolls = across(plus(about_centre, orbit), normal)
         about_normal = minus(about_centre, flat)
@@ -127,7 +127,7 @@ def step_rolling(
     for k in range(len(contacts.a)):
         a = contacts.a[k]
         step = times(world.inverse_inertia[a], row(state_out.step, k))
-        add_to(bodies_out.angular_change, a, step)
+        add_to(bodies_out.angular_velocity, a, step)
 
 
 @in_place

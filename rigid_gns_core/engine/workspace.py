@@ -99,9 +99,9 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         law=new_law(size),
         bodies=Bodies(
             free_velocity=vectors[0],
-            angular_velocity=vectors[1],
-            velocity_change=vectors[2],
-            angular_change=vectors[3],
+            free_angular_velocity=vectors[1],
+            velocity=vectors[2],
+            angular_velocity=vectors[3],
             displacement=vectors[4],
             strongest=numbers[0],
         ),
