@@ -242,10 +242,14 @@ class Teacher:
             self._material(
                 body, restitution[i], friction[i], rolling.bullets_own[i] if bullets_own else 0.0
             )
-            if inertia[i] != SOLID:  # Bullet's own
-                moment = inertia[i] * self._mass[i] * self._radius[i] ** 2
+            if inertia[i] != SOLID:  # Bullet's own; it takes an inertia only with its mass
+                mass, moment = self._mass[i], inertia[i] * self._mass[i] * self._radius[i] ** 2
                 bullet.changeDynamics(
-                    body, -1, localInertiaDiagonal=3 * [moment], physicsClientId=client
+                    body,
+                    -1,
+                    mass=mass,
+                    localInertiaDiagonal=3 * [moment],
+                    physicsClientId=client,
                 )
             # Bullet's velocities live half a substep before its positions: see `_read`
             velocity = start.velocities[i] / self._length - 0.5 * self._substep * self._gravity

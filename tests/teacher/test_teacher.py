@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from rigid_gns_core import Air, ContactLaw
 from rigid_gns_core.data.records import demo_record
 from rigid_gns_core.scenes.plane import seen_from_behind
 from rigid_gns_core.scenes.scene import Plane, Scene
@@ -245,6 +246,33 @@ def test_resist_rolling_never_reverses() -> None:
     np.testing.assert_allclose(left.velocities, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
     np.testing.assert_allclose(left.angular_velocities, [[0, 0, 0], [0, -2.75, 0]], atol=1e-15)
     assert left.stopped.tolist() == [True, False]
+
+
+def test_hollow_spheres_roll_as_they_do(bullet) -> None:
+    slope = np.radians(10.0)
+    plane = Plane(normal=(np.sin(slope), 0.0, np.cos(slope)), friction=1.0)
+    for inertia in (0.4, 2 / 3):
+        for rho in (0.0, 0.05):
+            scene = Scene(
+                surfaces=(plane,), friction=1.0, rolling_friction=rho, inertia_factor=inertia
+            )
+            run = simulate(scene, spheres([plane.normal]), 10)
+            speed = run.velocities[-1, 0] @ [np.cos(slope), 0.0, -np.sin(slope)]
+            down = GRAVITY * (np.sin(slope) - rho * np.cos(slope)) / (1.0 + inertia)
+            assert speed == pytest.approx(down, rel=2e-3)  # as the group `incline`
+
+
+@pytest.mark.parametrize(
+    ('given', 'what'),
+    [
+        ({'air': Air()}, 'air'),
+        ({'sphere_contact': ContactLaw()}, 'a contact law'),
+        ({'surfaces': Plane(contact=ContactLaw())}, 'a contact law'),
+    ],
+)
+def test_what_bullet_has_not_is_refused(given: dict, what: str) -> None:
+    with pytest.raises(TeacherError, match=f'the scene has {what}, which Bullet has not'):
+        simulate(Scene(**given), spheres([[0.0, 0.0, 3.0]]), 1)
 
 
 def test_missing_pybullet_tells_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
