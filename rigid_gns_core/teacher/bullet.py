@@ -245,11 +245,7 @@ class Teacher:
             if inertia[i] != SOLID:  # Bullet's own; it takes an inertia only with its mass
                 mass, moment = self._mass[i], inertia[i] * self._mass[i] * self._radius[i] ** 2
                 bullet.changeDynamics(
-                    body,
-                    -1,
-                    mass=mass,
-                    localInertiaDiagonal=3 * [moment],
-                    physicsClientId=client,
+                    body, -1, mass=mass, localInertiaDiagonal=3 * [moment], physicsClientId=client
                 )
             # Bullet's velocities live half a substep before its positions: see `_read`
             velocity = start.velocities[i] / self._length - 0.5 * self._substep * self._gravity
