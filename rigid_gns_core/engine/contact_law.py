@@ -16,18 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .world import (
-    FAST,
-    given_law,
-    MIDDLE,
-    ROLL,
-    SLIDE,
-    SLOPE,
-    SLOW,
-    SPIN,
-    THRESHOLD_TIME,
-    World,
-)  # fmt: skip
+from .restitution import restitution_at
+from .world import given_law, ROLL, SLIDE, SLOPE, SLOW, SPIN, THRESHOLD_TIME, World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
@@ -142,30 +132,6 @@ def _rolling_of(world: World, given: int, radius: float) -> float:
     """Resistance rho r by a contact law: more than 0 where it has any of rho, rho' and sigma."""
     others = world.laws[given, SLOPE] + world.laws[given, SPIN]
     return max(world.laws[given, ROLL] * radius, _NEXT_TO_NOTHING if others > 0 else 0.0)
-
-
-@in_place
-def restitution_at(slow: float, fast: float, middle: float, speed: float) -> float:
-    """Restitution at an approach speed u: e_fast + (e_slow - e_fast) u_0 / (u_0 + u)."""
-    if slow == fast:
-        return slow
-    return fast + (slow - fast) * middle / (middle + max(speed, 0.0))
-
-
-@in_place
-def curve_of(world: World, given: int) -> tuple[float, float, float]:
-    """Restitution of a contact law: e_slow, e_fast and u_0."""
-    return world.laws[given, SLOW], world.laws[given, FAST], world.laws[given, MIDDLE]
-
-
-@in_place
-def restitution_on_plane(world: World, i: int, plane: int, speed: float) -> float:
-    """Restitution of a sphere on a plane at an approach speed."""
-    given = given_law(world, plane)
-    if given >= 0:
-        slow, fast, middle = curve_of(world, given)
-        return restitution_at(slow, fast, middle, speed)
-    return world.restitution[i] * world.laws[plane, SLOW]
 
 
 @in_place

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates, PAD
-from .contact_law import restitution_on_plane
 from .flight import reach_of
 from .rectangle import to_plane
+from .restitution import restitution_on_plane
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices

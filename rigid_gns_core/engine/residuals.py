@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact_law import curve_of, Law, Target, target_of
+from .contact_law import Law, Target, target_of
 from .contacts import Contacts
 from .impact import TOUCH
 from .impulses import Bodies, free_slip, Impulses, separation_velocity
+from .restitution import curve_of
 from .world import given_law, gravity_of, GRIP, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.vector import across, dot, minus, put, row, times, Vector

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core import Plane, Scene, State
+from rigid_gns_core import Air, ContactLaw, Plane, RestitutionCurve, Scene, State
 from rigid_gns_core.data.records import read_record, Record, write_record
+from rigid_gns_core.scenes.plane import RANGES
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene_file import load_start, write_start
 from rigid_gns_core.scenes.state import as_unit, Trajectory
@@ -29,7 +30,14 @@ def random_plane(rng: np.random.Generator) -> Plane:
     ]
     lengths = np.where(rng.random(2) < 0.3, np.inf, 10.0 ** rng.uniform(-3.0, 3.0, 2))
     material = None if rng.random() < 0.5 else float(rng.random())
-    return Plane(tuple(rng.normal(size=3)), normal, direction, *lengths, material, material)
+    law = random_law(rng) if material is None and rng.random() < 0.5 else None
+    return Plane(tuple(rng.normal(size=3)), normal, direction, *lengths, material, material, law)
+
+
+def random_law(rng: np.random.Generator) -> ContactLaw:
+    """A contact law of a number or a curve."""
+    curve = RestitutionCurve(*rng.random(3)) if rng.random() < 0.5 else float(rng.random())
+    return ContactLaw(curve, *rng.random(5) * 10.0 ** rng.uniform(-9.0, 0.0, 5))
 
 
 @pytest.fixture(scope='module')
@@ -41,6 +49,9 @@ def scene() -> Scene:
         mass=tuple(10.0 ** rng.uniform(-5.0, 5.0, 3)),
         restitution=float(rng.random()),
         gravity=tuple(rng.normal(size=3)),
+        inertia_factor=tuple(rng.uniform(0.1, 0.6, 3)),
+        air=Air(*rng.random(5), tuple(rng.normal(size=3)), 1e-7 * rng.random()),
+        sphere_contact=ContactLaw(RestitutionCurve(*rng.random(3)), *rng.random(2)),
     )
 
 
@@ -49,7 +60,10 @@ def bytes_of(scene: Scene) -> bytes:
     parts = [
         np.concatenate([p.point, p.axes.ravel(), [p.length_x, p.length_y]]) for p in scene.surfaces
     ]
-    names = ('radius', 'mass', 'restitution', 'friction', 'rolling_friction', 'gravity')
+    names = (*RANGES, 'gravity')
+    parts += [
+        np.array(repr([p.contact for p in scene.surfaces] + [scene.air, scene.sphere_contact]))
+    ]
     return b''.join(np.asarray(part).tobytes() for part in parts) + b''.join(
         np.asarray(getattr(scene, name)).tobytes() for name in names
     )
