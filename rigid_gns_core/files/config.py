@@ -139,8 +139,11 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if origin in (typing.Union, types.UnionType):
         if value is None and type(None) in arguments:
             return None
-        errors = []
-        for argument in (a for a in arguments if a is not type(None)):
+        errors, given = [], [a for a in arguments if a is not type(None)]
+        # a mapping is meant for a dataclass, and nothing else is: one error tells enough
+        nested = isinstance(value, Mapping) or dataclasses.is_dataclass(value)
+        fitting = [a for a in given if dataclasses.is_dataclass(a) == nested]
+        for argument in fitting or given:
             try:
                 return _convert(argument, value, where)
             except ConfigError as error:

@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from rigid_gns_core import Air, ContactLaw, UserError
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
@@ -105,3 +106,13 @@ def test_mujoco_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     field = all_peers(['MuJoCo', 'laws'], quick=True)
     assert [peer.family for peer in field.peers] == ['laws']
     assert 'rigid_gns_ros[bench]' in field.absent['MuJoCo']
+
+
+@pytest.mark.parametrize(
+    'given',
+    [{'air': Air()}, {'sphere_contact': ContactLaw()}, {'inertia_factor': 2 / 3}],
+    ids=lambda given: next(iter(given)),
+)
+def test_mujoco_refuses_what_it_has_not(given: dict) -> None:
+    with pytest.raises(UserError, match='air, a contact law or spheres that are not solid'):
+        mujoco(Scene(**given), State(positions=np.array([[0.0, 0.0, 2.0]])))
