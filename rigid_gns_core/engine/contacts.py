@@ -209,10 +209,12 @@ def _shield(
         if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
             impacts.found[current] = True
             return  # it meets that face only later, and is held until then
-        _find(
-            world, paths, candidates, other, h, lookback, True,
-            impacts,
-        )  # fmt: skip
+        _find(world, paths, candidates, other, h, lookback, True, impacts)
+        # a sphere that leaves a face within h is on it until then, whose ever its edge is
+        crossing = impacts.values[current, 7]
+        if crossing < h:
+            impacts.values[other, 7] = min(impacts.values[other, 7], crossing)
+            impacts.values[other, 4] = impacts.values[current, 4]
         if not impacts.edge[other]:
             return
         current = other

@@ -37,6 +37,9 @@ MOMENTUM = 0.5
 # few contacts are solved until an iteration changes none by more than this [g h, and approach
 # speed]; blows need it, and resting contacts have it after the first iteration
 _EXACT, _MOST_ITERATIONS = 3e-4, 16
+# few whose last iteration changed one by more than this [g h, and approach speed] have friction
+# that does not converge, as between masses of a ratio of 1e6
+_LOST = 1.0
 # many, whose last iteration changed a contact by more than this [g h], have not converged, as
 # after a blow; they get at most so many more, until one changes none by more than that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
@@ -135,10 +138,9 @@ def solve(
         state.previous_normal[k] = impulses.normal[k]
         put(state.previous_tangential, k, row(impulses.tangential, k))
     few, pivots = len(contacts.a) <= MOST_CONTACTS, scratch_out
-    most, tolerance = iterations, 0.0
+    most, tolerance, fastest = iterations, 0.0, 0.0
     if few:
         pivots = pivots_of(world, contacts, scratch_out)
-        fastest = 0.0
         for k in range(len(contacts.a)):
             fastest = max(fastest, contacts.approach_speed[k])
         most = max(iterations, _MOST_ITERATIONS)
@@ -147,6 +149,10 @@ def solve(
         world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few, pivots,
         bodies, impulses, state,
     )  # fmt: skip
+    if few and change > _LOST * (weight_of(world) * nominal_h + fastest):
+        _drop_friction(
+            world, contacts, law, h, nominal_h, pivots, accelerations, state, bodies, impulses
+        )
     if not few and change > _UNCONVERGED * UNIT_GRAVITY * nominal_h:
         most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
         change = _iterate(
@@ -198,6 +204,33 @@ def _iterate(
             if change < tolerance:
                 break
     return change
+
+
+@in_place
+def _drop_friction(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    h: float,
+    nominal_h: float,
+    pivots: Pivots,
+    accelerations: Array,
+    state_out: SolverState,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+) -> None:
+    """Solve the contacts without friction, which is exact whatever the masses."""
+    impulses = impulses_out
+    for k in range(len(contacts.a)):
+        put(impulses.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses.rolling, k, (0.0, 0.0, 0.0))
+    for _ in range(2):  # the first finds which contacts carry force
+        start_from(world, contacts, law, impulses, bodies_out, impulses)
+        find_residuals(
+            world, contacts, law, impulses, accelerations, h, nominal_h, bodies_out, state_out
+        )
+        if not _step_exactly(world, contacts, pivots, bodies_out, impulses, state_out):
+            return
 
 
 @in_place
