@@ -264,8 +264,9 @@ def _reproduce(bag: Path, arguments: argparse.Namespace) -> int:
     from ..recordings.scoring.reproduce import reproduce
 
     recorded = read_bag(bag)
-    topics = find_topics(recorded, arguments.tracked, arguments.predicted)
-    result = reproduce(recorded, topics, arguments.model)
+    with recorded.naming_damage():
+        topics = find_topics(recorded, arguments.tracked, arguments.predicted)
+        result = reproduce(recorded, topics, arguments.model)
     print('\n'.join([str(result), *recorded.warnings]))
     _write_numbers(arguments.json, vars(result))
     return 1 if result.different else 0

@@ -79,8 +79,8 @@ class NodeTopics:
         self._node, self._on_tracked = node, on_tracked
         self.bag: BagWriter | None = None
         self._recorded: list[
-            tuple[str, str, Qos]
-        ] = []  # name, type and QoS of each recorded topic
+            tuple[str, str, Qos, int]
+        ] = []  # name, type, QoS and depth of each recorded topic
         self._early: dict[str, bytes] = {}  # last messages before the first time on /clock
         self.recorded_bytes = 0  # of messages passed to the bag
         self.predicted = self._publisher(PoseArray, 'predicted_poses')
@@ -173,14 +173,14 @@ class NodeTopics:
         return publisher
 
     def _register(self, name: str, kind: Any, profile: QoSProfile) -> None:
-        """Register a topic for the bag, with the nearest of its three QoS profiles."""
+        """Register a topic for the bag, with its depth and the nearest of three QoS profiles."""
         package, kind_name = kind.__module__.split('.')[0], kind.__name__
         qos: Qos = 'reliable'
         if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             qos = 'latched'
         elif profile.reliability == ReliabilityPolicy.BEST_EFFORT:
             qos = 'sensor_data'
-        self._recorded.append((name, f'{package}/msg/{kind_name}', qos))
+        self._recorded.append((name, f'{package}/msg/{kind_name}', qos, profile.depth))
 
     def _new_bag(self, record: str, max_size: float, max_duration: float) -> BagWriter:
         try:
