@@ -17,9 +17,14 @@ import sys
 from typing import Any, cast, TypeVar
 import uuid
 
-import numba
-from numba.core import caching, compiler, serialize
-from numba.core.registry import cpu_target
+from ..installation.extras import missing
+
+try:
+    import numba
+    from numba.core import caching, compiler, serialize
+    from numba.core.registry import cpu_target
+except ModuleNotFoundError as error:
+    raise missing(error, 'the engine') from error
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 

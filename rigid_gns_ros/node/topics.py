@@ -87,6 +87,9 @@ class NodeTopics:
         self.trajectory = self._publisher(MultiDOFJointTrajectory, 'predicted_trajectory', depth=1)
         self.markers = self._publisher(MarkerArray, 'predicted_markers', recorded=False)
         self.scene = self._publisher(String, '~/scene', depth=1, latched=True)
+        self.surfaces = self._publisher(
+            MarkerArray, '~/surfaces', depth=1, latched=True, recorded=False
+        )
         self.start = self._publisher(String, '~/start', depth=1, latched=True)
         self.step_time = self._publisher(Float64, '~/step_time')
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')

@@ -114,6 +114,17 @@ def test_a_bad_parameter_ends_the_process(run_process: Run, argument: str, messa
     assert lines[0].startswith('[FATAL]') and message in lines[0]
 
 
+def test_a_missing_numba_is_named_with_its_remedy(run_process: Run) -> None:
+    program = (
+        "import sys; sys.modules['numba'] = None; sys.argv = ['simulator']; "
+        'from rigid_gns_ros.simulator_node import main; sys.exit(main())'
+    )
+    run = run_process([sys.executable, '-c', program])
+    assert run.exit_code() == 1
+    (line,) = [line for line in run.output.splitlines() if line.strip()]
+    assert line.endswith('the engine needs numba, which is not installed: pip install numba')
+
+
 @pytest.mark.parametrize(
     ('words', 'message'),
     [
