@@ -125,5 +125,7 @@ class SimulatorNode(ClosingNode):
                 resync.bound = float(parameter.value)
             elif parameter.name == 'resync_over':
                 resync.over = str(parameter.value)
+            elif parameter.name == 'tracker_timeout':
+                self.simulation.silence.timeout = float(parameter.value)
             elif parameter.name == 'horizon':
                 self.simulation.futures.seconds = float(parameter.value)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from rigid_gns_core.errors import UserError
 from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
+
+from .lost_messages import LostMessages
 
 # QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (
@@ -58,6 +60,7 @@ class NodeTopics:
     Args:
         node: Node of the topics.
         on_tracked: Called with the bytes of each message on tracked_poses.
+        on_lost: Called with the number of messages on it that were lost before one that came.
         record: Folder of the bag to write; empty: no recording.
         max_size: See `BagWriter` [MB].
         max_duration: See `BagWriter` [s].
@@ -71,12 +74,13 @@ class NodeTopics:
         self,
         node: Node,
         on_tracked: Callable[[bytes], None],
+        on_lost: Callable[[int], None],
         record: str,
         *,
         max_size: float = 0.0,
         max_duration: float = 0.0,
     ) -> None:
-        self._node, self._on_tracked = node, on_tracked
+        self._node, self._on_tracked, self._on_lost = node, on_tracked, on_lost
         self.bag: BagWriter | None = None
         self._recorded: list[
             tuple[str, str, Qos, int]
@@ -94,16 +98,19 @@ class NodeTopics:
         self.step_time = self._publisher(Float64, '~/step_time')
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
         profile = sensor_data()
+        heard: Any = self._heard  # rclpy counts its arguments
         with _named_overrides('tracked_poses'):
             self.tracked = node.create_subscription(
                 PoseArray,
                 'tracked_poses',
-                on_tracked,
+                heard,
                 profile,
                 raw=True,
                 qos_overriding_options=overridable(),
             )
         self._register(self.tracked.topic_name, PoseArray, profile)
+        self.lost_frames = LostMessages(self.tracked.get_publisher_count)
+        self.queue_depth = profile.depth
         # last, so that a failing topic leaves no bag; no message was sent or received yet
         if record:
             self.bag = self._new_bag(record, max_size, max_duration)
@@ -136,7 +143,13 @@ class NodeTopics:
                 taken = self.tracked.handle.take_message(self.tracked.msg_type, self.tracked.raw)
             if taken is None:
                 return
-            self._on_tracked(taken[0])
+            self._heard(*taken)
+
+    def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
+        """Take a message on tracked_poses, with what rclpy knows of it."""
+        if lost := self.lost_frames.take(information.get('publication_sequence_number')):
+            self._on_lost(lost)
+        self._on_tracked(cdr)
 
     def close(self) -> str:
         """Finish the bag; a line on the result, empty without a bag."""
