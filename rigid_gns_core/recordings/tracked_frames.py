@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..bags.reader import BagError, Topic
-from ..data.tracks import Track
+from ..data.tracks import known_rotations, Track
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
 from ..scenes.state import Array, as_unit
-from ..tracking.pose_noise import estimate_noise, PoseNoise, rotates
+from ..tracking.pose_noise import estimate_noise, PoseNoise
 from ..tracking.usable_frames import (
     FrameOrder,
     median_interval,
@@ -249,12 +249,11 @@ def _segment(run: list[PoseArrayFrame], ids: tuple[int, ...] | None) -> Segment:
 def as_track(part: Segment, name: str) -> Track:
     """A segment as the tracker gave it; poses that `--match` filled in are among its own."""
     ids = range(part.poses.shape[1]) if part.ids is None else part.ids
-    turns = part.poses[..., 3:]
     return Track(
         name=name,
         times=part.times,
         positions=part.poses[..., :3],
-        quaternions=turns if rotates(turns) else None,
+        quaternions=known_rotations(part.poses[..., 3:]),
         spheres=tuple(str(sphere) for sphere in ids),
         begin=int(part.stamps[0]) * 1e-9,
     )

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..tracked_frames import DecodedTopic
-from ...data.tracks import Track
+from ...data.tracks import known_rotations, Track
 from ...errors import UserError
 from ...scenes.scene import Scene
 from ...scenes.state import Array, quaternion_multiply
@@ -59,7 +59,7 @@ def turned(track: Track, scale: float, up: str) -> Track:
     matrix = np.array(AXES[up], dtype=np.float64)
     rotations = track.quaternions
     if rotations is not None:
-        rotations = quaternion_multiply(_quaternion(matrix), rotations)
+        rotations = known_rotations(quaternion_multiply(_quaternion(matrix), rotations))
     return replace(track, positions=scale * track.positions @ matrix.T, quaternions=rotations)
 
 

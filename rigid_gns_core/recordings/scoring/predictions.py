@@ -12,6 +12,7 @@ import numpy as np
 
 from .bag_score import BagScore
 from .horizon_errors import add_forecast, HorizonErrors
+from .rotations import leave_out_unknown
 from .timing import lateness, quantiles
 from .units import check_topic_units
 from ..alignment import align
@@ -72,6 +73,7 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     if all_tracked.damaged:
         dropped['damaged'] = all_tracked.damaged
     report = evaluate(compared, reference, scene, velocities='poses')
+    unknown = leave_out_unknown(report, reference)
     report['recording'] = {
         'bag': str(bag.path),
         'predicted': predicted_topic.name,
@@ -104,7 +106,7 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     report['timing'] = (
         _timing(all_predictions) | _step_times(topics) | lateness('tracked_lateness', all_tracked)
     )
-    report['notes'] = _notes(bag, report, dropped, every)
+    report['notes'] = unknown + _notes(bag, report, dropped, every)
     return BagScore(report, scene, compared, reference)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from .bag_score import BagScore
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
+from .rotations import leave_out_unknown
 from .timing import lateness
 from .units import check_units
 from ..matched_frames import segment_matched_frames
@@ -133,6 +134,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
             begun += _score(errors, forecast, reference, model)
     wanted = sum(len(frames) for _, frames in starts)
     report, drawn = _whole(model, max(references, key=_duration), options)
+    notes += leave_out_unknown(report, drawn[1])
     report['recording'] = {
         'bag': str(bag.path),
         'predicted': f'rolled out from {begun} of the tracked frames',
