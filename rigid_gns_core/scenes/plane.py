@@ -23,11 +23,13 @@ Vector = tuple[float, float, float]
 
 SOLID = 0.4
 """Inertia factor of a solid sphere."""
+# of what is squared: the square of twice as much is still a number
+LARGEST = 1e100
 
 # name: (lowest, highest, lowest is allowed)
 RANGES = {
-    'radius': (0.0, np.inf, False),
-    'mass': (0.0, np.inf, False),
+    'radius': (0.0, LARGEST, False),
+    'mass': (0.0, LARGEST, False),
     'restitution': (0.0, 1.0, True),
     'friction': (0.0, np.inf, True),
     'rolling_friction': (0.0, np.inf, True),
@@ -37,7 +39,7 @@ RANGES = {
 
 def checked_property(name: str, value: ArrayLike) -> PerSphere:
     """Property as a number, or as a tuple with one per sphere; UserError where out of range."""
-    array = np.asarray(value, dtype=np.float64)
+    array = checked_floats(name, value)
     if array.ndim > 1 or array.size == 0:
         raise UserError(f'{name} has shape {array.shape}, expected a number or one per sphere')
     low, high, closed = RANGES[name]
@@ -50,11 +52,21 @@ def checked_property(name: str, value: ArrayLike) -> PerSphere:
     return float(array) if array.ndim == 0 else tuple(array.tolist())
 
 
+def checked_floats(name: str, value: ArrayLike) -> Array:
+    """Numbers as an array of any shape; UserError where a double does not hold them."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except OverflowError:
+        raise UserError(f'{name} is a number too large for a double, 1.8e308') from None
+
+
 def checked_vector(name: str, value: ArrayLike) -> Vector:
     """Vector of three finite numbers; UserError for anything else."""
-    array = np.asarray(value, dtype=np.float64)
+    array = checked_floats(name, value)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise UserError(f'{name} is {value}, expected three finite numbers')
+    if np.abs(array).max() > LARGEST:
+        raise UserError(f'{name} is {value}, expected numbers of at most {LARGEST:g}')
     return tuple(array.tolist())
 
 

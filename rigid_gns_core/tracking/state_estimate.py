@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .environment import Environment
 from .jit import compiling
 from .motion_models import Motion, ROLLING
-from .pose_noise import estimate_noise
+from .pose_noise import estimate_noise, rotates
 from .velocity import estimate_motion
 from ..errors import UserError
 from ..scenes.scene import Scene
@@ -50,7 +50,8 @@ def estimate_state(
         scene: Surfaces, radii and gravity.
         times: Rising times of the frames [s], shape (m,).
         positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
-        quaternions: Rotations (x, y, z, w), shape (m, n, 4); None: not tracked.
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where unknown; None: not
+            tracked. Those of a sphere that never change are unknown, too.
         noise: Standard deviation of each coordinate of a position [m]; None: estimated from
             these frames.
 
@@ -69,11 +70,18 @@ def estimate_state(
         lost = int(np.argmin(seen.any(axis=0)))
         raise UserError(f'sphere {lost} is seen in no frame; leave it out')
     turns = np.broadcast_to(_UNTURNED, (*seen.shape, 4)).copy()
+    turned = np.zeros(centres.shape[1], dtype=np.bool_)
     if quaternions is not None:
         given = np.asarray(quaternions, dtype=np.float64)
         if given.shape != turns.shape:
             raise UserError(f'quaternions have shape {given.shape}, expected {turns.shape}')
-        turns[seen] = given[seen]
+        known = np.asarray(np.isfinite(given).all(axis=-1))
+        turns[seen & known] = given[seen & known]
+        for sphere, own in enumerate(seen.T):
+            # one that was never told, or never changes, tells nothing of the spin
+            turned[sphere] = bool(known[own, sphere].all()) and rotates(turns[own, sphere])
+            if not turned[sphere]:
+                turns[:, sphere] = _UNTURNED
     centres[~seen] = 0.0  # not read
     radii = scene.per_sphere('radius', centres.shape[1])
     sigma = _noise(stamps, centres, seen) if noise is None else noise
@@ -93,7 +101,7 @@ def estimate_state(
         velocities=motion.velocities,
         angular_velocities=motion.angular_velocities,
     )
-    return StateEstimate(state, _covariance(motion, radii, sigma, quaternions is not None))
+    return StateEstimate(state, _covariance(motion, radii, sigma, turned))
 
 
 def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
@@ -104,7 +112,7 @@ def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
     return estimate_noise(parts).position
 
 
-def _covariance(motion: Motion, radii: Array, noise: float, turned: bool) -> Array:
+def _covariance(motion: Motion, radii: Array, noise: float, turned: NDArray[np.bool_]) -> Array:
     """Covariance of a line through N frames at equal intervals h, at the last of them.
 
         var p = 2 (2N - 1) / (N (N + 1)) s^2
