@@ -29,6 +29,8 @@ from ..scenes.state import Array
 
 # most corrections after the last substep, of collisions on paths that contacts bent within it
 _CORRECTIONS = 3
+# overlaps [radii] that are pushed out at the end of a frame, among all candidates
+_DEEP = 2e-3
 # iterations of the solver that find the impulses of a start, where there is no warm start
 _COLD_ITERATIONS = 60
 
@@ -106,20 +108,22 @@ def advance(
             done += 1
         outran = _outrun(members_world, motion, start, reach, dt - done * h)
         for _ in range(0 if outran else _CORRECTIONS):
-            if not _find_missed(members_world, motion, local, h, work):
+            missed, deep = _find_missed(members_world, motion, local, h, work)
+            if not (missed or deep):
                 break
-            substep(
-                world=members_world,
-                candidates=local,
-                chosen=work.missed,
-                h=0.0,
-                nominal_h=h,
-                iterations=settings.iterations,
-                work_out=work,
-                motion_out=motion,
-                impulses_out=no_impulses(len(local.a)),
-                islands_out=members_islands,
-            )
+            if missed:
+                substep(
+                    world=members_world,
+                    candidates=local,
+                    chosen=work.missed,
+                    h=0.0,
+                    nominal_h=h,
+                    iterations=settings.iterations,
+                    work_out=work,
+                    motion_out=motion,
+                    impulses_out=no_impulses(len(local.a)),
+                    islands_out=members_islands,
+                )
             separate_once(members_world, motion.positions, motion.velocities, local, work)
         _scatter(motion, quaternions, members_islands, members, after, islands)
         if not outran and started == 0:
@@ -188,24 +192,29 @@ def _outrun(world: World, motion: Motion, start: Array, reach: Array, left: floa
 @in_place
 def _find_missed(
     world: World, motion: Motion, candidates: Candidates, h: float, work_out: Workspace
-) -> bool:
-    """Mark candidates of bodies that overlap and approach, since contacts bent their paths."""
+) -> tuple[bool, bool]:
+    """Mark candidates of bodies that overlap and approach, since contacts bent their paths.
+
+    Returns whether there are any, and whether any overlap is deep.
+    """
     work, order = work_out, work_out.order
     paths = Paths(motion.positions, motion.velocities, world.flight)
     find_impacts(world, paths, candidates, work.every_pair, work.every, 0.0, h, work.impacts)
     size, _ = contacts_by_island(
         candidates, work.everyone, work.every_pair, work.impacts, order, work.contacts
     )
-    contacts, hit, fixed, any_missed = work.contacts, order.number, len(motion.awake), False
+    contacts, hit, fixed = work.contacts, order.number, len(motion.awake)
+    any_missed, deep = False, False
     hit[: fixed + 1] = 0
     for k in range(size):
+        deep |= contacts.gap[k] < -_DEEP * world.radius[contacts.a[k]]
         if contacts.time[k] < 0 and contacts.approach_speed[k] > UNIT_GRAVITY * h:
             hit[contacts.a[k]] = hit[contacts.b[k]] = 1
     hit[fixed] = 0
     for k in work.every_pair:
         work.missed[k] = hit[candidates.a[k]] + hit[candidates.b[k]] > 0
         any_missed |= work.missed[k]
-    return any_missed
+    return any_missed, deep
 
 
 @in_place

@@ -39,7 +39,7 @@ MOMENTUM = 0.5
 _EXACT, _MOST_ITERATIONS = 3e-4, 16
 # few whose last iteration changed one by more than this [g h, and approach speed] have friction
 # that does not converge, as between masses of a ratio of 1e6
-_LOST = 1.0
+_LOST = 30.0
 # many, whose last iteration changed a contact by more than this [g h], have not converged, as
 # after a blow; they get at most so many more, until one changes none by more than that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
