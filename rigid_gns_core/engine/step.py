@@ -79,11 +79,17 @@ def step(
     size, islands = contacts_by_island(
         candidates, members, pairs, work.impacts, work.order, work.contacts
     )
+    for i in members:
+        put(work.positions, i, row(p, i))
     if size == 0:
         for i in members:
             label_out[i] = -1
         fly_in_place(path, mean, motion.awake, members, h, p, v)
         clear_impulses(pairs, impulses_out)
+        # one that was struck in this substep may meet planes that are no candidates
+        keep_sides(
+            world, candidates, members, pairs, work.positions, work.speeds, h, work.cuts, p, v
+        )
         return 0
     contacts, impulses, bodies = contacts_among(work.contacts, 0, size), work.impulses, work.bodies
     find_law(world, contacts, work.law)
@@ -127,8 +133,6 @@ def step(
         world, contacts, work.law, bodies, impulses_out, impulses, begin, islands, members, h,
         last_h, nominal_h, label_out, opening_out,
     )  # fmt: skip
-    for i in members:
-        put(work.positions, i, row(p, i))
     fly_in_place(path, mean, motion.awake, members, h, p, v)
     for i in members:
         add_to(p, i, row(bodies.displacement, i))
