@@ -9,6 +9,7 @@ import importlib
 from typing import Any, TYPE_CHECKING
 
 from .errors import UserError
+from .scenes.air import Air
 from .scenes.plane import Plane
 from .scenes.scene import Scene
 from .scenes.scene_file import load_scene
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from .rollout.simulator import Simulator
 
 __all__ = [
+    'Air',
     'Plane',
     'Rollout',
     'Scene',

@@ -34,7 +34,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'import': (
         'rigid_gns_core.commands.import_bags',
-        'make a data set of the tracked poses in bags',
+        'make a data set of the tracked poses in bags and CSV files',
     ),
     'calibrate': ('rigid_gns_core.commands.calibrate', 'fit materials to tracked poses'),
     'generate': (

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What does not move in a scene: planes, sphere properties, materials and gravity."""
+"""What does not move in a scene: planes, sphere properties, materials, gravity and air."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from .air import Air
 from .plane import checked_property, checked_vector, PerSphere, RANGES, Vector
 from .plane import Plane as Plane
 from .state import Array
 from ..errors import UserError
-from ..files.config import ConfigError, from_mapping
+from ..files.config import ConfigError, from_mapping, to_mapping
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class Scene:
         rolling_friction: Dimensionless rho: on a surface with normal force N, a torque rho r N
             resists rolling, so a sphere that rolls on a level floor slows by rho g / 1.4.
         gravity: Acceleration [m/s^2], world frame; one number means along -z.
+        air: Air around the spheres; None: a vacuum.
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
     of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
@@ -58,6 +60,7 @@ class Scene:
     friction: PerSphere = 0.5
     rolling_friction: PerSphere = 0.02
     gravity: Vector = (0.0, 0.0, -9.81)
+    air: Air | None = None
 
     def __post_init__(self) -> None:
         planes = self.surfaces
@@ -76,6 +79,8 @@ class Scene:
                 raise UserError(f'gravity is {gravity:g}, expected at least 0, or a vector')
             gravity = (0.0, 0.0, -float(np.asarray(gravity)))
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
+        if self.air is not None and not isinstance(self.air, Air):
+            raise UserError(f'air is {self.air!r}, expected Air(...), or None for a vacuum')
 
     @property
     def sphere_count(self) -> int | None:
@@ -139,6 +144,8 @@ class Scene:
             value = getattr(self, name)
             mapping[name] = list(value) if isinstance(value, tuple) else value
         mapping['gravity'] = list(self.gravity)
+        if self.air is not None:
+            mapping['air'] = to_mapping(self.air)
         for surface in mapping['surfaces']:
             for name in ('length_x', 'length_y'):
                 if np.isinf(surface[name]):

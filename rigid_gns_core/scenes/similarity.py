@@ -8,6 +8,9 @@ the scales of length L = r / r_m and time T = sqrt(L g_m / g), m for the model, 
 that turns gravity to -z:
 
     p_m = R p / L,  v_m = R v T / L,  w_m = R w T,  dt = dt_m T.
+
+Masses carry over, so that the density of air becomes rho L^3, its wind scales as velocities, and
+its spin decay as 1 / T; the coefficients of drag and lift have no units.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from .air import Air
 from .scene import Plane, Scene
 from .state import Array, quaternion_multiply, State
 from ..errors import UserError
@@ -82,6 +86,16 @@ class Similarity:
             surfaces=tuple[Plane, ...](surfaces),
             gravity=tuple(self.rotation @ gravity),
             radius=_divide(scene.radius, self.length),
+            air=None if scene.air is None else self._air(scene.air),
+        )
+
+    def _air(self, air: Air) -> Air:
+        wind = self.rotation @ air.wind * (self.time / self.length)
+        return replace(
+            air,
+            density=air.density * self.length**3,
+            wind=tuple(wind),
+            spin_decay=air.spin_decay * self.time,
         )
 
     def to_model(self, state: State) -> State:

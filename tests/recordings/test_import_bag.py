@@ -18,7 +18,7 @@ from rigid_gns_core.data.records import Dataset
 from rigid_gns_core.forecasts.interpolation import interpolate
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.importing.import_bags import import_bags
-from rigid_gns_core.recordings.importing.tracks import ImportOptions
+from rigid_gns_core.recordings.importing.options import ImportOptions
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between
 import yaml

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Import of the tracked poses of bags into a data set, as docs/learn_from_tracks.md describes."""
+"""Import of tracked poses into a data set, as docs/learn_from_tracks.md describes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from .tracks import ImportOptions, read_tracks
+from .csv_import import import_csv, noise_of_tracks
+from .options import Imported, ImportOptions
+from .tracks import read_bag_tracks
 from ...data.common_scene import fingerprint
 from ...data.recipe import DataRecipe, recipe_hash
 from ...data.records import (
@@ -25,6 +27,7 @@ from ...data.records import (
     write_recipe,
     write_record,
 )
+from ...data.tracks import tracks_hash, TrackSet, write_tracks
 from ...errors import UserError
 from ...files.config import from_mapping
 from ...running.progress import Progress
@@ -33,13 +36,16 @@ from ...running.progress import Progress
 def import_bags(
     bags: Sequence[str | Path], out: str | Path, options: ImportOptions | None = None
 ) -> list[dict[str, Any]]:
-    """Write a data set of the tracked poses of bags, completely or not at all.
+    """Write a data set of the tracked poses of bags and CSV files, completely or not at all.
+
+    It holds the tracks as they are, and trajectories at a model's time step where they can be
+    made.
 
     Returns:
-        The report of each bag.
+        The report of each file.
 
     Raises:
-        UserError: A bag cannot be read or used; the message says which, and why.
+        UserError: A file cannot be read or used; the message says which, and why.
         FileExistsError: `out` exists.
     """
     out = Path(out)
@@ -50,30 +56,55 @@ def import_bags(
         raise UserError(f'{twice[0]}: given twice, which would count its frames twice')
     options = options or ImportOptions()
     imported = []
-    with Progress(len(bags), 'import', unit='bag') as progress:
+    with Progress(len(bags), 'import', unit='file') as progress:
         for bag in bags:
-            imported.append(read_tracks(bag, options))
-            progress.update(bag=Path(bag).name)
+            read = import_csv if Path(bag).suffix.lower() == '.csv' else read_bag_tracks
+            imported.append(read(Path(bag), options))
+            progress.update(file=Path(bag).name)
+    found = _together(imported)
     records = [record for one in imported for record in one.records]
     reports = [one.report for one in imported]
-    recipe = _recipe(records, reports)
-    marked = [
-        replace(record, index=index, recipe=recipe_hash(recipe))
-        for index, record in enumerate(records)
-    ]
+    recipe = _recipe(records, reports) if records else None
     partial = out.with_name(f'.{out.name}.{os.getpid()}.tmp')
     try:
         partial.mkdir(parents=True)
-        for index, record in enumerate(marked):
-            write_record(record_path(partial, index), record, 'poses')
-        write_recipe(partial, recipe)
-        text = (partial / RECIPE_NAME).read_text(encoding='utf-8')
-        text = text.replace('rigid-gns generate', 'rigid-gns import', 1)
-        (partial / RECIPE_NAME).write_text(text, encoding='utf-8')
+        write_tracks(partial, found)
+        if recipe is not None:
+            _write_records(partial, records, recipe)
         os.replace(partial, out)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return reports
+
+
+def _write_records(folder: Path, records: list[Record], recipe: DataRecipe) -> None:
+    for index, record in enumerate(records):
+        marked = replace(record, index=index, recipe=recipe_hash(recipe))
+        write_record(record_path(folder, index), marked, 'poses')
+    write_recipe(folder, recipe)
+    text = (folder / RECIPE_NAME).read_text(encoding='utf-8')
+    text = text.replace('rigid-gns generate', 'rigid-gns import', 1)
+    (folder / RECIPE_NAME).write_text(text, encoding='utf-8')
+
+
+def _together(imported: list[Imported]) -> TrackSet:
+    """Tracks of all files.
+
+    Raises:
+        UserError: Their scenes differ.
+    """
+    first = imported[0]
+    for one in imported[1:]:
+        if one.scene != first.scene:
+            files = first.report['file'], one.report['file']
+            raise UserError(
+                f'{files[1]} has another scene than {files[0]}; give one --scene for both, or '
+                'import them into folders of their own'
+            )
+    tracks = tuple(track for one in imported for track in one.tracks)
+    reports = [one.report for one in imported]
+    origin = {'source': 'tracked poses', 'sha256': tracks_hash(tracks), 'files': reports}
+    return TrackSet(tracks, first.scene, noise_of_tracks(tracks), origin)
 
 
 def _recipe(records: list[Record], reports: list[dict[str, Any]]) -> DataRecipe:
@@ -103,4 +134,4 @@ def _recipe(records: list[Record], reports: list[dict[str, Any]]) -> DataRecipe:
         'teacher': origin,
         **materials,
     }
-    return from_mapping(DataRecipe, recipe, 'recipe of the bags')
+    return from_mapping(DataRecipe, recipe, 'recipe of the tracks')

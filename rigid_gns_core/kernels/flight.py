@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flight of one sphere in air, the law that engine, tracking and identification share.
+
+With u = v - wind, q = rho A / 2 over the mass with added mass, and S |u|^2 = r |w x u|:
+
+    dv/dt = g' - q (C_d0 |u| + k r |w x u| / |u|) u + q a r |u|^2 / (r |w x u| + b |u|^2) w x u
+
+which is the law of `Air`, in a form that has no 0 / 0 where the air or the spin is at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from .jit import in_place
+from .vector import cross, dot, length, minus, plus, times, Vector
+from ..scenes.state import Array
+
+
+class Flight(NamedTuple):
+    """Parameters of the flight of one sphere.
+
+    pull: g', acceleration by weight and buoyancy; wind: velocity of the air; load: q; radius: r;
+    drag: C_d0; drag_slope: k; lift: a; lift_half_ratio: b; spin_decay: c.
+    """
+
+    pull: Vector
+    wind: Vector
+    load: float
+    radius: float
+    drag: float
+    drag_slope: float
+    lift: float
+    lift_half_ratio: float
+    spin_decay: float
+
+
+@in_place
+def flight_at(rows: Array, i: int) -> Flight:
+    """Parameters of sphere i, from those of all, shape (n, 13), as of `Air.flight`."""
+    return Flight(
+        pull=(rows[i, 0], rows[i, 1], rows[i, 2]),
+        wind=(rows[i, 3], rows[i, 4], rows[i, 5]),
+        load=rows[i, 6],
+        radius=rows[i, 7],
+        drag=rows[i, 8],
+        drag_slope=rows[i, 9],
+        lift=rows[i, 10],
+        lift_half_ratio=rows[i, 11],
+        spin_decay=rows[i, 12],
+    )
+
+
+@in_place
+def acceleration(velocity: Vector, spin: Vector, flight: Flight) -> Vector:
+    """Acceleration of a sphere that flies with a velocity and an angular velocity."""
+    u = minus(velocity, flight.wind)
+    square = dot(u, u)
+    if square == 0:
+        return flight.pull
+    speed, turning = math.sqrt(square), cross(spin, u)
+    twist = flight.radius * length(turning)
+    drag = flight.load * (flight.drag * speed + flight.drag_slope * twist / speed)
+    lift = flight.load * flight.lift * flight.radius * square
+    lift /= twist + flight.lift_half_ratio * square
+    return plus(flight.pull, minus(times(lift, turning), times(drag, u)))
+
+
+@in_place
+def spin_after(spin: Vector, flight: Flight, time: float) -> Vector:
+    """Angular velocity after a time: w exp(-c t)."""
+    if flight.spin_decay == 0:
+        return spin
+    return times(math.exp(-flight.spin_decay * time), spin)
+
+
+@in_place
+def mean_accelerations(
+    velocity: Vector, spin: Vector, flight: Flight, time: float
+) -> tuple[Vector, Vector]:
+    """Accelerations that lead to the place, and to the velocity, after a time of flight.
+
+    p + v t + a_p t^2 / 2 and v + a_v t, by the classical Runge-Kutta method: with the four
+    accelerations k of its stages, a_p = (k1 + k2 + k3) / 3 and a_v = (k1 + 2 k2 + 2 k3 + k4) / 6.
+    Both are of fourth order in t.
+    """
+    half = spin_after(spin, flight, 0.5 * time)
+    first = acceleration(velocity, spin, flight)
+    second = acceleration(plus(velocity, times(0.5 * time, first)), half, flight)
+    third = acceleration(plus(velocity, times(0.5 * time, second)), half, flight)
+    last = spin_after(spin, flight, time)
+    fourth = acceleration(plus(velocity, times(time, third)), last, flight)
+    middle = plus(second, third)
+    path = times(1.0 / 3.0, plus(first, middle))
+    return path, times(1.0 / 6.0, plus(plus(first, fourth), times(2.0, middle)))

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Air around the spheres: drag, lift by spin, buoyancy, added mass, wind and spin decay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .plane import checked_vector, Vector
+from .state import Array
+from ..errors import UserError
+
+# name: (highest, 0 is allowed); all are at least 0
+_RANGES = {
+    'density': (np.inf, True),
+    'drag_coefficient': (np.inf, True),
+    'drag_slope': (np.inf, True),
+    'lift_coefficient': (np.inf, True),
+    'lift_half_ratio': (np.inf, False),
+    'spin_decay': (np.inf, True),
+}
+
+
+@dataclass(frozen=True)
+class Air:
+    """Air, or another fluid of uniform density and wind, around rigid spheres.
+
+    With u = v - wind, V = 4/3 pi r^3, A = pi r^2 and S = r |w across u| / |u|, the spin ratio:
+
+        (m + rho V / 2) dv/dt = (m - rho V) g - rho A / 2 C_d |u| u
+                                + rho A / 2 C_l |u|^2 (w x u) / |w x u|
+        dw/dt = -c w,    C_d = C_d0 + k S,    C_l = a S / (S + b)
+
+    The terms are buoyancy and added mass, drag, and lift (Magnus effect). The form of C_l, and
+    drag that grows with S, are empirical; docs/flight.md has values for real balls.
+
+    Args:
+        density: rho [kg/m^3]. Buoyancy and added mass follow from it.
+        drag_coefficient: C_d0, of a sphere that does not spin.
+        drag_slope: k, by how much C_d grows per unit of S.
+        lift_coefficient: a, which C_l approaches at high spin; 0: no lift.
+        lift_half_ratio: b, the spin ratio at which C_l is half of that.
+        wind: Velocity of the air [m/s], world frame.
+        spin_decay: c [1/s], the rate at which spin decays.
+
+    Raises:
+        UserError: A value is out of range.
+    """
+
+    density: float = 1.2
+    drag_coefficient: float = 0.45
+    drag_slope: float = 0.0
+    lift_coefficient: float = 0.0
+    lift_half_ratio: float = 0.25
+    wind: Vector = (0.0, 0.0, 0.0)
+    spin_decay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, (high, zero) in _RANGES.items():
+            value = getattr(self, name)
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                raise UserError(f'{name} of the air is {value!r}, expected a number') from None
+            if not (np.isfinite(number) and (number >= 0 if zero else number > 0)):
+                bound = 'at least 0' if zero else 'greater than 0'
+                raise UserError(f'{name} of the air is {number:g}, expected {bound} and finite')
+            object.__setattr__(self, name, number)
+        object.__setattr__(self, 'wind', checked_vector('wind', self.wind))
+
+    def effective_mass(self, radius: ArrayLike, mass: ArrayLike) -> Array:
+        """Mass with added mass, m + rho V / 2 [kg], shape of `mass`."""
+        return np.asarray(mass) + 0.5 * self.density * _volume(radius)
+
+    def flight(self, radius: ArrayLike, mass: ArrayLike, gravity: ArrayLike) -> Array:
+        """Parameters of the flight of spheres, as `kernels.flight` takes them.
+
+        Args:
+            radius: r [m], shape (n,).
+            mass: m [kg], shape (n,).
+            gravity: g [m/s^2], shape (3,).
+
+        Returns:
+            Shape (n, 13): acceleration by weight and buoyancy, wind, rho A / 2 (m + rho V / 2),
+            r, C_d0, k, a, b, c.
+        """
+        radius, mass = np.asarray(radius, np.float64), np.asarray(mass, np.float64)
+        effective = self.effective_mass(radius, mass)
+        weight = (mass - self.density * _volume(radius)) / effective
+        shared = (
+            self.drag_coefficient,
+            self.drag_slope,
+            self.lift_coefficient,
+            self.lift_half_ratio,
+            self.spin_decay,
+        )
+        return np.column_stack(
+            [
+                weight[:, None] * np.asarray(gravity, np.float64),
+                np.tile(self.wind, (len(radius), 1)),
+                0.5 * self.density * np.pi * radius**2 / effective,
+                radius,
+                np.tile(shared, (len(radius), 1)),
+            ]
+        )
+
+
+def _volume(radius: ArrayLike) -> Array:
+    return 4.0 / 3.0 * np.pi * np.asarray(radius, np.float64) ** 3
