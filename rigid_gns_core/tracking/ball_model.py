@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A scene as one ball meets it: the arrays that `ball_path` takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .ball_contact import LAW, PLANE
+from ..scenes.air import Air
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import Array
+
+_VACUUM = Air(density=0.0, drag_coefficient=0.0)
+_SOLID = 0.4
+
+
+@dataclass(frozen=True)
+class BallModel:
+    """Laws of one ball.
+
+    Args:
+        ball: Flight and inertia factor, shape (1, 14).
+        planes: Shape (planes, 14).
+        laws: Shape (planes, 8).
+    """
+
+    ball: Array
+    planes: Array
+    laws: Array
+
+    @property
+    def radius(self) -> float:
+        """Radius [m]."""
+        return float(self.ball[0, 7])
+
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of a ball at rest in still air [m/s^2], shape (3,)."""
+        return self.ball[0, :3]
+
+    @classmethod
+    def of(cls, scene: Scene, sphere: int = 0, count: int = 1) -> BallModel:
+        """Model of one of `count` spheres of a scene."""
+        one = {
+            name: scene.per_sphere(name, count)[sphere : sphere + 1]
+            for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
+        }
+        air = scene.air or _VACUUM
+        flight = air.flight(one['radius'], one['mass'], scene.gravity)
+        laws = np.zeros((len(scene.surfaces), len(LAW)))
+        restitution = scene.surface_values('restitution') * one['restitution']
+        laws[:, 0] = laws[:, 1] = restitution
+        laws[:, 3] = scene.surface_values('friction') * one['friction']
+        gravity = float(np.linalg.norm(scene.gravity))
+        laws[:, 5] = one['rolling_friction'] * gravity / (1.0 + _SOLID)
+        return cls(np.column_stack([flight, [_SOLID]]), plane_rows(scene.surfaces), laws)
+
+
+def plane_rows(planes: tuple[Plane, ...]) -> Array:
+    """Planes as rows of numbers, shape (planes, 14)."""
+    rows = np.zeros((len(planes), PLANE))
+    for row, plane in zip(rows, planes, strict=True):
+        row[:3], row[3:12] = plane.point, plane.axes.ravel()
+        row[12:] = plane.length_x / 2, plane.length_y / 2
+    return rows
