@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .ball_contact import LAW, PLANE
+from .ball_contact import FREE, LAW, PLANE
 from ..scenes.air import Air
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
@@ -17,6 +17,8 @@ from ..scenes.state import Array
 
 _VACUUM = Air(density=0.0, drag_coefficient=0.0)
 _SOLID = 0.4
+# a ball is on a surface if it is there for so long [s] and in so many frames
+_STAYS, _FEWEST = 0.06, 5
 
 
 @dataclass(frozen=True)
@@ -68,3 +70,23 @@ def plane_rows(planes: tuple[Plane, ...]) -> Array:
         row[:3], row[3:12] = plane.point, plane.axes.ravel()
         row[12:] = plane.length_x / 2, plane.length_y / 2
     return rows
+
+
+def surface_under(model: BallModel, times: Array, positions: Array, noise: float) -> int:
+    """Surface that a ball is on in the first frames of a window, or FREE.
+
+    It is on one where it stays within the noise of it for a time in which a ball that bounces
+    would have left it.
+    """
+    first = times - times[0] <= _STAYS
+    first[: min(_FEWEST, len(first))] = True
+    places = positions[first]
+    for k, plane in enumerate(model.planes):
+        if plane[9:12] @ model.gravity >= 0.0:
+            continue
+        local = (places - plane[:3]) @ plane[3:12].reshape(3, 3).T
+        inside = (np.abs(local[:, :2]) <= plane[12:]).all()
+        heights = local[:, 2] - model.radius
+        if inside and np.abs(heights).max() < max(4.0 * noise, 1e-3):
+            return k
+    return FREE

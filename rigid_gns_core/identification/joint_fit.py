@@ -1,0 +1,240 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Maximum a posteriori fit of shared parameters and of a start per stretch.
+
+The loss is the sum over stretches of Huber's loss of the whitened residuals and of the prior of the
+start, and a weak prior of each parameter. Gauss-Newton steps of the parameters come from the normal
+equations with the starts eliminated (Schur complement); after each, every start is fitted anew, so
+that a stretch at the verge of a contact does not hold up the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .parameters import Laws, Parameter
+from .stretches import Stretch
+from ..scenes.state import Array
+from ..tracking.ball_fit import fit_start
+from ..tracking.ball_model import BallModel
+from ..tracking.ball_slopes import normal_equations
+
+# steps of the differences over a start: p [m], v [m/s], w [rad/s]
+MOVES = np.array([1e-6] * 3 + [1e-5] * 3 + [1e-3] * 3)
+# a start's position [m] and velocity [m/s] are known to no better than this beforehand
+_LOOSE = np.array([1e3] * 3 + [1e2] * 3)
+_MOST_DAMPING = 1e4
+
+SpinPrior = Callable[[Stretch], tuple[Array, Array]]
+
+
+@dataclass
+class Fitted:
+    """A joint fit.
+
+    Args:
+        values: Value of each parameter.
+        starts: Start of each stretch, shape (stretches, 9).
+        losses: Loss per coordinate of each stretch, shape (stretches,).
+        spin_covariances: Of the starts' spins, shape (stretches, 3, 3).
+        errors: Standard errors, from the scores of tracks (sandwich).
+        formal: Standard errors as if the noise were all.
+    """
+
+    values: dict[str, float]
+    starts: Array
+    losses: Array
+    spin_covariances: Array
+    errors: dict[str, float] = field(default_factory=dict)
+    formal: dict[str, float] = field(default_factory=dict)
+
+
+class JointFit:
+    """Fit to some stretches.
+
+    Args:
+        laws: Laws as functions of parameters.
+        found: Stretches.
+        noise: s, q, kappa of `model_error`.
+        spin: Whether starts spin; else they roll on a surface, and do not spin in the air.
+        prior: Mean and covariance of the spin of a stretch's start.
+    """
+
+    def __init__(
+        self, laws: Laws, found: Sequence[Stretch], noise: Array, spin: bool, prior: SpinPrior
+    ) -> None:
+        self.laws, self.found, self.noise = laws, found, noise
+        self.moves = MOVES if spin else np.where(np.arange(9) < 6, MOVES, 0.0)
+        self.means, self.precisions = [], []
+        for stretch in found:
+            mean, precision = np.zeros(9), np.diag(np.r_[_LOOSE**-2, np.zeros(3)])
+            if spin:
+                mean[6:], covariance = prior(stretch)
+                precision[6:, 6:] = np.linalg.inv(covariance)
+            else:
+                precision[6:, 6:] = np.eye(3)
+            self.means.append(mean)
+            self.precisions.append(precision)
+        self.weights = [np.ones(len(one.times)) for one in found]
+
+    def fit(
+        self,
+        parameters: Sequence[Parameter],
+        values: Mapping[str, float],
+        starts: Array | None = None,
+        rounds: int = 8,
+    ) -> Fitted:
+        """Fit parameters from values, the others stay."""
+        free = list(parameters)
+        now = {**{p.name: p.start for p in free}, **values}
+        starts, losses = self._solve(now, starts)
+        total = losses.sum() + _prior(free, now)
+        damping = 1e-3
+        for _ in range(rounds if free else 0):
+            matrix, vector, blocks, _ = self._equations(free, now, starts)
+            accepted = False
+            while damping < _MOST_DAMPING:
+                damped = matrix + damping * np.diag(np.diag(matrix))
+                step = np.linalg.solve(damped, vector)
+                tried = {
+                    **now,
+                    **{
+                        p.name: float(np.clip(now[p.name] + d, p.low, p.high))
+                        for p, d in zip(free, step, strict=True)
+                    },
+                }
+                moved = starts + np.stack(
+                    [inverse @ (g - cross @ step) for inverse, g, cross in blocks]
+                )
+                ends, after = self._solve(tried, moved, starts)
+                loss = after.sum() + _prior(free, tried)
+                if loss < total:
+                    accepted = True
+                    break
+                damping *= 10.0
+            if not accepted:
+                break
+            gain, total = total - loss, loss
+            now, starts, losses = tried, ends, after
+            damping = max(damping / 10.0, 1e-6)
+            if gain < 1e-4 * total:
+                break
+        matrix, _, blocks, scores = self._equations(free, now, starts)
+        counts = np.array([3 * len(one.times) for one in self.found])
+        fitted = Fitted(
+            now, starts, losses / counts, np.stack([inverse[6:, 6:] for inverse, _, _ in blocks])
+        )
+        if free:
+            self._errors(free, matrix, scores, fitted)
+        return fitted
+
+    def _solve(
+        self, values: Mapping[str, float], starts: Array | None, others: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Starts and losses of all stretches; the better from two sets of starts."""
+        models = self.laws.models_at(values)
+        found, losses = np.empty((len(self.found), 9)), np.empty(len(self.found))
+        for k in range(len(self.found)):
+            tries = [None] if starts is None else [starts[k]]
+            if others is not None:
+                tries.append(others[k])
+            best = np.inf
+            for start in tries:
+                one, loss = self._start(k, models, start)
+                if loss < best:
+                    best, found[k], losses[k] = loss, one, loss
+                if others is not None and loss < 3 * len(self.found[k].times):
+                    break  # well met: no need of the other start
+        return found, losses
+
+    def _start(
+        self, k: int, models: Sequence[BallModel], start: Array | None
+    ) -> tuple[Array, float]:
+        one = self.found[k]
+        model = models[min(one.sphere, len(models) - 1)]
+        grows = start is None
+        point = first_guess(one, model, self.means[k]) if start is None else start.copy()
+        information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
+        m = len(one.times)
+        loss, _, _ = fit_start(
+            point, self.means[k], self.precisions[k], self.moves, one.times[0], one.times,
+            one.positions, model.ball, model.planes, model.laws, one.on, self.noise,
+            min(_first_frames(one.times), m) if grows else m, 1.4, 15 if grows else 5,
+            self.weights[k].copy(), information, end, covariance, np.zeros((32, 3)),
+        )
+        apart = point - self.means[k]
+        return point, loss * 3 * m + float(apart @ self.precisions[k] @ apart)
+
+    def _equations(
+        self, free: Sequence[Parameter], values: Mapping[str, float], starts: Array
+    ) -> tuple[Array, Array, list[tuple[Array, Array, Array]], dict[int, Array]]:
+        """Schur complement and its right side; per stretch H^-1, g, B; scores of tracks."""
+        count = len(free)
+        models = self.laws.models_at(values)
+        steps = np.array([1e-3 * p.width for p in free])
+        moved = [
+            self.laws.models_at({**values, p.name: values[p.name] + step})
+            for p, step in zip(free, steps, strict=True)
+        ]
+        matrix = np.diag([p.width**-2 for p in free]) if count else np.zeros((0, 0))
+        vector = np.array([(p.start - values[p.name]) / p.width**2 for p in free])
+        blocks, scores = [], {}
+        for k, one in enumerate(self.found):
+            s = min(one.sphere, len(models) - 1)
+            model = models[s]
+            all_matrix, all_vector = np.zeros((9 + count,) * 2), np.zeros(9 + count)
+            balls = np.array([m[s].ball for m in moved]).reshape(count, *model.ball.shape)
+            planes = np.array([m[s].planes for m in moved]).reshape(count, *model.planes.shape)
+            laws = np.array([m[s].laws for m in moved]).reshape(count, *model.laws.shape)
+            normal_equations(
+                starts[k], self.moves, one.times[0], one.times, one.positions, model.ball,
+                model.planes, model.laws, one.on, self.noise, self.weights[k], balls, planes,
+                laws, steps, all_matrix, all_vector,
+            )
+            h = all_matrix[:9, :9] + self.precisions[k]
+            g = all_vector[:9] - self.precisions[k] @ (starts[k] - self.means[k])
+            cross = all_matrix[:9, 9:]
+            inverse = np.linalg.inv(h)
+            matrix = matrix + all_matrix[9:, 9:] - cross.T @ inverse @ cross
+            score = all_vector[9:] - cross.T @ inverse @ g
+            vector = vector + score
+            blocks.append((inverse, g, cross))
+            scores[one.track] = scores.get(one.track, 0.0) + score
+        return matrix, vector, blocks, scores
+
+    @staticmethod
+    def _errors(
+        free: Sequence[Parameter], matrix: Array, scores: Mapping[int, Array], fitted: Fitted
+    ) -> None:
+        inverse = np.linalg.inv(matrix)
+        spread = np.stack(list(scores.values()))
+        spread = spread - spread.mean(axis=0)
+        sandwich = inverse @ (spread.T @ spread) @ inverse
+        sandwich *= len(spread) / max(len(spread) - len(free), 1)
+        for k, p in enumerate(free):
+            fitted.formal[p.name] = float(np.sqrt(inverse[k, k]))
+            fitted.errors[p.name] = float(np.sqrt(max(sandwich[k, k], inverse[k, k])))
+
+
+def first_guess(one: Stretch, model: BallModel, mean: Array) -> Array:
+    """Start from the first frames of a stretch: a straight line under gravity."""
+    n = _first_frames(one.times)
+    t = one.times[:n] - one.times[0]
+    pull = np.zeros(3) if one.on >= 0 else model.gravity
+    line = np.stack([np.ones_like(t), t], axis=1)
+    place, velocity = np.linalg.lstsq(
+        line, one.positions[:n] - 0.5 * t[:, None] ** 2 * pull, rcond=None
+    )[0]
+    return np.concatenate([place, velocity, mean[6:]])
+
+
+def _first_frames(times: Array) -> int:
+    return max(6, int((times - times[0] <= 0.06).sum()))
+
+
+def _prior(free: Sequence[Parameter], values: Mapping[str, float]) -> float:
+    return sum(((values[p.name] - p.start) / p.width) ** 2 for p in free)

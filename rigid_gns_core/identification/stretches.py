@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tracks cut into stretches of one ball, each with a start of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..data.tracks import Track
+from ..scenes.scene import Scene
+from ..scenes.state import Array
+from ..tracking.ball_contact import FREE
+from ..tracking.ball_model import BallModel, surface_under
+
+# a stretch is no longer than this [s]: what the laws do not know grows with time
+LONGEST = 0.7
+FEWEST = 8
+# a ball that is not seen for longer may have touched anything [s]
+_LOST = 0.25
+# two balls nearer than this many sums of radii may have touched
+_NEAR = 1.04
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Frames of one ball between things that the laws do not know.
+
+    Args:
+        track: Number of the track, the unit of cross-validation.
+        sphere: Number of the sphere in the scene.
+        times: Times [s], shape (m,).
+        positions: Centres [m], shape (m, 3).
+        on: Surface that the ball is on at the start, or FREE.
+    """
+
+    track: int
+    sphere: int
+    times: Array
+    positions: Array
+    on: int
+
+
+def pieces(tracks: Sequence[Track], scene: Scene, spheres: Sequence[str]) -> list[Stretch]:
+    """Tracks cut where a ball was lost, or near another ball; in frames of one ball each."""
+    found = []
+    for number, track in enumerate(tracks):
+        for column, label in enumerate(track.spheres):
+            sphere = spheres.index(label) if label in spheres else 0
+            times, positions = track.samples(column)
+            near = _near_others(track, column, scene, len(spheres))[track.seen[:, column]]
+            edges = np.flatnonzero(np.diff(times) > _LOST) + 1
+            cuts = sorted({0, len(times), *edges, *np.flatnonzero(np.diff(near.astype(int))) + 1})
+            for begin, end in zip(cuts, cuts[1:], strict=False):
+                if end - begin >= FEWEST and not near[begin]:
+                    found.append(Stretch(number, sphere, times[begin:end], positions[begin:end], FREE))
+    return found
+
+
+def stretches(
+    found: Sequence[Stretch], models: Sequence[BallModel], noise: float, longest: float = LONGEST
+) -> list[Stretch]:
+    """Pieces cut into equal stretches of at most `longest` seconds."""
+    cut = []
+    for piece in found:
+        times = piece.times
+        count = max(1, int(np.ceil((times[-1] - times[0]) / longest - 1e-9)))
+        edges = np.linspace(times[0], times[-1], count + 1)
+        for begin, end in zip(edges, edges[1:], strict=False):
+            inside = (times >= begin - 1e-9) & (times <= end + 1e-9)
+            if inside.sum() < FEWEST:
+                continue
+            places = piece.positions[inside]
+            model = models[min(piece.sphere, len(models) - 1)]
+            on = surface_under(model, times[inside], places, noise)
+            cut.append(Stretch(piece.track, piece.sphere, times[inside], places, on))
+    return cut
+
+
+def _near_others(track: Track, column: int, scene: Scene, count: int) -> np.ndarray:
+    """Whether another ball is near, in each frame; places in between are interpolated."""
+    near = np.zeros(len(track.times), dtype=bool)
+    if len(track.spheres) < 2:
+        return near
+    places = []
+    for other in range(len(track.spheres)):
+        times, positions = track.samples(other)
+        if len(times) < 2:
+            places.append(np.full((len(track.times), 3), np.inf))
+            continue
+        places.append(
+            np.stack([np.interp(track.times, times, positions[:, a]) for a in range(3)], axis=1)
+        )
+    radii = scene.per_sphere('radius', max(count, 1))
+    for other in range(len(track.spheres)):
+        if other != column:
+            distance = np.linalg.norm(places[other] - places[column], axis=1)
+            near |= distance < _NEAR * 2.0 * float(radii.max())
+    return near
