@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns evaluate`: scores a model on data, or the predictions in a bag.
+"""`rigid-gns evaluate`: scores a model on data or tracks, or the predictions in a bag.
 
 `ros2 run rigid_gns_ros evaluate` is the same command.
 """
@@ -14,6 +14,9 @@ import textwrap
 from typing import Any
 
 from .arguments import completes, configs, shipped_models
+from .evaluate_tracks import add_track_arguments, run_tracks
+from ..data.records import RECIPE_NAME
+from ..data.tracks import TRACKS_NAME
 from ..errors import UserError
 from ..files.strict_json import write_json
 from ..scoring.evaluate import evaluate, summarise
@@ -26,6 +29,7 @@ _BY_HORIZON = {
 # options of one kind of source; None or False where not given
 _OF_DATA = ('steps', 'velocities')
 _OF_BAG = ('scene', 'tracked', 'predicted', 'starts', 'match', 'reproduce')
+_OF_TRACKS = ('window', 'horizons', 'every', 'samples')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--data',
         type=Path,
         metavar='PATH',
-        help='HDF5 file, or folder of them: roll a model out from the start of each trajectory',
+        help='HDF5 file, or folder of them: roll a model out from the start of each trajectory, '
+        'or, with --window, forecast from windows of its tracks',
     )
     source.add_argument(
         '--bag',
@@ -71,9 +76,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='velocities by differences of poses, or as given (default: poses, unless those of '
         'the model are instantaneous)',
     )
+    add_track_arguments(parser)
     bag = parser.add_argument_group('options for a bag')
     scene = bag.add_argument(
-        '--scene', metavar='NAME|FILE', help='scene instead of the recorded one'
+        '--scene',
+        metavar='NAME|FILE',
+        help='scene instead of the recorded one; of tracks: of the imported one',
     )
     bag.add_argument(
         '--tracked', '--topic', metavar='TOPIC', dest='tracked', help='topic of the tracked poses'
@@ -98,6 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         'examples:\n'
         '  rigid-gns evaluate --model gns --data data/test --steps 300 --json report.json\n'
+        '  rigid-gns evaluate --data data/lab --scene lab.yaml --window 0.2 --every 0.1\n'
         '  rigid-gns evaluate bags/first --figure first.png\n'
         '  rigid-gns evaluate bags/first --reproduce\n'
         '  rigid-gns evaluate theirs --topic /vicon/balls --scene my_scene.yaml --model laws\n'
@@ -109,16 +118,36 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns evaluate`, which prints a table and the paths of files; the exit code."""
     source = arguments.data or arguments.bag or arguments.source
     data = arguments.bag is None and (arguments.data is not None or _is_data(source))
-    for name in _OF_BAG if data else _OF_DATA:
-        if getattr(arguments, name) not in (None, False):
-            raise UserError(
-                f'--{name} goes with --bag: data say it themselves'
-                if data
-                else f'--{name} goes with --data: all of a bag is scored'
-            )
+    tracks = data and _wants_tracks(source, arguments)
+    _refuse(arguments, data=data, tracks=tracks)
+    if tracks:
+        return run_tracks(source, arguments)
     if data:
         return _run_data(source, arguments)
     return _reproduce(source, arguments) if arguments.reproduce else _run_bag(source, arguments)
+
+
+def _wants_tracks(source: Path, arguments: argparse.Namespace) -> bool:
+    """Whether windows of tracks are asked for, or there is nothing else."""
+    asked = any(getattr(arguments, name) is not None for name in _OF_TRACKS)
+    return asked or ((source / TRACKS_NAME).is_file() and not (source / RECIPE_NAME).is_file())
+
+
+def _refuse(arguments: argparse.Namespace, *, data: bool, tracks: bool) -> None:
+    """Refuse options of another kind of source.
+
+    Raises:
+        UserError: There is one.
+    """
+    wrong = [name for name in _OF_BAG if not (tracks and name == 'scene')] if data else []
+    wrong += _OF_DATA if tracks or not data else ()
+    wrong += _OF_TRACKS if not tracks else ()
+    for name in wrong:
+        if getattr(arguments, name) not in (None, False):
+            if name in _OF_BAG:
+                raise UserError(f'--{name} goes with --bag: data say it themselves')
+            remedy = 'tracks are scored at --horizons' if tracks else 'all of a bag is scored'
+            raise UserError(f'--{name} goes with --data: {remedy}')
 
 
 def _is_data(source: Path) -> bool:

@@ -19,6 +19,7 @@ import yaml
 from .checked_hdf5 import DatasetError as DatasetError
 from .checked_hdf5 import read_checked, write_checked
 from .recipe import DataRecipe, recipe_hash
+from .tracks import TRACKS_NAME
 from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, from_mapping, load_yaml
 from ..scenes.scene import Scene
@@ -218,6 +219,11 @@ def read_recipe(folder: str | Path) -> DataRecipe:
         DatasetError: The folder is no data set, or its recipe cannot be read.
     """
     path = Path(folder) / RECIPE_NAME
+    if not path.is_file() and (Path(folder) / TRACKS_NAME).is_file():
+        raise DatasetError(
+            f'{folder}: holds tracks alone, no trajectories at a time step; `rigid-gns import` '
+            'said why when it made them'
+        )
     if not path.is_file():
         raise DatasetError(f'{folder}: no data set here, {RECIPE_NAME} is absent')
     try:

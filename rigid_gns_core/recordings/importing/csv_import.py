@@ -17,7 +17,7 @@ from .camera_clock import on_camera_clock
 from .options import Imported, ImportBagError, ImportOptions
 from .stretches import native_dt, resampled, SLOWEST
 from .track_checks import problem_of
-from .units_and_axes import check_units_and_axes, turned
+from .units_and_axes import check_fall, check_speed, turned
 from ..tracked_frames import Segment
 from ...data.csv_tracks import CsvTrack, read_csv_tracks
 from ...data.records import Record
@@ -56,12 +56,13 @@ def import_csv(path: Path, options: ImportOptions) -> Imported:
             'one per sphere in the order of their numbers'
         )
     noise = noise_of_tracks(tracks)
-    check_units_and_axes(tracks, scene, noise, str(path))
+    check_fall(tracks, scene, noise, str(path))
     checked = [
         replace(one, track=replace(track, name=f'{path.stem}_{track.name}'))
         for one, track in zip(read, tracks, strict=True)
     ]
     kept, left_out = _usable(checked, scene, noise, labels, skip=options.skip_bad)
+    check_speed(kept, scene, str(path))  # not before: of two balls with one number it is large
     records, counts, why = _records(kept, scene, labels, noise, options)
     report = {
         'file': path.name,

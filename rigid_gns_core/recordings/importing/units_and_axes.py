@@ -60,8 +60,8 @@ def turned(track: Track, scale: float, up: str) -> Track:
     return replace(track, positions=scale * track.positions @ matrix.T, quaternions=rotations)
 
 
-def check_units_and_axes(tracks: Sequence[Track], scene: Scene, noise: float, where: str) -> None:
-    """Compare free fall and speeds with the scene.
+def check_fall(tracks: Sequence[Track], scene: Scene, noise: float, where: str) -> None:
+    """Compare free fall with gravity of the scene.
 
     Args:
         tracks: Tracks of one file, in metres and with z up as far as is known.
@@ -70,8 +70,8 @@ def check_units_and_axes(tracks: Sequence[Track], scene: Scene, noise: float, wh
         where: Begins the message.
 
     Raises:
-        UserError: Balls fall with another acceleration, or along another axis, or they are faster
-            than any ball; the message names the options that repair it.
+        UserError: Balls fall with another acceleration, or along another axis; the message names
+            the options that repair it.
     """
     gravity = float(np.linalg.norm(scene.gravity))
     fall = _free_fall(tracks, noise)
@@ -94,6 +94,15 @@ def check_units_and_axes(tracks: Sequence[Track], scene: Scene, noise: float, wh
                 f'expected along ({", ".join(f"{v / gravity:.2f}" for v in scene.gravity)}) as '
                 f'gravity of the scene; {remedy}'
             )
+
+
+def check_speed(tracks: Sequence[Track], scene: Scene, where: str) -> None:
+    """Compare speeds with those of balls.
+
+    Raises:
+        UserError: They are larger; the message names the option that repairs it.
+    """
+    gravity = float(np.linalg.norm(scene.gravity))
     bound = max(_FAST, _FROUDE * float(np.sqrt(gravity * np.max(scene.radius))))
     if (speed := _usual_speed(tracks)) > bound:
         scale = next((s for s in (0.01, 0.001) if s * speed <= bound), 0.001)

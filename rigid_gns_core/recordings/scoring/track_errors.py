@@ -1,0 +1,275 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Forecasts from windows of tracks, and their errors at the stamps of what comes after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from .track_contacts import contacts_of
+from ...data.tracks import Track, TrackSet
+from ...errors import UserError
+from ...forecasts.forecaster import scene_of
+from ...forecasts.lead_times import forecast_at
+from ...rollout.simulator import Simulator
+from ...scenes.scene import Scene
+from ...scenes.state import Array
+from ...tracking.state_estimate import estimate_state
+
+REGIONS = (0.5, 0.9)
+"""Probabilities of the regions whose coverage is counted."""
+
+# a sphere is forecast that was seen this often in a window
+_SAMPLES = 3
+# largest distance of a sample from its horizon [horizons], [median intervals of the track]
+_TOLERANCE, _FRAMES = 0.02, 0.6
+# contacts from this number on are one group
+_MANY = 3
+# start and end of a window are met to this [s]: stamps have seven digits or fewer
+_SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Which windows are taken, and how far ahead they are judged.
+
+    Args:
+        window: Time of a window [s].
+        horizons: Times after it [s].
+        every: Time from one window to the next [s]; None: the first of each track alone.
+        samples: States drawn for the regions; 0: no regions.
+        seed: Seed of the draws.
+
+    Raises:
+        UserError: A time is not positive.
+    """
+
+    window: float
+    horizons: tuple[float, ...]
+    every: float | None = None
+    samples: int = 32
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        times = {'window': self.window, 'every': self.every}
+        times |= {f'horizons[{index}]': value for index, value in enumerate(self.horizons)}
+        for name, value in times.items():
+            if value is not None and not (value > 0 and np.isfinite(value)):
+                raise UserError(f'{name} is {value}, expected more than 0 s')
+        if not self.horizons or self.samples < 0 or self.samples == 1:
+            raise UserError(
+                f'{len(self.horizons)} horizons and {self.samples} samples, expected at least one '
+                'horizon, and no samples or at least two'
+            )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One sphere at one horizon.
+
+    Args:
+        track: Name of the track.
+        sphere: Label of the sphere.
+        start: Time of the start in its track [s].
+        horizon: The horizon [s].
+        lead: Time from the start to the sample compared [s].
+        error: Distance of the forecast from the sample [m]; infinite where it diverged.
+        contacts: Number of contacts in between that the track shows.
+        probability: Of the smallest region about the forecast that holds the sample; None: the
+            estimate has no covariance.
+    """
+
+    track: str
+    sphere: str
+    start: float
+    horizon: float
+    lead: float
+    error: float
+    contacts: int
+    probability: float | None
+
+
+def track_outcomes(
+    simulator: Simulator,
+    found: TrackSet,
+    scene: Scene,
+    windows: Windows,
+    done: Callable[[], object] = lambda: None,
+) -> list[Outcome]:
+    """Forecast from windows of each track, and compare.
+
+    Args:
+        simulator: Model that predicts.
+        found: The tracks.
+        scene: Scene to predict in, instead of that of the import.
+        windows: Which windows.
+        done: Called after each track.
+
+    Raises:
+        UserError: The scene has properties of another number of spheres, or no sphere is seen
+            after a window.
+    """
+    labels = found.labels
+    if scene.sphere_count not in (None, len(labels)):
+        raise UserError(
+            f'the tracks have {len(labels)} spheres, but the scene has properties of '
+            f'{scene.sphere_count}; give a --scene with one number for all'
+        )
+    outcomes: list[Outcome] = []
+    for track in found.tracks:
+        own = scene_of(scene, tuple(labels.index(label) for label in track.spheres))
+        radii = own.per_sphere('radius', len(track.spheres))
+        contacts = contacts_of(track, own, radii, found.noise)
+        for chosen in _windows(track, windows):
+            outcomes += _from_window(
+                simulator, track, own, chosen, contacts, windows, found.noise
+            )
+        done()
+    if not outcomes:
+        longest = max((float(track.times[-1]) for track in found.tracks), default=0.0)
+        raise UserError(
+            f'no track shows a sphere {windows.horizons[0]:g} s after a window of '
+            f'{windows.window:g} s with {_SAMPLES} samples; the longest has {longest:.3g} s: give '
+            'a shorter --window or --horizons'
+        )
+    return outcomes
+
+
+def report_of(outcomes: Sequence[Outcome], horizons: Sequence[float]) -> dict[str, Any]:
+    """Errors by horizon [s], and in each by the number of contacts.
+
+    Returns:
+        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50` and
+        `coverage_90` (None without regions), and the same in `contacts` for '0', '1', '2', '3+'.
+    """
+    report: dict[str, Any] = {}
+    for horizon in horizons:
+        own = [one for one in outcomes if one.horizon == horizon]
+        if not own:
+            continue
+        groups: dict[str, list[Outcome]] = {}
+        for one in sorted(own, key=lambda one: one.contacts):
+            name = str(one.contacts) if one.contacts < _MANY else f'{_MANY}+'
+            groups.setdefault(name, []).append(one)
+        by_contacts = {name: _numbers(group) for name, group in groups.items()}
+        report[f'{horizon:g}'] = _numbers(own) | {'contacts': by_contacts}
+    return report
+
+
+def _numbers(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    errors = np.array([one.error for one in outcomes])
+    known = [one.probability for one in outcomes if one.probability is not None]
+    numbers: dict[str, Any] = {
+        'n': len(errors),
+        'time_s': float(np.mean([one.lead for one in outcomes])),
+        'mean_m': float(errors.mean()),
+        'median_m': float(np.median(errors)),
+        'p90_m': float(np.quantile(errors, 0.9, method='higher')),
+    }
+    for region in REGIONS:
+        inside = float(np.mean(np.array(known) <= region)) if known else None
+        numbers[f'coverage_{100 * region:.0f}'] = inside
+    return numbers
+
+
+def _windows(track: Track, windows: Windows) -> Iterator[NDArray[np.int64]]:
+    """Frames of each window."""
+    begin = 0.0
+    while begin + windows.window <= track.times[-1] + _SAME:
+        inside = (track.times >= begin - _SAME) & (track.times <= begin + windows.window + _SAME)
+        yield np.flatnonzero(inside)
+        if windows.every is None:
+            return
+        begin += windows.every
+
+
+def _from_window(
+    simulator: Simulator,
+    track: Track,
+    scene: Scene,
+    frames: NDArray[np.int64],
+    contacts: Sequence[Array],
+    windows: Windows,
+    noise: float,
+) -> list[Outcome]:
+    """Outcomes of the forecast from one window."""
+    if not len(frames):
+        return []
+    start = float(track.times[frames[-1]])
+    counts = track.seen[frames].sum(axis=0)
+    compared = _compared(track, np.flatnonzero(counts >= _SAMPLES), start, windows.horizons)
+    if not compared:
+        return []
+    # others are in the way where they were last seen: of a ball at rest some trackers say nothing
+    seen = track.seen[: frames[-1] + 1].any(axis=0)
+    used = np.flatnonzero(seen)
+    positions = track.positions[frames][:, used]
+    turns = None if track.quaternions is None else track.quaternions[frames][:, used]
+    for column, sphere in enumerate(used):
+        if not counts[sphere]:
+            last = int(np.flatnonzero(track.seen[: frames[-1] + 1, sphere])[-1])
+            positions[-1, column] = track.positions[last, sphere]
+            if turns is not None and track.quaternions is not None:
+                turns[-1, column] = track.quaternions[last, sphere]
+    own = scene_of(scene, tuple(used.tolist()))
+    estimate = estimate_state(own, track.times[frames], positions, turns, noise=noise)
+    leads = np.unique([lead for _, _, lead, _ in compared])
+    forecast = forecast_at(
+        simulator, own, estimate, leads, samples=windows.samples, seed=windows.seed
+    )
+    outcomes = []
+    for sphere, horizon, lead, place in compared:
+        step, column = int(np.searchsorted(leads, lead)), int(np.searchsorted(used, sphere))
+        off = forecast.positions[step, column] - place
+        error, probability = float(np.linalg.norm(off)), None
+        if forecast.covariance is not None:
+            probability = _probability(off, forecast.covariance[step, column], noise)
+        between = contacts[sphere]
+        outcomes.append(
+            Outcome(
+                track=track.name,
+                sphere=track.spheres[sphere],
+                start=start,
+                horizon=horizon,
+                lead=lead,
+                error=error if np.isfinite(error) else float('inf'),
+                contacts=int(((between > start) & (between < start + lead)).sum()),
+                probability=probability,
+            )
+        )
+    return outcomes
+
+
+def _compared(
+    track: Track, spheres: NDArray[np.int64], start: float, horizons: Sequence[float]
+) -> list[tuple[int, float, float, Array]]:
+    """Sphere, horizon, time from the start, and sample nearest to each horizon."""
+    found = []
+    for sphere in spheres.tolist():
+        times, places = track.samples(sphere)
+        frame = _FRAMES * float(np.median(np.diff(times)))
+        for horizon in horizons:
+            nearest = int(np.abs(times - start - horizon).argmin())
+            lead = float(times[nearest]) - start
+            if abs(lead - horizon) <= max(_TOLERANCE * horizon, frame):
+                found.append((sphere, horizon, lead, places[nearest]))
+    return found
+
+
+def _probability(off: Array, covariance: Array, noise: float) -> float | None:
+    """Probability of the region of a normal distribution that a sample is on the edge of.
+
+    It is chi-squared with three degrees of freedom of off^T (C + s^2)^-1 off, with C of the
+    forecast and s the noise of the sample.
+    """
+    total = covariance + np.eye(3) * max(noise, 1e-9) ** 2
+    if not (np.isfinite(total).all() and np.isfinite(off).all()):
+        return None
+    return float(chi2.cdf(off @ np.linalg.solve(total, off), 3))

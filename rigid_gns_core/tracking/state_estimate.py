@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The state of tracked spheres at the end of a window of stamped positions, and how well known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .environment import Environment
+from .jit import compiling
+from .motion_models import Motion, ROLLING
+from .pose_noise import estimate_noise
+from .velocity import estimate_motion
+from ..errors import UserError
+from ..scenes.scene import Scene
+from ..scenes.state import Array, State
+
+_UNTURNED = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class StateEstimate:
+    """State of spheres, and its uncertainty.
+
+    Args:
+        state: The state.
+        covariance: Of position [m], velocity [m/s] and angular velocity [rad/s] of each sphere, in
+            this order, shape (n, 9, 9); NaN where nothing is known of a velocity.
+    """
+
+    state: State
+    covariance: Array
+
+
+def estimate_state(
+    scene: Scene,
+    times: ArrayLike,
+    positions: ArrayLike,
+    quaternions: ArrayLike | None = None,
+    *,
+    noise: float | None = None,
+) -> StateEstimate:
+    """Estimate the state at the last of some frames, as the node does.
+
+    Args:
+        scene: Surfaces, radii and gravity.
+        times: Rising times of the frames [s], shape (m,).
+        positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4); None: not tracked.
+        noise: Standard deviation of each coordinate of a position [m]; None: estimated from
+            these frames.
+
+    Raises:
+        UserError: Shapes disagree, times do not rise, or a sphere is seen in no frame.
+    """
+    stamps = np.asarray(times, dtype=np.float64)
+    centres = np.array(positions, dtype=np.float64)
+    if centres.ndim != 3 or centres.shape[::2] != (len(stamps), 3):
+        raise UserError(
+            f'positions have shape {centres.shape}, expected ({len(stamps)}, n, 3) for '
+            f'{len(stamps)} times'
+        )
+    seen = np.isfinite(centres).all(axis=-1)
+    if not seen.any(axis=0).all():
+        lost = int(np.argmin(seen.any(axis=0)))
+        raise UserError(f'sphere {lost} is seen in no frame; leave it out')
+    turns = np.broadcast_to(_UNTURNED, (*seen.shape, 4)).copy()
+    if quaternions is not None:
+        given = np.asarray(quaternions, dtype=np.float64)
+        if given.shape != turns.shape:
+            raise UserError(f'quaternions have shape {given.shape}, expected {turns.shape}')
+        turns[seen] = given[seen]
+    centres[~seen] = 0.0  # not read
+    radii = scene.per_sphere('radius', centres.shape[1])
+    sigma = _noise(stamps, centres, seen) if noise is None else noise
+    with compiling():
+        motion = estimate_motion(
+            stamps,
+            centres,
+            turns,
+            environment=Environment.of(scene),
+            radii=radii,
+            noise=sigma,
+            seen=seen,
+        )
+    state = State(
+        positions=motion.positions,
+        quaternions=motion.quaternions,
+        velocities=motion.velocities,
+        angular_velocities=motion.angular_velocities,
+    )
+    return StateEstimate(state, _covariance(motion, radii, sigma, quaternions is not None))
+
+
+def _noise(times: Array, positions: Array, seen: Array) -> float:
+    parts = []
+    for sphere, own in enumerate(seen.T):
+        turns = np.tile(_UNTURNED, (int(own.sum()), 1, 1))
+        parts.append((times[own], positions[own, sphere, None], turns))
+    return estimate_noise(parts).position
+
+
+def _covariance(motion: Motion, radii: Array, noise: float, turned: bool) -> Array:
+    """Covariance of a line through N frames at equal intervals h, at the last of them.
+
+        var p = 2 (2N - 1) / (N (N + 1)) s^2
+        cov(p, v) = 6 / (N (N + 1) h) s^2
+        var v = 12 / (N (N^2 - 1) h^2) s^2
+
+    with s the noise; var v is known, h follows from it. Where rotations are not tracked, each
+    component of a spin that is not that of rolling is as large as rolling at this speed makes it.
+    """
+    found = np.zeros((len(radii), 9, 9))
+    count = np.maximum(motion.frames, 2).astype(np.float64)
+    known = np.isfinite(motion.errors)
+    velocity = np.where(known, motion.errors, np.nan)
+    place = noise * np.sqrt(2 * (2 * count - 1) / (count * (count + 1)))
+    # cov / (deviation of p, deviation of v), which does not depend on h
+    correlation = np.sqrt(3 * (count - 1) / (2 * (2 * count - 1)))
+    spin = np.linalg.norm(motion.velocities, axis=1) / radii
+    spin = np.where((motion.kinds == ROLLING) | turned, 0.0, spin)
+    for axis in range(3):
+        found[:, axis, axis] = place**2
+        found[:, axis, axis + 3] = found[:, axis + 3, axis] = correlation * place * velocity
+        found[:, axis + 3, axis + 3] = velocity**2
+        found[:, axis + 6, axis + 6] = spin**2
+    return found
