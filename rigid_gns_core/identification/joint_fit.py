@@ -19,17 +19,16 @@ import numpy as np
 from .parameters import Laws, Parameter
 from .stretches import Stretch
 from ..scenes.state import Array
+from ..tracking.ball_estimate import (
+    first_frames, first_guess, MOST_CONTACTS, MOVES, prior_of_start, WITHOUT_SPIN
+)
 from ..tracking.ball_fit import fit_start
 from ..tracking.ball_model import BallModel
 from ..tracking.ball_slopes import normal_equations
 
-# steps of the differences over a start: p [m], v [m/s], w [rad/s]
-MOVES = np.array([1e-6] * 3 + [1e-5] * 3 + [1e-3] * 3)
-# a start's position [m] and velocity [m/s] are known to no better than this beforehand
-_LOOSE = np.array([1e3] * 3 + [1e2] * 3)
 _MOST_DAMPING = 1e4
 
-SpinPrior = Callable[[Stretch], tuple[Array, Array]]
+SpinPrior = Callable[[Stretch, Array], tuple[Array, Array]]
 
 
 @dataclass
@@ -60,23 +59,22 @@ class JointFit:
         laws: Laws as functions of parameters.
         found: Stretches.
         noise: s, q, kappa of `model_error`.
-        spin: Whether starts spin; else they roll on a surface, and do not spin in the air.
-        prior: Mean and covariance of the spin of a stretch's start.
+        prior: Mean and covariance of the spin of a stretch's start, of the stretch and its first
+            guess; None: balls do not spin in the air, and roll on a surface.
     """
 
     def __init__(
-        self, laws: Laws, found: Sequence[Stretch], noise: Array, spin: bool, prior: SpinPrior
+        self, laws: Laws, found: Sequence[Stretch], noise: Array, prior: SpinPrior | None
     ) -> None:
         self.laws, self.found, self.noise = laws, found, noise
-        self.moves = MOVES if spin else np.where(np.arange(9) < 6, MOVES, 0.0)
-        self.means, self.precisions = [], []
-        for stretch in found:
-            mean, precision = np.zeros(9), np.diag(np.r_[_LOOSE**-2, np.zeros(3)])
-            if spin:
-                mean[6:], covariance = prior(stretch)
-                precision[6:, 6:] = np.linalg.inv(covariance)
-            else:
-                precision[6:, 6:] = np.eye(3)
+        self.moves = WITHOUT_SPIN if prior is None else MOVES
+        self.guesses, self.means, self.precisions = [], [], []
+        for one in found:
+            model = laws.models[min(one.sphere, len(laws.models) - 1)]
+            guess = first_guess(model, one.times, one.positions, one.on)
+            spin = None if prior is None else prior(one, guess)
+            mean, precision = prior_of_start(model, guess, one.on, spin)
+            self.guesses.append(np.concatenate([guess, mean[6:]]))
             self.means.append(mean)
             self.precisions.append(precision)
         self.weights = [np.ones(len(one.times)) for one in found]
@@ -157,14 +155,14 @@ class JointFit:
         one = self.found[k]
         model = models[min(one.sphere, len(models) - 1)]
         grows = start is None
-        point = first_guess(one, model, self.means[k]) if start is None else start.copy()
+        point = (self.guesses[k] if start is None else start).copy()
         information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
         m = len(one.times)
         loss, _, _ = fit_start(
             point, self.means[k], self.precisions[k], self.moves, one.times[0], one.times,
             one.positions, model.ball, model.planes, model.laws, one.on, self.noise,
-            min(_first_frames(one.times), m) if grows else m, 1.4, 15 if grows else 5,
-            self.weights[k].copy(), information, end, covariance, np.zeros((32, 3)),
+            first_frames(one.times) if grows else m, 1.4, 15 if grows else 5,
+            self.weights[k].copy(), information, end, covariance, np.zeros((MOST_CONTACTS, 3)),
         )
         apart = point - self.means[k]
         return point, loss * 3 * m + float(apart @ self.precisions[k] @ apart)
@@ -218,22 +216,6 @@ class JointFit:
         for k, p in enumerate(free):
             fitted.formal[p.name] = float(np.sqrt(inverse[k, k]))
             fitted.errors[p.name] = float(np.sqrt(max(sandwich[k, k], inverse[k, k])))
-
-
-def first_guess(one: Stretch, model: BallModel, mean: Array) -> Array:
-    """Start from the first frames of a stretch: a straight line under gravity."""
-    n = _first_frames(one.times)
-    t = one.times[:n] - one.times[0]
-    pull = np.zeros(3) if one.on >= 0 else model.gravity
-    line = np.stack([np.ones_like(t), t], axis=1)
-    place, velocity = np.linalg.lstsq(
-        line, one.positions[:n] - 0.5 * t[:, None] ** 2 * pull, rcond=None
-    )[0]
-    return np.concatenate([place, velocity, mean[6:]])
-
-
-def _first_frames(times: Array) -> int:
-    return max(6, int((times - times[0] <= 0.06).sum()))
 
 
 def _prior(free: Sequence[Parameter], values: Mapping[str, float]) -> float:

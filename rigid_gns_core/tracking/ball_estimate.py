@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""State of one ball at the last of some frames, through the contacts in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .ball_contact import FREE
+from .ball_fit import fit_start
+from .ball_model import BallModel, surface_under
+from .ball_path import path
+from .start_prior import StartPrior
+from ..scenes.state import Array
+
+# steps of the differences over a start: p [m], v [m/s], w [rad/s]
+MOVES = np.array([1e-6] * 3 + [1e-5] * 3 + [1e-3] * 3)
+WITHOUT_SPIN = np.where(np.arange(9) < 6, MOVES, 0.0)
+# how well a start is known beforehand: position [m] and velocity [m/s]; on a surface, off it
+_LOOSE, _HELD = np.array([1e3] * 3 + [1e2] * 3), 1e-4
+# time [s] and least number of the frames of the first guess, and least number of a window
+_FIRST, _FEW, FEWEST = 0.06, 6, 4
+# parts of the window that are tried, until one is met to this loss per coordinate: what the laws
+# do not know, as a net or a racket, may be in it
+_PARTS, _MET = (1.0, 0.7, 0.45, 0.25, 0.12), 4.0
+_STEPS, _GROWTH = 12, 2.0
+MOST_CONTACTS = 32
+
+
+@dataclass(frozen=True)
+class BallEstimate:
+    """State of a ball at the last frame.
+
+    Args:
+        state: Position, velocity, angular velocity, shape (9,).
+        covariance: Shape (9, 9).
+        on: Surface that the ball is on, or FREE.
+        loss: Huber's loss per coordinate; about 1 where the laws and the noise hold.
+        begin: Time of the first frame that was used [s].
+        contacts: Number of impacts in the window.
+    """
+
+    state: Array
+    covariance: Array
+    on: int
+    loss: float
+    begin: float
+    contacts: int
+
+
+def first_frames(times: Array) -> int:
+    """Number of frames of a first guess."""
+    return min(max(_FEW, int((times - times[0] <= _FIRST).sum())), len(times))
+
+
+def first_guess(model: BallModel, times: Array, positions: Array, on: int) -> Array:
+    """Position and velocity at the first frame, from a line under gravity, shape (6,)."""
+    n = first_frames(times)
+    t = times[:n] - times[0]
+    pull = model.gravity if on == FREE else np.zeros(3)
+    line = np.stack([np.ones_like(t), t], axis=1)
+    heights = positions[:n] - 0.5 * t[:, None] ** 2 * pull
+    guess = np.linalg.lstsq(line, heights, rcond=None)[0].ravel()
+    if on != FREE:
+        normal = model.planes[on, 9:12]
+        guess[:3] -= (normal @ (guess[:3] - model.planes[on, :3]) - model.radius) * normal
+        guess[3:] -= normal @ guess[3:] * normal
+    return guess
+
+
+def prior_of_start(
+    model: BallModel, guess: Array, on: int, spin: tuple[Array, Array] | None
+) -> tuple[Array, Array]:
+    """Mean and inverse covariance of a start, shapes (9,) and (9, 9).
+
+    Args:
+        model: Laws of the ball.
+        guess: First guess of position and velocity, shape (6,).
+        on: Surface that it is on, or FREE.
+        spin: Mean and covariance of the spin; None: the ball does not spin, or rolls.
+    """
+    mean, precision = np.zeros(9), np.diag(np.concatenate([_LOOSE**-2, np.ones(3)]))
+    if spin is not None:
+        mean[6:] = spin[0]
+        precision[6:, 6:] = np.linalg.inv(spin[1])
+    if on != FREE:
+        normal = model.planes[on, 9:12]
+        mean[:3] = normal * (normal @ guess[:3])
+        held = np.outer(normal, normal) / _HELD**2
+        precision[:3, :3] += held
+        precision[3:6, 3:6] += held
+    return mean, precision
+
+
+def estimate_ball(
+    model: BallModel, noise: Array, prior: StartPrior | None, times: Array, positions: Array
+) -> BallEstimate:
+    """Estimate the state at the last frame.
+
+    Args:
+        model: Laws of the ball.
+        noise: s, q, kappa of `model_error`.
+        prior: Of the spin; None: the ball does not spin in the air, and rolls on a surface.
+        times: Rising times of the frames in which it was seen [s], shape (m,), `FEWEST` or more.
+        positions: Centres [m], shape (m, 3).
+    """
+    times, positions = np.ascontiguousarray(times), np.ascontiguousarray(positions)
+    best, quality = None, np.inf
+    for part in _PARTS:
+        inside = times >= times[-1] - part * (times[-1] - times[0]) - 1e-9
+        if best is not None and inside.sum() < _FEW:
+            break
+        one = _estimate(model, noise, prior, times[inside], positions[inside])
+        # half as good at most, since fewer frames are met more easily
+        if best is None or one[1] < 0.5 * quality:
+            best, quality = one
+        if quality < _MET:
+            break
+    assert best is not None
+    return best
+
+
+def _estimate(
+    model: BallModel, noise: Array, prior: StartPrior | None, times: Array, positions: Array
+) -> tuple[BallEstimate, float]:
+    """Estimate from all frames of a window, and its loss with that of dropped frames."""
+    on = surface_under(model, times, positions, float(noise[0]))
+    guess = first_guess(model, times, positions, on)
+    spin = None if prior is None else prior.at(guess[:3], guess[3:])
+    mean, precision = prior_of_start(model, guess, on, spin)
+    start = np.concatenate([guess, mean[6:]])
+    weights = np.ones(len(times))
+    information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
+    loss, contacts, on_end = fit_start(
+        start,
+        mean,
+        precision,
+        WITHOUT_SPIN if prior is None else MOVES,
+        times[0],
+        times,
+        positions,
+        model.ball,
+        model.planes,
+        model.laws,
+        on,
+        noise,
+        first_frames(times),
+        _GROWTH,
+        _STEPS,
+        weights,
+        information,
+        end,
+        covariance,
+        np.zeros((MOST_CONTACTS, 3)),
+    )
+    if on_end != FREE:  # the drift beside the path is no motion off the surface
+        normal = model.planes[on_end, 9:12]
+        end[3:6] -= normal @ end[3:6] * normal
+    estimate = BallEstimate(end, covariance, on_end, loss, float(times[0]), contacts)
+    return estimate, loss + 4.0 * float((weights == 0.0).mean())
+
+
+def forecast_ball(
+    model: BallModel, estimate: BallEstimate, begin: float, stamps: Array
+) -> tuple[Array, int]:
+    """States at later stamps, shape (k, 9), and the number of impacts on the way."""
+    states = np.zeros((len(stamps), 9))
+    start = estimate.state.copy()
+    if estimate.on != FREE:  # the path takes what comes to the spin of rolling
+        start[6:] -= np.cross(model.planes[estimate.on, 9:12], start[3:6]) / model.radius
+    contacts, _ = path(
+        start,
+        begin,
+        stamps,
+        model.ball,
+        model.planes,
+        model.laws,
+        estimate.on,
+        states,
+        np.zeros((MOST_CONTACTS, 3)),
+    )
+    return states, contacts
