@@ -12,6 +12,7 @@ that a stretch at the verge of a contact does not hold up the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,6 +28,8 @@ from ..tracking.ball_model import BallModel
 from ..tracking.ball_slopes import normal_equations
 
 _MOST_DAMPING = 1e4
+# a stretch that is met has this loss per coordinate at most; factor of growth of a first fit
+_MET, _GROWTH = 3.0, 1.4
 
 SpinPrior = Callable[[Stretch, Array], tuple[Array, Array]]
 
@@ -70,7 +73,7 @@ class JointFit:
         self.moves = WITHOUT_SPIN if prior is None else MOVES
         self.guesses, self.means, self.precisions = [], [], []
         for one in found:
-            model = laws.models[min(one.sphere, len(laws.models) - 1)]
+            model = self.model_of(one, laws.models)
             guess = first_guess(model, one.times, one.positions, one.on)
             spin = None if prior is None else prior(one, guess)
             mean, precision = prior_of_start(model, guess, one.on, spin)
@@ -78,6 +81,18 @@ class JointFit:
             self.means.append(mean)
             self.precisions.append(precision)
         self.weights = [np.ones(len(one.times)) for one in found]
+
+    @staticmethod
+    def model_of(one: Stretch, models: Sequence[BallModel]) -> BallModel:
+        """Laws of the ball of a stretch."""
+        return models[min(one.sphere, len(models) - 1)]
+
+    def part(self, chosen: Array) -> JointFit:
+        """The same fit to some of the stretches, by their numbers."""
+        own = copy(self)
+        for name in ('found', 'guesses', 'means', 'precisions', 'weights'):
+            setattr(own, name, [getattr(self, name)[k] for k in chosen])
+        return own
 
     def fit(
         self,
@@ -89,7 +104,13 @@ class JointFit:
         """Fit parameters from values, the others stay."""
         free = list(parameters)
         now = {**{p.name: p.start for p in free}, **values}
-        starts, losses = self._solve(now, starts)
+        # also anew: what was best under other laws may be at a wrong bounce under these
+        found, losses = self.solve(now, None)
+        if starts is not None:
+            others, after = self.solve(now, starts)
+            better = after < losses
+            found[better], losses[better] = others[better], after[better]
+        starts = found
         total = losses.sum() + _prior(free, now)
         damping = 1e-3
         for _ in range(rounds if free else 0):
@@ -108,7 +129,7 @@ class JointFit:
                 moved = starts + np.stack(
                     [inverse @ (g - cross @ step) for inverse, g, cross in blocks]
                 )
-                ends, after = self._solve(tried, moved, starts)
+                ends, after = self.solve(tried, moved, starts)
                 loss = after.sum() + _prior(free, tried)
                 if loss < total:
                     accepted = True
@@ -130,7 +151,16 @@ class JointFit:
             self._errors(free, matrix, scores, fitted)
         return fitted
 
-    def _solve(
+    def fit_known(
+        self, parameters: Sequence[Parameter], fitted: Fitted, known: Array
+    ) -> Fitted:
+        """Fit parameters to some stretches, from an earlier fit; starts of all with them."""
+        part = self.part(known).fit(parameters, fitted.values, fitted.starts[known])
+        whole = self.fit((), part.values, fitted.starts)
+        whole.errors, whole.formal = part.errors, part.formal
+        return whole
+
+    def solve(
         self, values: Mapping[str, float], starts: Array | None, others: Array | None = None
     ) -> tuple[Array, Array]:
         """Starts and losses of all stretches; the better from two sets of starts."""
@@ -153,16 +183,30 @@ class JointFit:
         self, k: int, models: Sequence[BallModel], start: Array | None
     ) -> tuple[Array, float]:
         one = self.found[k]
-        model = models[min(one.sphere, len(models) - 1)]
-        grows = start is None
-        point = (self.guesses[k] if start is None else start).copy()
+        if start is None:
+            met = self._fit_one(k, models, self.guesses[k], first_frames(one.times))
+            if met[1] > _MET * 3 * len(one.times):  # an impact may be in the first frames
+                again = self.guesses[k].copy()
+                model = self.model_of(one, models)
+                again[:6] = first_guess(model, one.times, one.positions, one.on, 4)
+                other = self._fit_one(k, models, again, 4)
+                met = other if other[1] < met[1] else met
+            return met
+        return self._fit_one(k, models, start, len(one.times))
+
+    def _fit_one(
+        self, k: int, models: Sequence[BallModel], start: Array, first: int
+    ) -> tuple[Array, float]:
+        one = self.found[k]
+        model = self.model_of(one, models)
+        point = start.copy()
         information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
         m = len(one.times)
         loss, _, _ = fit_start(
             point, self.means[k], self.precisions[k], self.moves, one.times[0], one.times,
             one.positions, model.ball, model.planes, model.laws, one.on, self.noise,
-            first_frames(one.times) if grows else m, 1.4, 15 if grows else 5,
-            self.weights[k].copy(), information, end, covariance, np.zeros((MOST_CONTACTS, 3)),
+            first, _GROWTH, 15 if first < m else 6, np.inf,
+             self.weights[k], information, end, covariance, np.zeros((MOST_CONTACTS, 3)),
         )
         apart = point - self.means[k]
         return point, loss * 3 * m + float(apart @ self.precisions[k] @ apart)

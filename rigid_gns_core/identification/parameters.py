@@ -65,6 +65,9 @@ class Laws:
         scene: Surfaces, spheres and gravity; what is not fitted stays.
         count: Number of spheres.
         inertia: Inertia factor of the spheres.
+
+    Attributes:
+        shown: Values that tracks show without a fit, where fits begin, by parameter.
     """
 
     def __init__(self, scene: Scene, count: int = 1, inertia: float | None = None) -> None:
@@ -74,9 +77,16 @@ class Laws:
             for model in self.models:
                 model.ball[0, 13] = inertia
         self.groups = _groups(scene)
+        self.shown: dict[str, float] = {}
 
     def start_of(self, name: str) -> Parameter:
         """Parameter of a name, that starts from the scene's value."""
+        part, field = name.split('.')
+        if name in self.shown:
+            return replace(self._start_of(name), start=self.shown[name])
+        return self._start_of(name)
+
+    def _start_of(self, name: str) -> Parameter:
         part, field = name.split('.')
         if part == 'air':
             parameter = AIR[field]

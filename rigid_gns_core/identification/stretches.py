@@ -21,6 +21,9 @@ LONGEST = 0.7
 FEWEST = 8
 # a ball that is not seen for longer may have touched anything [s]
 _LOST = 0.25
+# a velocity shows in this time [s]; an edge is moved by so much at most [s], to be clearer of
+# surfaces by this [m], where it is closer than this [m]
+_SHOWS, _SHIFT, _CLEARER, _CLOSE = 0.08, 0.12, 0.01, 0.03
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
 
@@ -63,21 +66,48 @@ def pieces(tracks: Sequence[Track], scene: Scene, spheres: Sequence[str]) -> lis
 def stretches(
     found: Sequence[Stretch], models: Sequence[BallModel], noise: float, longest: float = LONGEST
 ) -> list[Stretch]:
-    """Pieces cut into equal stretches of at most `longest` seconds."""
+    """Pieces cut into stretches of about equal length, at most `longest` seconds and a little.
+
+    None begins just before an impact, of which the first frames would tell no velocity.
+    """
     cut = []
     for piece in found:
         times = piece.times
+        model = models[min(piece.sphere, len(models) - 1)]
         count = max(1, int(np.ceil((times[-1] - times[0]) / longest - 1e-9)))
-        edges = np.linspace(times[0], times[-1], count + 1)
+        clear = _clearance(model, times, piece.positions)
+        edges = [_clearest(times, clear, edge) for edge in np.linspace(times[0], times[-1], count + 1)]
+        edges[-1] = times[-1]
         for begin, end in zip(edges, edges[1:], strict=False):
             inside = (times >= begin - 1e-9) & (times <= end + 1e-9)
             if inside.sum() < FEWEST:
                 continue
             places = piece.positions[inside]
-            model = models[min(piece.sphere, len(models) - 1)]
             on = surface_under(model, times[inside], places, noise)
             cut.append(Stretch(piece.track, piece.sphere, times[inside], places, on))
     return cut
+
+
+def _clearance(model: BallModel, times: Array, positions: Array) -> Array:
+    """Least distance from a surface in the time after each frame in which a velocity shows [m]."""
+    if not len(model.planes):
+        return np.full(len(times), np.inf)
+    heights = np.stack(
+        [(positions - plane[:3]) @ plane[9:12] - model.radius for plane in model.planes]
+    ).min(axis=0)
+    ends = np.searchsorted(times, times + _SHOWS)
+    return np.array([heights[i : max(end, i + 1)].min() for i, end in enumerate(ends)])
+
+
+def _clearest(times: Array, clear: Array, edge: float) -> float:
+    """Time of the frame near an edge from which the ball stays clearest of surfaces."""
+    near = np.flatnonzero(np.abs(times - edge) <= _SHIFT)
+    if not len(near):
+        return edge
+    best = near[int(np.argmax(clear[near]))]
+    now = clear[near[int(np.abs(times[near] - edge).argmin())]]
+    # a ball that rolls, or rests, is as close to its surface everywhere
+    return float(times[best]) if now < _CLOSE and clear[best] - now > _CLEARER else edge
 
 
 def _near_others(track: Track, column: int, scene: Scene, count: int) -> np.ndarray:

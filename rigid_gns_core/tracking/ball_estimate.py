@@ -26,7 +26,7 @@ _FIRST, _FEW, FEWEST = 0.06, 6, 4
 # parts of the window that are tried, until one is met to this loss per coordinate: what the laws
 # do not know, as a net or a racket, may be in it
 _PARTS, _MET = (1.0, 0.7, 0.45, 0.25, 0.12), 4.0
-_STEPS, _GROWTH = 12, 2.0
+_STEPS, _GROWTH, _GATE = 12, 2.0, 6.0
 MOST_CONTACTS = 32
 
 
@@ -56,9 +56,11 @@ def first_frames(times: Array) -> int:
     return min(max(_FEW, int((times - times[0] <= _FIRST).sum())), len(times))
 
 
-def first_guess(model: BallModel, times: Array, positions: Array, on: int) -> Array:
+def first_guess(
+    model: BallModel, times: Array, positions: Array, on: int, frames: int | None = None
+) -> Array:
     """Position and velocity at the first frame, from a line under gravity, shape (6,)."""
-    n = first_frames(times)
+    n = first_frames(times) if frames is None else min(frames, len(times))
     t = times[:n] - times[0]
     pull = model.gravity if on == FREE else np.zeros(3)
     line = np.stack([np.ones_like(t), t], axis=1)
@@ -150,6 +152,7 @@ def _estimate(
         first_frames(times),
         _GROWTH,
         _STEPS,
+        _GATE,
         weights,
         information,
         end,

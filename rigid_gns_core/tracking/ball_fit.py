@@ -19,9 +19,8 @@ from .jit import compiled, entry, in_place
 from .model_error import filter_gains, GAINS, whiten
 from ..scenes.state import Array
 
-# Huber's loss is linear beyond this [deviations of a coordinate]; a frame beyond the gate is
-# dropped
-_LINEAR, _GATE = 3.0, 6.0
+# Huber's loss is linear beyond this [deviations of a coordinate]
+_LINEAR = 3.0
 _MOST_DAMPING = 1e8
 # a step smaller than this ends the search [deviations of the posterior]
 _SMALL = 1e-2
@@ -98,6 +97,7 @@ def fit_start(
     first: int,
     growth: float,
     iterations: int,
+    gate: float,
     weights: Array,
     information_out: Array,
     end_out: Array,
@@ -117,6 +117,8 @@ def fit_start(
         first: Frames of the first fit; m: the window does not grow.
         growth: Factor by which it grows.
         iterations: Most steps of the last fit.
+        gate: Frames farther off than this are dropped, and the rest fitted once more
+            [deviations of a coordinate]; infinite: none.
         weights: Of the frames, shape (m,); those dropped are set to 0.
         information_out: Inverse covariance of the start, shape (9, 9).
         end_out: State at the last stamp, drift included, shape (9,).
@@ -211,14 +213,14 @@ def fit_start(
         far = 0
         for i in range(m):
             square = residuals[i, 0] ** 2 + residuals[i, 1] ** 2 + residuals[i, 2] ** 2
-            if weights[i] > 0.0 and square > 3.0 * _GATE * _GATE:
+            if weights[i] > 0.0 and square > 3.0 * gate * gate:
                 far += 1
         if dropped or far == 0 or far > m // 5:
             break
         dropped = True
         for i in range(m):
             square = residuals[i, 0] ** 2 + residuals[i, 1] ** 2 + residuals[i, 2] ** 2
-            if square > 3.0 * _GATE * _GATE:
+            if square > 3.0 * gate * gate:
                 weights[i] = 0.0
     _end_of(states, slopes, gains, drift, ends, information_out, end_out, end_covariance_out)
     return loss / (3 * m), count, where

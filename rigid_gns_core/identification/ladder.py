@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Terms of the laws, one by one: each stays only where left-out tracks are predicted better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .joint_fit import Fitted, JointFit, SpinPrior
+from .left_out import Forecast, forecasts, scores, table_row
+from .noise_fit import fit_noise, known_stretches
+from .parameters import Laws
+from .spins import broad_prior, learned_prior
+from .stretches import Stretch
+from ..scenes.state import Array
+from ..tracking.start_prior import StartPrior
+
+# rounds of parameters and prior in turn, when spins are learned
+_ROUNDS = 2
+# fits to known stretches, each with what the one before shows of them
+_TRIMS = 2
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is fitted, and how.
+
+    Args:
+        names: Parameters.
+        spin: `none`: balls do not spin, or roll; `broad`: any spin; `learned`: as in other
+            tracks.
+        bandwidth: Of the prior, see `StartPrior`; infinite: all windows count alike.
+        noise: s, q, kappa.
+    """
+
+    names: tuple[str, ...]
+    spin: str
+    bandwidth: float
+    noise: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A term that is tried.
+
+    Args:
+        name: For the table.
+        change: The setup with it.
+        needs: Whether it makes sense with what was kept.
+    """
+
+    name: str
+    change: Callable[[Setup], Setup]
+    needs: Callable[[Setup], bool] = lambda setup: True
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A line of the table.
+
+    Args:
+        name: Term.
+        kept: Whether it stayed.
+        change: Mean change of the logarithm of the left-out error, over tracks.
+        deviation: Its standard error.
+        first, every: Left-out errors from first windows and from all, see `table_row`.
+    """
+
+    name: str
+    kept: bool
+    change: float
+    deviation: float
+    first: dict[str, list[float]]
+    every: dict[str, list[float]]
+
+
+@dataclass
+class Fold:
+    """One part of the tracks to fit to and the others to predict."""
+
+    inside: list[Stretch]
+    outside: list[Stretch]
+    fitted: Fitted | None = None
+    prior: StartPrior | None = None
+
+
+@dataclass
+class Ladder:
+    """The search over terms.
+
+    Args:
+        laws: Laws as functions of parameters.
+        folds: Tracks to fit to and to predict.
+        setup: What is kept so far.
+        table: What was tried.
+    """
+
+    laws: Laws
+    folds: list[Fold]
+    setup: Setup
+    table: list[Tried] = field(default_factory=list)
+    best: list[Forecast] = field(default_factory=list)
+
+    def begin(self) -> None:
+        """Predict with what the scene says."""
+        self.best = self._predict(self.setup, self.folds)
+        self._note('as given', True, 0.0, 0.0, self.best)
+
+    def add(self, rung: Rung) -> None:
+        """Add a term, whatever it does: what it is worth shows when the others are there."""
+        self._try(rung, lambda change, deviation: True)
+
+    def climb(self, rung: Rung) -> bool:
+        """Add a term if left-out tracks are predicted better by more than half an error bar."""
+        return self._try(rung, lambda change, deviation: change + 0.5 * deviation < 0.0)
+
+    def drop(self, rung: Rung) -> bool:
+        """Take a term out if left-out tracks are predicted no worse without it."""
+        return self._try(rung, lambda change, deviation: change <= 0.0)
+
+    def _try(self, rung: Rung, stays: Callable[[float, float], bool]) -> bool:
+        if not rung.needs(self.setup):
+            return False
+        setup = rung.change(self.setup)
+        if setup == self.setup:
+            return False
+        folds = [replace(fold) for fold in self.folds]
+        found = self._predict(setup, folds)
+        change, deviation = paired(found, self.best, setup.noise[0])
+        kept = stays(change, deviation)
+        self._note(rung.name, kept, change, deviation, found)
+        if kept:
+            self.setup, self.folds, self.best = setup, folds, found
+        return kept
+
+    def refit_noise(self) -> None:
+        """Noise and drift anew from the residuals of the first fold."""
+        fold = self.folds[0]
+        fit = JointFit(self.laws, fold.inside, np.array(self.setup.noise), self._prior_of(fold))
+        assert fold.fitted is not None
+        noise = fit_noise(fit, fold.fitted)
+        self.setup = replace(self.setup, noise=tuple(float(v) for v in noise))
+        self.best = self._predict(self.setup, self.folds)
+        self._note('noise and drift', True, 0.0, 0.0, self.best)
+
+    def _predict(self, setup: Setup, folds: Sequence[Fold]) -> list[Forecast]:
+        found = []
+        for fold in folds:
+            fold.fitted, fold.prior = fit_setup(self.laws, setup, fold.inside, fold.fitted)
+            noise = np.array(setup.noise)
+            found += forecasts(self.laws, fold.fitted.values, noise, fold.prior, fold.outside)
+        return found
+
+    def _prior_of(self, fold: Fold) -> SpinPrior | None:
+        if self.setup.spin == 'none' or fold.prior is None:
+            return None
+        prior = fold.prior
+        return lambda one, guess: prior.at(guess[:3], guess[3:])
+
+    def _note(
+        self, name: str, kept: bool, change: float, deviation: float, found: list[Forecast]
+    ) -> None:
+        first, every = table_row(found, True), table_row(found, False)
+        self.table.append(Tried(name, kept, change, deviation, first, every))
+
+
+def paired(found: Sequence[Forecast], before: Sequence[Forecast], noise: float) -> tuple[float, float]:
+    """Mean change of the tracks' scores, and its standard error."""
+    new, old = scores(found, noise), scores(before, noise)
+    changes = np.array([new[track] - old[track] for track in new if track in old])
+    deviation = float(changes.std(ddof=1) / np.sqrt(len(changes))) if len(changes) > 1 else np.inf
+    return float(changes.mean()), deviation
+
+
+def fit_setup(
+    laws: Laws, setup: Setup, found: Sequence[Stretch], before: Fitted | None
+) -> tuple[Fitted, StartPrior | None]:
+    """Joint fit of a setup, and the prior that its spins make."""
+    parameters = [laws.start_of(name) for name in setup.names]
+    values = {} if before is None else {n: v for n, v in before.values.items() if n in setup.names}
+    starts = None if before is None else before.starts
+    noise = np.array(setup.noise)
+    radius = laws.models[0].radius
+    spin = None if setup.spin == 'none' else broad_prior(radius)
+    fitted, start_prior = None, None
+    for turn in range(_ROUNDS if setup.spin == 'learned' else 1):
+        fit = JointFit(laws, found, noise, spin)
+        if fitted is not None:
+            values, starts = fitted.values, fitted.starts
+        fitted = fit.fit((), {**{p.name: p.start for p in parameters}, **values}, starts)
+        for _ in range(_TRIMS):
+            known = np.flatnonzero(known_stretches(fitted.losses))
+            fitted = fit.fit_known(parameters, fitted, known)
+            if np.array_equal(np.flatnonzero(known_stretches(fitted.losses)), known):
+                break
+        if setup.spin == 'none':
+            break
+        start_prior, tracks = learned_prior(laws, fitted, found, setup.bandwidth)
+        if setup.spin == 'broad':
+            start_prior = any_spin(radius)
+        else:
+            spin = _without_own(start_prior, tracks)
+    assert fitted is not None
+    return fitted, start_prior
+
+
+def any_spin(radius: float) -> StartPrior:
+    """Prior of a spin of which nothing is known."""
+    mean, covariance = broad_prior(radius)(None, np.zeros(6))  # type: ignore[arg-type]
+    return StartPrior(
+        np.zeros((1, 6)), mean[None], covariance[None], bandwidth=np.inf, floor=0.0
+    )
+
+
+def _without_own(prior: StartPrior, tracks: NDArray[np.int64]) -> SpinPrior:
+    return lambda one, guess: prior.at(guess[:3], guess[3:], tracks == one.track)

@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Forecasts of tracks from their windows, and how far off they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .parameters import Laws
+from .stretches import FEWEST, Stretch
+from ..scenes.state import Array
+from ..tracking.ball_estimate import BallEstimate, estimate_ball, forecast_ball
+from ..tracking.start_prior import StartPrior
+
+WINDOW, EVERY, MEMORY = 0.2, 0.2, 0.4  # [s]
+HORIZONS = (0.2, 0.4, 0.6, 1.0)  # [s]
+# a frame is compared with a horizon no farther off than this [s], [median intervals]
+_APART, _FRAMES = 0.01, 0.6
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """One forecast and what came.
+
+    Args:
+        track: Number of the track.
+        first: Whether it starts from the first window of its stretch.
+        horizon: Time ahead [s], as asked for.
+        lead: To the frame compared [s].
+        off: Forecast less position [m], shape (3,).
+        contacts: Number of impacts that the forecast has on the way.
+    """
+
+    track: int
+    first: bool
+    horizon: float
+    lead: float
+    off: Array
+    contacts: int
+
+
+def windows(one: Stretch) -> Iterator[tuple[Array, Array, bool]]:
+    """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
+
+    A window has all frames of the last `MEMORY`.
+    """
+    times = one.times
+    apart = max(_APART, _FRAMES * float(np.median(np.diff(times))))
+    end, first = times[0] + WINDOW, True
+    while end < times[-1]:
+        inside = np.flatnonzero((times <= end + 1e-6) & (times >= end - MEMORY - 1e-6))
+        last = times[inside[-1]]
+        nearest = np.array([np.abs(times - last - h).argmin() for h in HORIZONS])
+        nearest[np.abs(times[nearest] - last - HORIZONS) > apart] = -1
+        if len(inside) >= FEWEST and (nearest >= 0).any():
+            yield inside, nearest, first
+        end, first = end + EVERY, False
+
+
+def forecasts(
+    laws: Laws,
+    values: dict[str, float],
+    noise: Array,
+    prior: StartPrior | None,
+    found: Sequence[Stretch],
+) -> list[Forecast]:
+    """Forecasts from all windows of some pieces of tracks."""
+    models = laws.models_at(values)
+    result = []
+    for one in found:
+        model = models[min(one.sphere, len(models) - 1)]
+        for inside, nearest, first in windows(one):
+            estimate = estimate_ball(
+                model, noise, prior, one.times[inside], one.positions[inside]
+            )
+            reached = nearest >= 0
+            stamps = one.times[nearest[reached]]
+            begin = float(one.times[inside[-1]])
+            states, contacts = forecast_ball(model, estimate, begin, stamps)
+            off = states[:, :3] - one.positions[nearest[reached]]
+            for k, horizon in enumerate(np.array(HORIZONS)[reached]):
+                result.append(
+                    Forecast(one.track, first, float(horizon), stamps[k] - begin, off[k], contacts)
+                )
+    return result
+
+
+def scores(found: Sequence[Forecast], noise: float) -> dict[int, float]:
+    """Mean logarithm of the error of each track: no forecast that fails alone decides."""
+    logs: dict[int, list[float]] = {}
+    for one in found:
+        error = float(np.sqrt(one.off @ one.off + noise**2))
+        logs.setdefault(one.track, []).append(np.log(error))
+    return {track: float(np.mean(own)) for track, own in logs.items()}
+
+
+def table_row(found: Sequence[Forecast], first: bool) -> dict[str, list[float]]:
+    """Number, mean and median error [m] by horizon, of first windows or of all."""
+    row = {}
+    for horizon in HORIZONS:
+        errors = [
+            float(np.linalg.norm(one.off))
+            for one in found
+            if one.horizon == horizon and (one.first or not first)
+        ]
+        if errors:
+            row[f'{horizon:g}'] = [len(errors), float(np.mean(errors)), float(np.median(errors))]
+    return row

@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Noise of the tracker and drift of the laws, by the likelihood of the residuals.
+
+The starts are integrated out (Laplace's approximation), or a drift would be taken for a start:
+
+    -2 log L = sum over stretches of loss + log det S + log det (H + prior)
+
+with S of the innovations and H of the start. Stretches that hold what the laws do not know at all
+are left out: one of them would make a drift of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .joint_fit import Fitted, JointFit
+from ..scenes.state import Array
+from ..tracking.ball_slopes import normal_equations
+
+# least and largest values of s [m], q [m^2/s^3], kappa
+LOW, HIGH = np.array([1e-5, 1e-8, 1e-4]), np.array([0.05, 10.0, 0.1])
+# what kappa is beforehand, and how widely its logarithm spreads
+_KICK, _KICK_WIDTH = 0.02, 0.5
+# most evaluations of the search
+_EVALUATIONS = 50
+# a stretch with this many times the median loss holds something unknown; this part is taken
+# for known anyway
+_UNKNOWN, _MOST_KNOWN = 3.0, 0.75
+
+
+def known_stretches(losses: Array) -> Array:
+    """Mask of stretches whose loss per coordinate is not far above that of most."""
+    bound = _UNKNOWN * float(np.median(losses))
+    return losses <= max(bound, float(np.quantile(losses, _MOST_KNOWN)))
+
+
+def fit_noise(fit: JointFit, fitted: Fitted, done: Callable[[], object] = lambda: None) -> Array:
+    """Most likely s, q, kappa, see `model_error.NOISE`, with the parameters as fitted.
+
+    Args:
+        fit: Stretches and their priors.
+        fitted: Parameters and starts.
+        done: Called after each evaluation.
+    """
+    from scipy.optimize import minimize
+
+    chosen = np.flatnonzero(known_stretches(fitted.losses))
+    part = fit.part(chosen)
+    first = np.log(np.clip(fit.noise, LOW, HIGH))
+
+    def cost(point: Array) -> float:
+        done()
+        outside = np.maximum(0.0, np.log(LOW) - point) + np.maximum(0.0, point - np.log(HIGH))
+        part.noise = np.exp(np.clip(point, np.log(LOW), np.log(HIGH)))
+        own = ((point[2] - np.log(_KICK)) / _KICK_WIDTH) ** 2
+        likelihood = _likelihood(part, fitted.values, fitted.starts[chosen])
+        return likelihood + own + 1e3 * float(outside.sum())
+
+    simplex = first + np.array([[0, 0, 0], [-0.3, 0, 0], [0, -1.0, 0], [0, 0, 0.7]])
+    options = {
+        'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': 0.05, 'fatol': 1.0,
+    }
+    return np.clip(np.exp(minimize(cost, first, method='Nelder-Mead', options=options).x), LOW, HIGH)
+
+
+def _likelihood(fit: JointFit, values: dict[str, float], starts: Array) -> float:
+    """-2 log L but for a constant."""
+    starts, losses = fit.solve(values, starts)
+    total = float(losses.sum())
+    for k, one in enumerate(fit.found):
+        model = fit.model_of(one, fit.laws.models_at(values))
+        matrix, vector, none = np.zeros((9, 9)), np.zeros(9), np.zeros((0, 1, 14))
+        _, log = normal_equations(
+            starts[k], fit.moves, one.times[0], one.times, one.positions, model.ball,
+            model.planes, model.laws, one.on, fit.noise, fit.weights[k], none,
+            np.zeros((0, *model.planes.shape)), np.zeros((0, *model.laws.shape)), np.zeros(0),
+            matrix, vector,
+        )
+        total += log + float(np.linalg.slogdet(matrix + fit.precisions[k])[1])
+    return total
