@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 from .errors import UserError
 from .scenes.air import Air
+from .scenes.contact_law import ContactLaw, RestitutionCurve
 from .scenes.plane import Plane
 from .scenes.scene import Scene
 from .scenes.scene_file import load_scene
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     'Air',
+    'ContactLaw',
     'Plane',
+    'RestitutionCurve',
     'Rollout',
     'Scene',
     'Simulator',

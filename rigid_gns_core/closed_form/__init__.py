@@ -11,14 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from .air import air_checks
 from .bounces import Simulate
 from .ceilings import ceiling_checks, strip_checks
 from .check import Check
+from .contact_laws import curve_checks, grip_checks
 from .edges import edge_checks, topple_checks
 from .enclosed import load_checks, room_checks
 from .joints import joint_checks
 from .many_spheres import collision_checks, pile_checks
 from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
+from .resistance import resistance_checks
 from .seams import seam_checks
 from .shared_contacts import shared_checks
 from .slow_impacts import slow_checks
@@ -43,6 +46,10 @@ GROUPS: dict[str, Callable[[Simulate, bool], Iterator[Check]]] = {
     'slow': slow_checks,
     'room': room_checks,
     'load': load_checks,
+    'air': air_checks,
+    'grip': grip_checks,
+    'curve': curve_checks,
+    'resistance': resistance_checks,
 }
 
 

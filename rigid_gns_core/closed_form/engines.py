@@ -12,6 +12,8 @@ import numpy as np
 from .bounces import Simulate
 from ..errors import UserError
 from ..rollout.simulator import Simulator
+from ..scenes.air import Air
+from ..scenes.contact_law import ContactLaw, RestitutionCurve
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import State, Trajectory
@@ -47,7 +49,23 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
             point=(length * x, length * y, length * z),
             length_x=length * plane.length_x,
             length_y=length * plane.length_y,
+            contact=law(plane.contact),
         )
+
+    def law(of: ContactLaw | None) -> ContactLaw | None:
+        if of is None:
+            return None
+        curve = of.restitution
+        if isinstance(curve, RestitutionCurve):
+            curve = replace(curve, speed=curve.speed * length / time)
+        slope = of.rolling_friction_slope * time / length
+        return replace(of, restitution=curve, rolling_friction_slope=slope)
+
+    def air(of: Air | None) -> Air | None:
+        if of is None:
+            return None
+        x, y, z = (length / time * part for part in of.wind)
+        return replace(of, wind=(x, y, z), spin_decay=of.spin_decay / time)
 
     def simulate_scaled(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         larger = replace(
@@ -55,6 +73,8 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
             surfaces=tuple(map(surface, scene.surfaces)),
             radius=times(scene.radius, length),
             mass=times(scene.mass, length**3),
+            air=air(scene.air),
+            sphere_contact=law(scene.sphere_contact),
         )
         run = simulate(
             larger,

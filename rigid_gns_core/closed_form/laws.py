@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mechanics of solid spheres in closed form: what any engine is checked against.
+"""Mechanics of spheres in closed form: what any engine is checked against.
 
-They follow from Newton's and Euler's equations with I = 2/5 m r^2, Newton's law of restitution,
-Coulomb's law of friction, and a torque of rolling friction rho r N.
+They follow from Newton's and Euler's equations with I = i m r^2, i = 2/5 where nothing else is
+said, Newton's law of restitution, Coulomb's law of friction, and a torque of rolling friction
+rho r N. `air_laws` has those of flight, `resistance` those of rolling and spinning to rest.
 
 Notation: n unit normal, e restitution, mu friction, rho rolling friction (see `Scene`), J impulse.
 """
@@ -33,20 +34,29 @@ def incline_acceleration(
 
 
 def impact_on_surface(
-    velocity: Array, spin: Array, normal: Array, radius: float, restitution: float, friction: float
+    velocity: Array,
+    spin: Array,
+    normal: Array,
+    radius: float,
+    restitution: float,
+    friction: float,
+    inertia: float = 0.4,
+    tangential_restitution: float = 0.0,
 ) -> tuple[Array, Array]:
     """Velocity [m/s] and spin [rad/s] of a sphere after an impact on a surface, shapes (3,).
 
-    J_n = (1 + e) m u, with the approach speed u; J_t = min(2/7 m slip, mu J_n) against the slip of
-    the contact point: it sticks where the friction cone allows, and slides to the end otherwise.
+    J_n = (1 + e) m u, with the approach speed u; J_t = min((1 + beta) i / (1 + i) m slip, mu J_n)
+    against the slip of the contact point: it grips where the friction cone allows, and slides to
+    the end otherwise. A solid sphere without beta: 2/7 m slip.
     """
     push = -(1.0 + restitution) * float(velocity @ normal)  # J_n / m
     point = velocity + np.cross(spin, -radius * normal)
     slip = point - (point @ normal) * normal
     speed = float(np.linalg.norm(slip))
-    grip = min(2.0 / 7.0 * speed, friction * push)
+    held = (1.0 + tangential_restitution) * inertia / (1.0 + inertia)
+    grip = min(held * speed, friction * push)
     along = -grip * slip / speed if speed > 0 else np.zeros(3)
-    return velocity + push * normal + along, spin - 2.5 / radius * np.cross(normal, along)
+    return velocity + push * normal + along, spin - np.cross(normal, along) / (inertia * radius)
 
 
 def impact_of_spheres(
@@ -57,6 +67,8 @@ def impact_of_spheres(
     masses: Array,
     restitution: float,
     friction: float,
+    inertia: float = 0.4,
+    tangential_restitution: float = 0.0,
 ) -> tuple[Array, Array]:
     """Velocities [m/s] and spins [rad/s] of two spheres after they collide, shapes (2, 3).
 
@@ -70,6 +82,8 @@ def impact_of_spheres(
         masses: Masses [kg], shape (2,).
         restitution: Of the pair.
         friction: Of the pair.
+        inertia: i of both.
+        tangential_restitution: beta of the pair.
     """
     reduced = masses.prod() / masses.sum()
     points = velocities + np.cross(spins, np.outer([-radii[0], radii[1]], normal))
@@ -78,11 +92,12 @@ def impact_of_spheres(
     slip = relative - approach * normal
     speed = float(np.linalg.norm(slip))
     push = -(1.0 + restitution) * reduced * approach
-    grip = min(2.0 / 7.0 * reduced * speed, friction * push)
+    held = (1.0 + tangential_restitution) * inertia / (1.0 + inertia)
+    grip = min(held * reduced * speed, friction * push)
     impulse = push * normal - (grip * slip / speed if speed > 0 else 0.0)
     after = velocities + np.outer([1.0 / masses[0], -1.0 / masses[1]], impulse)
     # both spheres are turned the same way: lever and impulse change sign together
-    turn = 2.5 * np.cross(-normal, impulse)
+    turn = np.cross(-normal, impulse) / inertia
     turned: Array = np.asarray(spins + np.outer(1.0 / (masses * radii), turn), dtype=np.float64)
     return after, turned
 
@@ -118,16 +133,21 @@ def simultaneous_impacts(
 
 
 def slide_to_roll(
-    speed: float, surface_speed: float, friction: float, gravity: float, time: float
+    speed: float,
+    surface_speed: float,
+    friction: float,
+    gravity: float,
+    time: float,
+    inertia: float = 0.4,
 ) -> float:
     """Speed [m/s] on a level floor after `time` [s], from a speed and r times the spin.
 
-    Friction takes mu g from the speed along the slip, which shrinks by 7/2 mu g; from where it is
-    0 the sphere rolls, at (5 v + 2 r w) / 7.
+    Friction takes mu g from the speed along the slip, which shrinks by (1 + 1 / i) mu g; from
+    where it is 0 the sphere rolls, at (v + i r w) / (1 + i).
     """
     slip = speed - surface_speed
-    if abs(slip) <= 3.5 * friction * gravity * time:
-        return (5.0 * speed + 2.0 * surface_speed) / 7.0
+    if abs(slip) <= (1.0 + 1.0 / inertia) * friction * gravity * time:
+        return (speed + inertia * surface_speed) / (1.0 + inertia)
     return speed - float(np.sign(slip)) * friction * gravity * time
 
 
@@ -144,7 +164,7 @@ def speed_over_edge(
         start: Angle from the vertical [rad].
         angle: Angles at which to know it [rad].
         radius: l of the circle: r of the sphere at an edge, R + r on a fixed sphere.
-        inertia: i: 2/5 or 0.
+        inertia: i, or 0 where it slides.
         gravity: [m/s^2].
     """
     gained = 2.0 * gravity * radius * (np.cos(start) - np.cos(angle)) / (1.0 + inertia)

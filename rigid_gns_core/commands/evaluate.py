@@ -141,12 +141,15 @@ def _refuse(arguments: argparse.Namespace, *, data: bool, tracks: bool) -> None:
     """
     wrong = [name for name in _OF_BAG if not (tracks and name == 'scene')] if data else []
     wrong += _OF_DATA if tracks or not data else ()
+    wrong += ['figure'] if tracks else []
     wrong += _OF_TRACKS if not tracks else ()
     for name in wrong:
         if getattr(arguments, name) not in (None, False):
             if name in _OF_BAG:
                 raise UserError(f'--{name} goes with --bag: data say it themselves')
-            remedy = 'tracks are scored at --horizons' if tracks else 'all of a bag is scored'
+            remedy = (
+                'of tracks there are numbers at --horizons' if tracks else 'all of a bag is scored'
+            )
             raise UserError(f'--{name} goes with --data: {remedy}')
 
 

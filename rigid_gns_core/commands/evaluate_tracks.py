@@ -31,7 +31,9 @@ def add_track_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs='+',
         metavar='S',
-        help='score so long after a start [s] (default ' + ' '.join(f'{h:g}' for h in HORIZONS) + ')',
+        help='score so long after a start [s] (default '
+        + ' '.join(f'{h:g}' for h in HORIZONS)
+        + ')',
     )
     tracks.add_argument(
         '--every', type=float, metavar='S', help='a start every so often [s] (default: the first)'

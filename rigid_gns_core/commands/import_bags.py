@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .arguments import completes, configs, shipped_models
-from ..data.tracks import load_tracks
+from ..data.tracks import load_tracks, TRACKS_NAME
 from ..recordings.importing.import_bags import import_bags
 from ..recordings.importing.options import ImportOptions
 from ..recordings.importing.units_and_axes import AXES
@@ -52,10 +52,10 @@ def _of_bag(report: dict[str, Any]) -> str:
 
 def _of_csv(report: dict[str, Any]) -> str:
     count = len(report['spheres'])
+    spheres = f'{count} sphere{"s" if count > 1 else ""}, {report["samples"]} samples'
+    interval = f'{1e3 * report["interval_s"]:.4g} ms'
     lines = [
-        f'{report["file"]}: {report["tracks"]} tracks of {count} '
-        f'sphere{"s" if count > 1 else ""}, {report["samples"]} samples, '
-        f'frames {1e3 * report["interval_s"]:.4g} ms apart',
+        f'{report["file"]}: {report["tracks"]} tracks of {spheres}, frames {interval} apart',
         f'  noise: {1e3 * report["noise_m"]:.3g} mm in each coordinate',
     ]
     if report['clock']:
@@ -138,5 +138,6 @@ def run(arguments: argparse.Namespace) -> int:
     reports = import_bags(arguments.files, arguments.out, options)
     print('\n'.join(format_report(report) for report in reports))
     records = sum(len(report['records']) for report in reports)
-    print(f'{len(load_tracks(arguments.out))} tracks and {records} records in {arguments.out}')
+    tracks = arguments.out / TRACKS_NAME
+    print(f'{len(load_tracks(tracks))} tracks in {tracks}\n{records} records in {arguments.out}')
     return 0

@@ -66,9 +66,7 @@ def read_checked(path: Path, kind: str, version: int, remedy: str) -> Iterator[h
         head = stream.read(HEAD_SIZE)
         expected = head[len(begin) : len(begin) + 64]
         if not head.startswith(begin) or len(expected) < 64:
-            raise DatasetError(
-                f'{path}: not a {kind} file, or its beginning is damaged; {remedy}'
-            )
+            raise DatasetError(f'{path}: not a {kind} file, or its beginning is damaged; {remedy}')
         if hashlib.file_digest(stream, 'sha256').hexdigest().encode() != expected:
             raise DatasetError(f'{path}: damaged, its checksum differs; {remedy}')
     with h5py.File(path, 'r') as file:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracks in CSV: `track,sphere,time,x,y,z[,qx,qy,qz,qw]`, with a header; other columns are ignored.
+"""Tracks in CSV: `track,sphere,time,x,y,z[,qx,qy,qz,qw]`, with a header.
 
-A row is one measurement of one sphere. Rows of one track with the same time are one frame; a
-sphere without a row in it was not seen.
+Other columns are ignored. A row is one measurement of one sphere. Rows of one track with the same
+time are one frame; a sphere without a row in it was not seen.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from ..scenes.state import Array
 _TEXT, _NUMBERS, _ROTATION = ('track', 'sphere'), ('time', 'x', 'y', 'z'), ('qx', 'qy', 'qz', 'qw')
 # two quaternions within this of norm 1 are taken as written with few digits
 _NORM = 0.1
+# no larger number is a measurement: nanoseconds since 1970 are 2e18
+_LARGEST = 1e19
 
 
 class CsvError(UserError):
@@ -125,7 +127,7 @@ def _numbers(
         values = np.array(cells, dtype=np.float64).reshape(len(cells), len(columns) - 2)
     except ValueError:
         values = np.array([[_number(cell) for cell in row] for row in cells])
-    bad = np.argwhere(~np.isfinite(values))
+    bad = np.argwhere(~(np.abs(values) < _LARGEST))
     if len(bad):
         row, place = (int(index) for index in bad[0])
         track, sphere = names[row]
@@ -134,7 +136,7 @@ def _numbers(
         raise CsvError(
             f'{path} line {lines[row]}: track {track}, sphere {sphere}: '
             f'{header[columns[place + 2]]} is {cells[row][place].strip() or "empty"!r}{more}, '
-            'expected a finite number; leave out the rows in which a sphere is not seen'
+            'expected a number under 1e19; leave out the rows in which a sphere is not seen'
         )
     return values
 

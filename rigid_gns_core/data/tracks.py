@@ -63,7 +63,10 @@ class Track:
                 raise UserError(
                     f'track {self.name}: {name} have shape {array.shape}, expected {shape}'
                 )
-            if name != 'times' and (np.isfinite(array).any(-1) != np.isfinite(array).all(-1)).any():
+            if (
+                name != 'times'
+                and (np.isfinite(array).any(-1) != np.isfinite(array).all(-1)).any()
+            ):
                 raise UserError(
                     f'track {self.name}: {name} are finite in part; expected all coordinates of '
                     'a sphere, or NaN in all where it was not seen'
@@ -75,7 +78,7 @@ class Track:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Whether a sphere was seen in a frame, shape (m, n)."""
-        return np.isfinite(self.positions).all(axis=-1)
+        return np.asarray(np.isfinite(self.positions).all(axis=-1))
 
     def samples(self, sphere: int) -> tuple[Array, Array]:
         """Times [s], shape (k,), and centres [m], shape (k, 3), where the n-th sphere was seen."""
@@ -163,10 +166,9 @@ def read_tracks(data: str | Path) -> TrackSet:
                 name=str(group.attrs['name']),
                 spheres=tuple(json.loads(group.attrs['spheres'])),
                 begin=float(group.attrs['begin']),
-                **{
-                    name: np.asarray(group[name], dtype=np.float64) if name in group else None
-                    for name in _UNITS
-                },
+                times=np.asarray(group['times']),
+                positions=np.asarray(group['positions']),
+                quaternions=np.asarray(group['quaternions']) if 'quaternions' in group else None,
             )
             for group in (file[key] for key in sorted(file, key=int))
         )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .flight import reach_of
+from .flight import reach_in_wind, reach_of
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import find_pairs, Flags, Indices
@@ -55,6 +55,8 @@ def find_candidates(
     for i in range(count):
         pull = weight if awake[i] else 0.0
         reach = reach_of(length(row(velocities, i)), pull, dt)
+        if world.in_air and awake[i]:
+            reach += reach_in_wind(world, i, row(velocities, i), weight, dt)
         extent[i] = (1.0 + PAD) * world.radius[i] + reach
     first, second = find_pairs(positions, extent, awake)
     near = np.zeros((count, planes), np.bool_)

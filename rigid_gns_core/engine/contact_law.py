@@ -3,9 +3,9 @@
 
 """The law of one contact alone: coefficients, and where it ends up along its normal.
 
-Normal impact is Newton's: bodies that approach at u separate at e u. Friction is Coulomb's,
+Normal impact is Newton's: bodies that approach at u separate at e(u) u. Friction is Coulomb's,
 |tangential impulse| <= mu times the normal one, and rolling friction has an angular impulse of at
-most rho r times it: both are in steps.py.
+most (rho + rho' v) r times it: both are in steps.py. `scenes.contact_law` has the formulas.
 """
 
 from __future__ import annotations
@@ -29,15 +29,22 @@ _ROUNDING = 1e-12
 class Law(NamedTuple):
     """Coefficients of the contacts of one substep, shape (c,) each.
 
-    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres;
+    restitution, restitution_fast, restitution_speed: e_slow, e_fast and u_0 of the pair, see
+    `restitution_at`; friction, tangential_restitution: of the pair; rolling, rolling_slope,
+    spinning: rho r, rho' r and sigma r, 0 between spheres;
     inverse_effective_mass: change of separation velocity by a unit of normal impulse,
     1 / m_a + 1 / m_b; arm_a, arm_b: l, from centre to contact point; rotation_a, rotation_b:
     l^2 / I, what rotation adds to it across the normal.
     """
 
     restitution: Array
+    restitution_fast: Array
+    restitution_speed: Array
     friction: Array
+    tangential_restitution: Array
     rolling: Array
+    rolling_slope: Array
+    spinning: Array
     inverse_effective_mass: Array
     arm_a: Array
     arm_b: Array
@@ -48,14 +55,15 @@ class Law(NamedTuple):
 class Target(NamedTuple):
     """Where a contact alone would end up, under its present acceleration.
 
-    active: whether the bodies touch at all; separation_velocity: at the end of the substep;
-    flight_time: since the last bounce where they are apart at the end, else 0; end_gap: gap at the
-    end; impulse: normal impulse over effective mass; impulse_time: time before the end at which
-    that impulse, acting at once, leads to the same place; remaining: time from the impact to the
-    end of the substep.
+    active: whether the bodies touch at all; bounced: whether a blow parts them;
+    separation_velocity: at the end of the substep; flight_time: since the last bounce where they
+    are apart at the end, else 0; end_gap: gap at the end; impulse: normal impulse over effective
+    mass; impulse_time: time before the end at which that impulse, acting at once, leads to the
+    same place; remaining: time from the impact to the end of the substep.
     """
 
     active: bool
+    bounced: bool
     separation_velocity: float
     flight_time: float
     end_gap: float
@@ -66,9 +74,12 @@ class Target(NamedTuple):
 
 @compiled
 def law_of(world: World, contacts: Contacts) -> Law:
-    """Coefficients of contacts: e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too."""
+    """Coefficients of contacts: those of their contact law, or else products of materials.
+
+    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
+    """
     size = len(contacts.a)
-    own = np.empty((8, size))
+    own = np.zeros((13, size))
     law = Law(
         restitution=own[0],
         friction=own[1],
@@ -78,6 +89,11 @@ def law_of(world: World, contacts: Contacts) -> Law:
         arm_b=own[5],
         rotation_a=own[6],
         rotation_b=own[7],
+        restitution_fast=own[8],
+        restitution_speed=own[9],
+        tangential_restitution=own[10],
+        rolling_slope=own[11],
+        spinning=own[12],
     )
     for k in range(size):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
@@ -90,7 +106,12 @@ def law_of(world: World, contacts: Contacts) -> Law:
             law.rolling[k] = 0.0
             law.arm_a[k], law.arm_b[k] = world.radius[a] + 0.5 * gap, world.radius[b] + 0.5 * gap
         law.restitution[k] = world.restitution[a] * restitution
+        law.restitution_fast[k], law.restitution_speed[k] = law.restitution[k], 1.0
         law.friction[k] = world.friction[a] * friction
+        law.spinning[k] = law.rolling[k]
+        given = world.surface_law[plane] if plane >= 0 else world.sphere_law
+        if given[0] > 0:
+            _take(given, k, world.radius[a], law)
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]
@@ -98,8 +119,37 @@ def law_of(world: World, contacts: Contacts) -> Law:
 
 
 @in_place
+def _take(given: Array, k: int, radius: float, law_out: Law) -> None:
+    """Write a contact law, as `world._law_row` orders it, into the coefficients of contact k."""
+    law_out.restitution[k], law_out.restitution_fast[k] = given[1], given[2]
+    law_out.restitution_speed[k], law_out.friction[k] = given[3], given[4]
+    law_out.tangential_restitution[k] = given[5]
+    law_out.rolling[k], law_out.rolling_slope[k] = given[6] * radius, given[7] * radius
+    law_out.spinning[k] = given[8] * radius
+
+
+@in_place
+def restitution_at(slow: float, fast: float, middle: float, speed: float) -> float:
+    """Restitution at an approach speed u: e_fast + (e_slow - e_fast) u_0 / (u_0 + u)."""
+    if slow == fast:
+        return slow
+    return fast + (slow - fast) * middle / (middle + max(speed, 0.0))
+
+
+@in_place
+def restitution_on_plane(world: World, i: int, plane: int, speed: float) -> float:
+    """Restitution of a sphere on a plane at an approach speed."""
+    given = world.surface_law[plane]
+    if given[0] > 0:
+        return restitution_at(given[1], given[2], given[3], speed)
+    return world.restitution[i] * world.surface_restitution[plane]
+
+
+@in_place
 def target_of(
-    e: float,
+    slow: float,
+    fast: float,
+    middle: float,
     h: float,
     time: float,
     gap: float,
@@ -117,10 +167,13 @@ def target_of(
     the last bounce was 2 e u / N (1 - e^n) / (1 - e) after the impact, at e^(n+1) u. The contact
     rests where an approach is slower than N times `THRESHOLD_TIME`, or where all flights of the
     series end within T (the logarithm's argument is not positive). So small bounces need no small
-    substeps. Where nothing presses the bodies together, N <= 0, they part at e u, however slow.
+    substeps. Where e depends on u, flights are followed one by one. Where nothing presses the
+    bodies together, N <= 0, they part at e u, however slow.
 
     Args:
-        e: Restitution.
+        slow: e_slow of the restitution, see `restitution_at`.
+        fast: e_fast.
+        middle: u_0.
         h: Length of the substep.
         time: t0, negative where the bodies overlap.
         gap: d, gap of a speculative contact, else 0.
@@ -155,9 +208,13 @@ def target_of(
     late = (before - time) * closing  # depth that a missed impact has led to
     fallen = closing * remaining + 0.5 * fall * remaining * remaining
     separation, height, flight_time, bounced = 0.0, 0.0, 0.0, False
+    e = restitution_at(slow, fast, middle, closing)
     speed = -closing if leaves else e * closing
     if leaves or fall <= 0:
         flight_time, bounced = remaining, True
+    elif slow != fast:
+        flight_time, speed = _last_flight(slow, fast, middle, closing, fall, remaining)
+        bounced = flight_time >= 0
     elif closing > THRESHOLD_TIME * fall and e > 1e-3:
         flights, series, damping = _flights(e, speed, fall, remaining)
         # the first flight whose approach is too slow is not begun
@@ -175,6 +232,7 @@ def target_of(
         separation = min(separation, 0.0)
     return Target(
         active=active,
+        bounced=bounced and not leaves,
         separation_velocity=separation,
         flight_time=flight_time,
         end_gap=height + late,
@@ -182,6 +240,32 @@ def target_of(
         impulse_time=(height + fallen + late) / max(impulse, 1e-9),
         remaining=remaining,
     )
+
+
+@in_place
+def _last_flight(
+    slow: float, fast: float, middle: float, speed: float, fall: float, remaining: float
+) -> tuple[float, float]:
+    """Time since the last bounce, and its speed, after bounces of a restitution curve.
+
+    The time is -1 where an approach was too slow to bounce: each flight but the last takes at
+    least 2 e `THRESHOLD_TIME`, so that there are few.
+
+    Args:
+        slow: e_slow.
+        fast: e_fast.
+        middle: u_0.
+        speed: Of the first approach.
+        fall: Acceleration that ends flights.
+        remaining: Time after the first impact.
+    """
+    while speed > THRESHOLD_TIME * fall:
+        speed *= restitution_at(slow, fast, middle, speed)
+        flight = 2.0 * speed / fall
+        if flight > remaining:
+            return remaining, speed
+        remaining -= flight
+    return -1.0, 0.0
 
 
 @in_place

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates, PAD
-from .flight import position_on_path
+from .flight import Paths, position_on_path
 from .impact import impact_of_spheres, impact_with_plane
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
-from .world import gravity_of, weight_of, World
+from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
@@ -66,15 +66,9 @@ class _Impacts(NamedTuple):
 
 @compiled
 def find_contacts(
-    world: World,
-    positions: Array,
-    velocities: Array,
-    candidates: Candidates,
-    chosen: Flags,
-    h: float,
-    lookback: float,
+    world: World, paths: Paths, candidates: Candidates, chosen: Flags, h: float, lookback: float
 ) -> Contacts:
-    """Contacts of the next substep among the `chosen` candidates.
+    """Contacts of the next substep among the `chosen` candidates, on paths in flight.
 
     Bodies that gravity may bring together within `h`, nearer than g h^2, are speculative contacts.
     """
@@ -88,13 +82,19 @@ def find_contacts(
     )
     edges = False
     for k in range(size):
-        if chosen[k] and _may_meet(world, positions, velocities, candidates, k, h):
-            _find(world, positions, velocities, candidates, k, h, lookback, False, impacts)
+        if chosen[k] and _may_meet(world, paths, candidates, k, h):
+            _find(
+                world, paths, candidates, k, h, lookback, False,
+                impacts,
+            )  # fmt: skip
             edges |= impacts.edge[k]
     if edges:
         for k in range(size):
             if impacts.found[k] and impacts.edge[k]:
-                _shield(world, positions, velocities, candidates, k, h, lookback, impacts)
+                _shield(
+                    world, paths, candidates, k, h, lookback,
+                    impacts,
+                )  # fmt: skip
     _drop_doubles(candidates, impacts)
     which = np.flatnonzero(impacts.found)
     count = len(which)
@@ -128,21 +128,23 @@ def find_contacts(
 
 
 @in_place
-def _may_meet(
-    world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
-) -> bool:
+def _may_meet(world: World, paths: Paths, candidates: Candidates, k: int, h: float) -> bool:
     """Whether a candidate pair is near enough to meet within h, at a glance."""
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
     fall = weight_of(world) * h * h
+    if world.in_air:
+        fall += length(row(paths.accelerations, a)) * h * h
+        if plane < 0:
+            fall += length(row(paths.accelerations, b)) * h * h
     if plane >= 0:
         normal = row(world.axes[plane], 2)
-        height = dot(normal, minus(row(positions, a), row(world.point, plane)))
+        height = dot(normal, minus(row(paths.positions, a), row(world.point, plane)))
         if world.two_sided[plane]:
             height = math.fabs(height)
-        reach = math.fabs(dot(normal, row(velocities, a))) * h + fall
+        reach = math.fabs(dot(normal, row(paths.velocities, a))) * h + fall
         return height <= (1.0 + PAD) * world.radius[a] + reach
-    offset = minus(row(positions, a), row(positions, b))
-    velocity = minus(row(velocities, a), row(velocities, b))
+    offset = minus(row(paths.positions, a), row(paths.positions, b))
+    velocity = minus(row(paths.velocities, a), row(paths.velocities, b))
     reach = (1.0 + PAD) * (world.radius[a] + world.radius[b]) + fall
     reach += math.sqrt(dot(velocity, velocity)) * h
     return dot(offset, offset) <= reach * reach
@@ -151,8 +153,7 @@ def _may_meet(
 @in_place
 def _find(
     world: World,
-    positions: Array,
-    velocities: Array,
+    paths: Paths,
     candidates: Candidates,
     k: int,
     h: float,
@@ -167,8 +168,9 @@ def _find(
             world=world,
             plane=plane,
             radius=world.radius[a],
-            position=row(positions, a),
-            velocity=row(velocities, a),
+            position=row(paths.positions, a),
+            velocity=row(paths.velocities, a),
+            acceleration=row(paths.accelerations, a),
             h=h,
             lookback=lookback,
             margin=margin,
@@ -176,8 +178,9 @@ def _find(
         )
     else:
         impact = impact_of_spheres(
-            offset=minus(row(positions, a), row(positions, b)),
-            velocity=minus(row(velocities, a), row(velocities, b)),
+            offset=minus(row(paths.positions, a), row(paths.positions, b)),
+            velocity=minus(row(paths.velocities, a), row(paths.velocities, b)),
+            acceleration=minus(row(paths.accelerations, a), row(paths.accelerations, b)),
             radius_a=world.radius[a],
             radius_b=world.radius[b],
             h=h,
@@ -193,15 +196,14 @@ def _find(
         values[k, 3], values[k, 4] = impact.speculative_gap, impact.approach_speed
         values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
         values[k, 7], values[k, 8] = impact.crossing_time, impact.rest_gap
-        if impact.crossing_time < h and _continues(world, positions, velocities, candidates, k, h):
+        if impact.crossing_time < h and _continues(world, paths, candidates, k, h):
             values[k, 7] = math.inf
 
 
 @in_place
 def _shield(
     world: World,
-    positions: Array,
-    velocities: Array,
+    paths: Paths,
     candidates: Candidates,
     k: int,
     h: float,
@@ -213,22 +215,25 @@ def _shield(
     A sphere that rolls over a seam hands its contact on: it lasts on the other plane.
     """
     impacts, a, current = impacts_out, candidates.a[k], k
-    gravity = gravity_of(world)
+    pull = row(paths.accelerations, a)
     for hand in range(_HANDS):
         time = impacts.values[current, 0]
-        centre = position_on_path(row(positions, a), row(velocities, a), gravity, time)
+        centre = position_on_path(row(paths.positions, a), row(paths.velocities, a), pull, time)
         other = _shielding(world, candidates, current, centre)
         if other < 0:
             return
         impacts.found[current] = False
         if not impacts.lasting[current]:
             return
-        if hand == 0 and _is_ghost(world, candidates, current, row(positions, a)):
+        if hand == 0 and _is_ghost(world, candidates, current, row(paths.positions, a)):
             return
         if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
             impacts.found[current] = True
             return  # it meets that face only later, and is held until then
-        _find(world, positions, velocities, candidates, other, h, lookback, True, impacts)
+        _find(
+            world, paths, candidates, other, h, lookback, True,
+            impacts,
+        )  # fmt: skip
         if not impacts.edge[other]:
             return
         current = other
@@ -265,13 +270,11 @@ def _is_parallel(impacts: _Impacts, q: int, k: int) -> bool:
 
 
 @in_place
-def _continues(
-    world: World, positions: Array, velocities: Array, candidates: Candidates, k: int, h: float
-) -> bool:
+def _continues(world: World, paths: Paths, candidates: Candidates, k: int, h: float) -> bool:
     """Whether the plane of a contact goes on in another one where the sphere leaves it."""
-    gravity = gravity_of(world)
+    a = candidates.a[k]
     centre = position_on_path(
-        row(positions, candidates.a[k]), row(velocities, candidates.a[k]), gravity, h
+        row(paths.positions, a), row(paths.velocities, a), row(paths.accelerations, a), h
     )
     other = _shielding(world, candidates, k, centre)
     if other < 0:

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from .broad_phase import Candidates, PAD
+from .contact_law import restitution_on_plane
 from .flight import reach_of
 from .rectangle import to_plane
 from .world import weight_of, World
@@ -70,7 +71,7 @@ def keep_sides(
         put(positions_out, i, plus(start, times(first[i], way)))
         normal = row(world.axes[p], 2)
         if dot(normal, way) * dot(normal, velocity) > 0:
-            e = world.restitution[i] * world.surface_restitution[p]
+            e = restitution_on_plane(world, i, p, math.fabs(dot(normal, velocity)))
             turned = times((1.0 + e) * dot(normal, velocity), normal)
             put(velocities_out, i, minus(velocity, turned))
 

@@ -145,7 +145,9 @@ def split_bodies(
                 share = weight[couplings.other[e], couplings.side[e]]
                 normal += share * couplings.normal[e]
                 friction += share * couplings.friction[e]
-                rolling += share if law.rolling[group[couplings.other[e]]] > 0 else 0.0
+                m = group[couplings.other[e]]
+                resists = law.rolling[m] + law.rolling_slope[m] + law.spinning[m] > 0
+                rolling += share if resists else 0.0
             normal_out[q, own], friction_out[q, own] = max(normal, 1.0), max(friction, 1.0)
             if own == 0:
                 rolling_out[q] = max(rolling, 1.0)

@@ -33,8 +33,11 @@ def is_blow(world: World, contacts: Contacts, k: int, nominal_h: float) -> bool:
 def has_event(
     world: World, contacts: Contacts, k: int, h: float, nominal_h: float, shared: bool
 ) -> bool:
-    """Whether contact k has an event: a blow on a body with other contacts, or a crossed edge."""
-    if shared and is_blow(world, contacts, k, nominal_h):
+    """Whether contact k has an event: a blow on a body with other contacts, or a crossed edge.
+
+    In air every blow is one, since drag and lift are others after it.
+    """
+    if (shared or world.in_air) and is_blow(world, contacts, k, nominal_h):
         return h > 0
     return NEAR * h < contacts.crossing_time[k] < (1.0 - NEAR) * h
 

@@ -10,7 +10,7 @@ import numpy as np
 from .broad_phase import Candidates, find_candidates, PAD
 from .contacts import find_contacts
 from .containment import keep_sides
-from .flight import fly, reach_of
+from .flight import fly, Paths, reach_in_wind, reach_of
 from .impulses import no_impulses
 from .islands import Islands, join, no_islands
 from .overlap import push_out
@@ -83,7 +83,7 @@ def advance(
                 impulses_out=impulses,
                 islands_out=no_islands(len(members)),
             )
-        start, reach, done = motion.positions.copy(), _reaches(world, motion, dt), started
+        start, reach, done = motion.positions.copy(), _reaches(members_world, motion, dt), started
         while done < settings.substeps and not _outrun(
             members_world, motion, start, reach, dt - done * h
         ):
@@ -127,7 +127,7 @@ def advance(
         now, after, started = after, copy_spheres(after), done
         warm_start = WarmStart(key=candidates.key, impulses=impulses, known=True)
         candidates = find_candidates(world, now.positions, now.velocities, dt, awake)
-    # spheres without contact fly on one parabola from the start of the frame
+    # spheres without contact fly in one step from the start of the frame
     fly(world, spheres, islands.touched, awake, dt, after)
     new = active_impulses(candidates.key, impulses)
     return after, with_sleepers(new, old, awake, len(world.point)), islands
@@ -164,6 +164,8 @@ def _reaches(world: World, motion: Motion, dt: float) -> Array:
     reach = np.empty(len(motion.awake))
     for i in range(len(reach)):
         reach[i] = reach_of(length(row(motion.velocities, i)), weight, dt)
+        if world.in_air:
+            reach[i] += reach_in_wind(world, i, row(motion.velocities, i), weight, dt)
     return reach
 
 
@@ -185,7 +187,8 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
     """Candidates of bodies that overlap and approach, since contacts bent their paths."""
     count, size = len(motion.awake), len(candidates.a)
     every, missed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
-    contacts = find_contacts(world, motion.positions, motion.velocities, candidates, every, 0.0, h)
+    paths = Paths(motion.positions, motion.velocities, world.pull)
+    contacts = find_contacts(world, paths, candidates, every, 0.0, h)
     hit = np.zeros(count + 1, np.bool_)
     for k in range(len(contacts.a)):
         if contacts.time[k] < 0 and contacts.approach_speed[k] > UNIT_GRAVITY * h:
@@ -199,9 +202,8 @@ def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: fl
 @compiled
 def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags) -> None:
     """Push out overlaps among all candidates, also those that a correction left out."""
-    contacts = find_contacts(
-        world, motion.positions, motion.velocities, candidates, every, 0.0, 0.0
-    )
+    paths = Paths(motion.positions, motion.velocities, world.pull)
+    contacts = find_contacts(world, paths, candidates, every, 0.0, 0.0)
     before = motion.positions.copy()
     push_out(world, contacts, motion.positions)
     still = np.zeros(len(before))

@@ -3,9 +3,13 @@
 
 """Energy guard: in no frame does the energy of an island rise.
 
-E = sum of m v^2 / 2 + I w^2 / 2 - m g . p. Restitution and friction only take energy; a solver
-that has not converged, and push-out, may add some. The guard acts after the solver, and counts how
-often it did. In the air it keeps both momenta; on a surface: v <- v sqrt(1 - dE / E_kin), and w.
+E = sum of m v^2 / 2 + I w^2 / 2 - m g . p. Restitution, friction and drag only take energy; a
+solver that has not converged, and push-out, may add some. The guard acts after the solver, and
+counts how often it did. Off the surfaces it keeps both momenta; on one:
+v <- v sqrt(1 - dE / E_kin), and w.
+
+Wind may give energy. Drag opposes u = v - wind and lift is across it, so that the air's force F
+gives at most F . v = F . u + F . wind <= |F| |wind|.
 """
 
 from __future__ import annotations
@@ -17,13 +21,15 @@ import numpy as np
 
 from .islands import groups_of, Islands
 from .spheres import Spheres
-from .world import gravity_of, World
+from .world import World
+from ..kernels.flight import acceleration, flight_at
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
 from ..kernels.vector import (
     add_to,
     cross,
     dot,
+    length,
     minus,
     plus,
     put,
@@ -75,9 +81,19 @@ def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
     """Kinetic and potential energy of a sphere."""
     v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
     mass, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
-    gravity = gravity_of(world)
-    potential = -mass * dot(row(spheres.positions, i), gravity)
+    potential = -mass * dot(row(spheres.positions, i), row(world.pull, i))
     return 0.5 * mass * dot(v, v) + 0.5 * inertia * dot(w, w), potential
+
+
+@in_place
+def _from_wind(world: World, before: Spheres, after: Spheres, i: int, dt: float) -> float:
+    """Most energy that wind gives a sphere in a frame: m |a - g'| |wind| dt."""
+    flight = flight_at(world.flight, i)
+    force = 0.0
+    for spheres in (before, after):
+        v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
+        force = max(force, length(minus(acceleration(v, w, flight), flight.pull)))
+    return force * length(flight.wind) * dt / world.inverse_mass[i]
 
 
 @compiled
@@ -86,10 +102,11 @@ def limit_energy(
 ) -> tuple[int, float]:
     """Limit the energy of each island to what it was.
 
-    An island in the air gets the linear and angular momentum of its ballistic flight, and loses
-    its excess of energy from internal motion, v - V - W x (p - P) of each sphere, so that both
-    momenta stay. On a surface all speeds are reduced by one factor; where that is not enough,
-    because the island was lifted, its positions are those before the frame.
+    An island off the surfaces gets the linear and angular momentum of its ballistic flight (in air
+    they stay as the substeps left them), and loses its excess of energy from internal motion,
+    v - V - W x (p - P) of each sphere, so that both momenta stay. On a surface all speeds are
+    reduced by one factor; where that is not enough, because the island was lifted, its positions
+    are those before the frame.
 
     Args:
         world: What does not move.
@@ -105,7 +122,7 @@ def limit_energy(
     acted, removed = 0, 0.0
     for island in range(len(groups.grounded)):
         members = groups.members[groups.start[island] : groups.start[island + 1]]
-        if not groups.grounded[island]:
+        if not (groups.grounded[island] or world.in_air):
             _restore_momenta(world, before, members, dt, after)
         moving, gain, size = 0.0, 0.0, 0.0
         for i in members:
@@ -114,6 +131,8 @@ def limit_energy(
             moving += kinetic
             gain += kinetic + potential - kinetic_before - potential_before
             size += kinetic + kinetic_before + math.fabs(potential - potential_before)
+            if world.in_air:
+                gain -= _from_wind(world, before, after, i, dt)
         if gain <= _ROUNDING * size:
             continue
         acted += 1

@@ -21,12 +21,13 @@ from .rectangle import (
     curvature_of_path,
     first_touch_of_plane,
     first_touch_of_rectangle,
+    first_touch_of_spheres,
     from_plane,
     is_over_face,
     offset_from_rectangle,
     to_plane,
 )
-from .world import gravity_of, THRESHOLD_TIME, UNIT_GRAVITY, World
+from .world import THRESHOLD_TIME, UNIT_GRAVITY, World
 from ..kernels.jit import in_place
 from ..kernels.vector import dot, length, minus, plus, row, times, Vector
 
@@ -119,20 +120,24 @@ def _lasts(
 def impact_of_spheres(
     offset: Vector,
     velocity: Vector,
+    acceleration: Vector,
     radius_a: float,
     radius_b: float,
     h: float,
     lookback: float,
     margin: float,
 ) -> Impact:
-    """Contact of two spheres that touch or meet within h, on straight relative paths.
+    """Contact of two spheres that touch or meet within h.
 
-    The time of impact is the first root of |x + y t| = R, R = r_a + r_b. With d = |x| - R and
-    b = x . y it is t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits.
+    Where both fall alike, relative paths are straight, and the time of impact is the first root of
+    |x + y t| = R, R = r_a + r_b. With d = |x| - R and b = x . y it is
+    t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits. Where air bends
+    their paths differently, it is found by Newton's method.
 
     Args:
         offset: x, position of a relative to b.
         velocity: y, velocity of a relative to b.
+        acceleration: Of a relative to b.
         radius_a: r_a.
         radius_b: r_b.
         h: Length of the substep.
@@ -142,8 +147,11 @@ def impact_of_spheres(
     touching, distance = radius_a + radius_b, length(offset)
     gap = distance - touching
     along = dot(offset, velocity)
-    hits, time = False, 0.0
-    if gap > 0 and along < 0:
+    hits, time, bends = False, 0.0, dot(acceleration, acceleration) > 0
+    if gap > 0 and bends:
+        time = first_touch_of_spheres(offset, velocity, acceleration, touching, h)
+        hits = time <= h
+    elif gap > 0 and along < 0:
         inside = along * along - dot(velocity, velocity) * gap * (distance + touching)
         if inside >= 0:
             time = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
@@ -158,14 +166,18 @@ def impact_of_spheres(
         time = _missed_time(gap, approach_speed, lookback)
     before = max(time, 0.0)
     normal_time = 0.5 * (before + h) if lasting else before
-    at = plus(offset, times(normal_time, velocity))
+    at, moving = plus(offset, times(normal_time, velocity)), velocity
+    if bends:
+        at = position_on_path(offset, velocity, acceleration, normal_time)
+        moving = velocity_on_path(velocity, acceleration, normal_time)
     far = length(at)
     normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
     if not lasting:
-        gap_then, approach_speed = far - touching, -dot(normal, velocity)
+        gap_then, approach_speed = far - touching, -dot(normal, moving)
     else:
         gap_then = gap
-    curving = centrifugal(at, velocity)
+        approach_speed -= before * dot(normal, acceleration)
+    curving = centrifugal(at, moving)
     return Impact(
         found=True,
         edge=False,
@@ -176,7 +188,7 @@ def impact_of_spheres(
         gap=gap_then,
         speculative_gap=0.0 if hits or touches else gap,
         approach_speed=approach_speed,
-        acceleration=curving,
+        acceleration=dot(acceleration, normal) + curving if bends else curving,
         turning_speed=curving * (h - normal_time),
         crossing_time=math.inf,
         rest_gap=max(gap_then, 0.0) if lasting and not hits else 0.0,
@@ -190,6 +202,7 @@ def impact_with_plane(
     radius: float,
     position: Vector,
     velocity: Vector,
+    acceleration: Vector,
     h: float,
     lookback: float,
     margin: float,
@@ -207,6 +220,7 @@ def impact_with_plane(
         radius: Of the sphere.
         position: Of its centre, at the start of the substep.
         velocity: There.
+        acceleration: Of its path.
         h: Length of the substep.
         lookback: Bodies that overlap are taken to have met at most so long ago.
         margin: Gap up to which bodies that do not meet are speculative contacts.
@@ -215,7 +229,7 @@ def impact_with_plane(
     axes, half = world.axes[plane], world.half[plane]
     local = to_plane(axes, minus(position, row(world.point, plane)))
     moving = to_plane(axes, velocity)
-    pulling = to_plane(axes, gravity_of(world))
+    pulling = to_plane(axes, acceleration)
     side = -1.0 if world.two_sided[plane] and local[2] < 0 else 1.0
     start = offset_from_rectangle(local, half)
     inside = is_over_face(start)

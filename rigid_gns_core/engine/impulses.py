@@ -111,6 +111,18 @@ def slip_velocity(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vecto
 
 
 @in_place
+def free_slip(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
+    """Slip as of `slip_velocity`, but of the free motion."""
+    a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
+    moving = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
+    turning = plus(
+        times(law.arm_a[k], row(bodies.angular_velocity, a)),
+        times(law.arm_b[k], row(bodies.angular_velocity, b)),
+    )
+    return minus(across(moving, normal), cross(turning, normal))
+
+
+@in_place
 def separation_velocity(contacts: Contacts, bodies: Bodies, k: int) -> float:
     """Rate at which the gap opens at the end of the substep, with the impulses so far.
 

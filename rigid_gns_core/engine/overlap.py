@@ -10,6 +10,7 @@ import numpy as np
 from .broad_phase import find_candidates
 from .contacts import Contacts, find_contacts, gap_of
 from .containment import keep_sides
+from .flight import Paths
 from .world import World
 from ..kernels.jit import compiled, entry
 from ..kernels.vector import add_to, put, row, times
@@ -82,7 +83,9 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
         if len(candidates.a) == 0:
             return
         chosen = np.ones(len(candidates.a), np.bool_)
-        contacts = find_contacts(world, positions, still, candidates, chosen, 0.0, 0.0)
+        contacts = find_contacts(
+            world, Paths(positions, still, world.pull), candidates, chosen, 0.0, 0.0
+        )
         deep = False
         for k in range(len(contacts.a)):
             gap, _ = gap_of(world, positions, contacts, k)

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Geometry of a bounded plane: closest points, and when a sphere on its path meets an edge."""
+"""Geometry of a bounded plane: closest points, and when a sphere on its path meets an edge.
+
+The search for that serves for two spheres on paths that bend differently, too.
+"""
 
 from __future__ import annotations
 
@@ -99,6 +102,28 @@ def first_touch_of_rectangle(
         if gap <= _AT_ROOT * radius:
             return time
         rate = dot(offset, velocity_on_path(velocity, acceleration, time)) / distance
+        time += first_touch_of_plane(gap, rate, -weight)
+        if time > end:
+            return math.inf
+    return time
+
+
+@in_place
+def first_touch_of_spheres(
+    offset: Vector, velocity: Vector, acceleration: Vector, touching: float, end: float
+) -> float:
+    """First time up to `end` at which a relative path comes as near as `touching`, or infinite.
+
+    As `first_touch_of_rectangle`: the distance from a point is that from a convex body, too.
+    """
+    weight, time = length(acceleration), 0.0
+    for _ in range(_MOST_STEPS):
+        there = position_on_path(offset, velocity, acceleration, time)
+        distance = length(there)
+        gap = distance - touching
+        if gap <= _AT_ROOT * touching:
+            return time
+        rate = dot(there, velocity_on_path(velocity, acceleration, time)) / distance
         time += first_touch_of_plane(gap, rate, -weight)
         if time > end:
             return math.inf

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from .contact_law import Law, Target, target_of
 from .contacts import Contacts
 from .impact import TOUCH
-from .impulses import Bodies, Impulses, separation_velocity
-from .world import gravity_of, weight_of, World
+from .impulses import Bodies, free_slip, Impulses, separation_velocity
+from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
-from ..kernels.vector import across, dot, minus, put, row, times
+from ..kernels.vector import across, dot, minus, put, row, times, Vector
 from ..scenes.state import Array
 
 # contacts with this share of the force of a body's strongest one count half
@@ -35,10 +35,11 @@ class SolverState(NamedTuple):
     target minus present separation velocity; active: whether it carries force; weight: how much it
     counts at a and b, 0 to 1, shape (c, 2); split, friction_split: parts into which a and b are
     split for normal and friction impulses, shape (c, 2); rolling_split: parts of a for rolling
-    friction; gravity_slip: slip that gravity makes in flight after a bounce; momentum: share of
-    the last step that is repeated; previous_normal, previous_tangential: impulses before the last
-    step; end_gap: gap of the target at the end; target: its impulse, impulse_time and remaining,
-    shape (c, 3); step: to add, shape (c, 3).
+    friction; slip_at_end: slip that friction leaves where it sticks, see `_slip_at_end`;
+    free_slip: slip of the free motion at the end, where there is tangential restitution; momentum:
+    share of the last step that is repeated; previous_normal, previous_tangential: impulses before
+    the last step; end_gap: gap of the target at the end; target: its impulse, impulse_time and
+    remaining, shape (c, 3); step: to add, shape (c, 3).
     """
 
     group: Indices
@@ -50,7 +51,8 @@ class SolverState(NamedTuple):
     split: Array
     friction_split: Array
     rolling_split: Array
-    gravity_slip: Array
+    slip_at_end: Array
+    free_slip: Array
     momentum: Array
     previous_normal: Array
     previous_tangential: Array
@@ -63,7 +65,7 @@ class SolverState(NamedTuple):
 def new_state(group: Indices) -> SolverState:
     """State before the first iteration of the contacts of `group`."""
     size = len(group)
-    numbers, vectors = np.zeros((6, size)), np.zeros((4, size, 3))
+    numbers, vectors = np.zeros((6, size)), np.zeros((5, size, 3))
     return SolverState(
         group=group,
         free_separation=numbers[0],
@@ -74,7 +76,8 @@ def new_state(group: Indices) -> SolverState:
         split=np.ones((size, 2)),
         friction_split=np.ones((size, 2)),
         rolling_split=np.ones(size),
-        gravity_slip=vectors[0],
+        slip_at_end=vectors[0],
+        free_slip=vectors[4],
         momentum=numbers[3],
         previous_normal=numbers[4],
         previous_tangential=vectors[1],
@@ -88,8 +91,10 @@ def new_state(group: Indices) -> SolverState:
 def find_free_motion(
     contacts: Contacts, law: Law, bodies: Bodies, impulses: Impulses, state_out: SolverState
 ) -> None:
-    """Find the separation on free paths, and the coupling by the impulses so far."""
+    """Find separation and slip on free paths, and the coupling by the impulses so far."""
     for q, k in enumerate(state_out.group):
+        if law.tangential_restitution[k] != 0:
+            put(state_out.free_slip, q, free_slip(contacts, law, bodies, k))
         free = minus(
             row(bodies.free_velocity, contacts.a[k]), row(bodies.free_velocity, contacts.b[k])
         )
@@ -106,7 +111,9 @@ def _target(
 ) -> Target:
     k = state.group[q]
     return target_of(
-        e=law.restitution[k],
+        slow=law.restitution[k],
+        fast=law.restitution_fast[k],
+        middle=law.restitution_speed[k],
         h=h,
         time=contacts.time[k],
         gap=contacts.speculative_gap[k],
@@ -127,6 +134,26 @@ def _coupling(
 
 
 @in_place
+def _slip_at_end(
+    contacts: Contacts, law: Law, accelerations: Array, state: SolverState, q: int, target: Target
+) -> Vector:
+    """Slip at the end of a contact that sticks: a t_f - beta (s - a t), across the normal.
+
+    That of gravity, a, in the flight since a bounce, t_f; and of the blow, which turns the slip of
+    the free motion s, less what it gains after the impact in a time t, by tangential restitution.
+    """
+    k = state.group[q]
+    pull = (0.0, 0.0, 0.0)
+    if contacts.plane[k] >= 0:
+        pull = across(row(accelerations, contacts.a[k]), row(contacts.normal, k))
+    slip = times(target.flight_time, pull)
+    if law.tangential_restitution[k] != 0 and target.bounced:
+        blow = minus(row(state.free_slip, q), times(target.remaining, pull))
+        slip = minus(slip, times(law.tangential_restitution[k], blow))
+    return slip
+
+
+@in_place
 def _minmod(a: float, b: float) -> float:
     """The smaller of two numbers of one sign, else 0."""
     if a * b > 0:
@@ -140,6 +167,7 @@ def find_residuals(
     contacts: Contacts,
     law: Law,
     impulses: Impulses,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     bodies_out: Bodies,
@@ -150,7 +178,6 @@ def find_residuals(
     A contact of force x counts 1.01 x / (x + 0.01 x_max) in a body whose strongest has x_max, so
     that contacts without force change nothing.
     """
-    gravity = gravity_of(world)
     least = _LEAST * weight_of(world) * nominal_h
     bodies, state = bodies_out, state_out
     for k in state.group:
@@ -162,9 +189,8 @@ def find_residuals(
         lasting = _minmod(state.start_coupling[q], coupling) / h if h > 0 else 0.0
         target = _target(contacts, law, state, q, h, lasting)
         put(state.target, q, (target.impulse, target.impulse_time, target.remaining))
-        if contacts.plane[k] >= 0:
-            across_normal = across(gravity, row(contacts.normal, k))
-            put(state.gravity_slip, q, times(target.flight_time, across_normal))
+        if contacts.plane[k] >= 0 or law.tangential_restitution[k] != 0:
+            put(state.slip_at_end, q, _slip_at_end(contacts, law, accelerations, state, q, target))
         state.residual[q] = target.separation_velocity - separation
         state.end_gap[q] = target.end_gap
         slowest = least + _ROUNDING * math.fabs(contacts.approach_speed[k])

@@ -46,6 +46,7 @@ def solve(
     group: Indices,
     start: Impulses,
     lasting: Impulses,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     iterations: int,
@@ -63,6 +64,7 @@ def solve(
         group: Indices of those to solve; no other contact may share a moving body with them.
         start: Impulses of the first iteration.
         lasting: Impulses of the last substep, from which forces that last are told from blows.
+        accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Most iterations.
@@ -88,7 +90,7 @@ def solve(
     if direct:
         pivots = new_pivots(world, contacts, group)
     for _ in range(iterations):
-        find_residuals(world, contacts, law, impulses, h, nominal_h, bodies, state)
+        find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
         if shared:
             split_bodies(
                 couplings,

@@ -16,7 +16,7 @@ from .contacts import Contacts, find_contacts
 from .containment import keep_sides
 from .direct import MOST_CONTACTS
 from .events import has_event, MOST_OF_EVENTS, opening_time
-from .flight import fly_in_place
+from .flight import accelerations_of, fly_in_place, Paths, slow_spins
 from .impulses import Bodies, copy_impulse, copy_impulses, Impulses, no_impulses
 from .islands import connect, Islands, no_islands, root_of
 from .overlap import push_out
@@ -68,6 +68,7 @@ def step(
     candidates: Candidates,
     chosen: Flags,
     h: float,
+    path_h: float,
     last_h: float,
     nominal_h: float,
     iterations: int,
@@ -85,6 +86,7 @@ def step(
         candidates: Pairs that may touch.
         chosen: Which of them to consider.
         h: Length; 0 for a correction of collisions that the last one missed.
+        path_h: Length over which the paths in flight are found: larger where an event ends it.
         last_h: Length of the last step.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations of the solver; isolated contacts need but one.
@@ -101,15 +103,17 @@ def step(
     v, w = motion_out.velocities, motion_out.angular_velocities
     count = len(p)
     label_out[:] = -1
-    contacts = find_contacts(world, p, v, candidates, chosen, h, nominal_h)
+    path, mean = accelerations_of(world, v, w, h, path_h)
+    slow_spins(world, h, w)
+    contacts = find_contacts(world, Paths(p, v, path), candidates, chosen, h, nominal_h)
     size = len(contacts.a)
     if size == 0:
-        fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
+        fly_in_place(path, mean, motion.awake, h, motion.positions, motion.velocities)
         _clear(impulses_out)
         return 0
     isolated, shared, begin = _islands_of_contacts(contacts, count)
     law = law_of(world, contacts)
-    bodies = _bodies(world, motion, h)
+    bodies = _bodies(motion, mean, h)
     impulses, start = no_impulses(size), no_impulses(size)
     solve(
         world=world,
@@ -118,6 +122,7 @@ def step(
         group=isolated,
         start=start,
         lasting=start,
+        accelerations=path,
         h=h,
         nominal_h=nominal_h,
         iterations=1,
@@ -136,6 +141,7 @@ def step(
             law=law,
             group=shared[begin[island] : begin[island + 1]],
             start=start,
+            accelerations=path,
             h=h,
             nominal_h=nominal_h,
             iterations=iterations,
@@ -165,7 +171,7 @@ def step(
             opening_out[events] = opening
             events += 1
     before = p.copy()
-    fly_in_place(world, motion.awake, h, motion.positions, motion.velocities)
+    fly_in_place(path, mean, motion.awake, h, motion.positions, motion.velocities)
     for i in range(count):
         for axis in range(3):
             p[i, axis] += bodies.displacement[i, axis]
@@ -188,6 +194,7 @@ def _solve_island(
     law: Law,
     group: Indices,
     start: Impulses,
+    accelerations: Array,
     h: float,
     nominal_h: float,
     iterations: int,
@@ -211,6 +218,7 @@ def _solve_island(
             group=group,
             start=first,
             lasting=start,
+            accelerations=accelerations,
             h=h,
             nominal_h=nominal_h,
             iterations=most,
@@ -226,12 +234,12 @@ def _solve_island(
 
 
 @compiled
-def _bodies(world: World, motion: Motion, h: float) -> Bodies:
+def _bodies(motion: Motion, mean: Array, h: float) -> Bodies:
     count = len(motion.positions)
     rows = np.zeros((5, count + 1, 3))
     for i in range(count):
         for axis in range(3):
-            fall = h * world.gravity[axis] if motion.awake[i] else 0.0
+            fall = h * mean[i, axis] if motion.awake[i] else 0.0
             rows[0, i, axis] = motion.velocities[i, axis] + fall
             rows[1, i, axis] = motion.angular_velocities[i, axis]
     return Bodies(

@@ -56,7 +56,7 @@ def _slip_and_inverse_mass(
     split = state.friction_split
     inverse_mass = split[q, 0] * (world.inverse_mass[a] + law.rotation_a[k])
     inverse_mass += split[q, 1] * (world.inverse_mass[b] + law.rotation_b[k])
-    slip = minus(slip_velocity(contacts, law, bodies, k), row(state.gravity_slip, q))
+    slip = minus(slip_velocity(contacts, law, bodies, k), row(state.slip_at_end, q))
     return slip, inverse_mass
 
 
@@ -69,15 +69,17 @@ def step_rolling(
     impulses_out: Impulses,
     state_out: SolverState,
 ) -> None:
-    """Step the angular impulse of rolling friction: at most rho r N, enough to stop the rolling.
+    """Step the angular impulse of rolling friction: enough to stop the rolling, but limited.
+
+    At most (rho + rho' v) r N, v the speed of the centre across the normal.
 
     Where the contact sticks it acts on the angular momentum about the contact point,
     L = I w + m r n x v, which friction does not change; where it slips, on that about the centre.
-    About the normal it resists spinning, with the same bound.
+    About the normal it resists spinning, at most by sigma r N.
     """
     for q, k in enumerate(state_out.group):
         put(state_out.step, q, (0.0, 0.0, 0.0))
-        if law.rolling[k] == 0:
+        if law.rolling[k] + law.rolling_slope[k] + law.spinning[k] == 0:
             continue
         a, normal, old = contacts.a[k], row(contacts.normal, k), row(impulses_out.rolling, k)
         slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, q)
@@ -93,7 +95,12 @@ def step_rolling(
         about_normal = minus(about_centre, flat)
         new = minus(old, times(1.0 / state_out.rolling_split[q], plus(rolls, about_normal)))
         limit = law.rolling[k] * impulses_out.normal[k]
-        spinning = min(max(dot(new, normal), -limit), limit)
+        if law.rolling_slope[k] > 0:
+            half = times(0.5, row(bodies_out.velocity_change, a))  # at the middle of the substep
+            v = plus(row(bodies_out.free_velocity, a), half)
+            limit += law.rolling_slope[k] * length(across(v, normal)) * impulses_out.normal[k]
+        most = law.spinning[k] * impulses_out.normal[k]
+        spinning = min(max(dot(new, normal), -most), most)
         new = plus(clip(across(new, normal), limit), times(spinning, normal))
         put(impulses_out.rolling, k, new)
         put(state_out.step, q, minus(new, old))

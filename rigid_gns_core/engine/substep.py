@@ -17,6 +17,7 @@ from .broad_phase import Candidates
 from .contacts import find_contacts
 from .containment import speeds_of
 from .events import is_blow, NEAR, next_event
+from .flight import accelerations_of, Paths
 from .impulses import copy_impulse, copy_impulses, Impulses, no_impulses
 from .islands import Islands, join, no_islands
 from .step import copy_motion, Motion, step
@@ -50,6 +51,7 @@ def substep(
         candidates=candidates,
         chosen=chosen,
         h=h,
+        path_h=h,
         last_h=nominal_h,
         nominal_h=nominal_h,
         iterations=iterations,
@@ -149,8 +151,9 @@ def _advance_by_events(
     opens = np.empty(len(members))
     left, last, speeds = h, nominal_h, speeds_of(motion.velocities)
     for _ in range(_MOST_EVENTS):
+        path, _ = accelerations_of(here, motion.velocities, motion.angular_velocities, left, left)
         contacts = find_contacts(
-            here, motion.positions, motion.velocities, local, every, left, nominal_h
+            here, Paths(motion.positions, motion.velocities, path), local, every, left, nominal_h
         )
         time, blow = next_event(here, contacts, left, nominal_h)
         if h - left < opening < h - left + time:
@@ -165,8 +168,8 @@ def _advance_by_events(
             _scale(impulses, time / last)
             done = h - left
             found = step(
-                here, local, chosen, time, last, nominal_h, iterations, speeds, motion, impulses,
-                islands, label, opens,
+                here, local, chosen, time, left, last, nominal_h, iterations, speeds, motion,
+                impulses, islands, label, opens,
             )  # fmt: skip
             left, last = left - time, time
             if found == 1 and done + opens[0] > h - left + NEAR * nominal_h:
@@ -174,14 +177,14 @@ def _advance_by_events(
         if blow:
             nothing = no_impulses(len(pairs))
             step(
-                here, local, every, 0.0, last, nominal_h, iterations, speeds, motion, nothing,
-                islands, label, opens,
+                here, local, every, 0.0, 0.0, last, nominal_h, iterations, speeds, motion,
+                nothing, islands, label, opens,
             )  # fmt: skip
     if left > 0:
         _scale(impulses, left / last)
         step(
-            here, local, every, left, last, nominal_h, iterations, speeds, motion, impulses,
-            islands, label, opens,
+            here, local, every, left, left, last, nominal_h, iterations, speeds, motion,
+            impulses, islands, label, opens,
         )  # fmt: skip
         last = left
     _scale(impulses, nominal_h / last)

@@ -222,15 +222,12 @@ def scene_of(scene: Scene, ids: Sequence[int]) -> Scene:
             f'sphere {missing[0]} has no properties: the scene gives those of {known} spheres; '
             'give one number for all, where spheres appear and vanish'
         )
-    own = {name: getattr(scene, name) for name in RANGES}
-    return replace(
-        scene,
-        **{
-            name: tuple(value[sphere] for sphere in ids)
-            for name, value in own.items()
-            if isinstance(value, tuple)
-        },
-    )
+    own: dict[str, Any] = {
+        name: tuple(value[sphere] for sphere in ids)
+        for name in RANGES
+        if isinstance(value := getattr(scene, name), tuple)
+    }
+    return replace(scene, **own)
 
 
 def with_gravity_along(scene: Scene, direction: Sequence[float]) -> Scene:

@@ -115,7 +115,7 @@ def positions_at(run: Trajectory, times: Array, gravity: Array, *, exact: bool) 
 def _drawn(estimate: StateEstimate, samples: int, seed: int) -> list[State]:
     """States drawn from a normal distribution."""
     state, count = estimate.state, len(estimate.state)
-    known = np.isfinite(estimate.covariance).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(estimate.covariance).all(axis=(1, 2)))
     covariance = np.where(known[:, None, None], estimate.covariance, 0.0)
     values, axes = np.linalg.eigh(covariance)
     root = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]

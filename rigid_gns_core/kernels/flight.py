@@ -19,6 +19,10 @@ from .jit import in_place
 from .vector import cross, dot, length, minus, plus, times, Vector
 from ..scenes.state import Array
 
+# share of its velocity that air takes or turns in one piece of a flight: errors are below 1e-7 of
+# the way; and most pieces, for what is as light as a soap bubble
+_LARGEST_CHANGE, _MOST_PIECES = 0.1, 1000
+
 
 class Flight(NamedTuple):
     """Parameters of the flight of one sphere.
@@ -81,11 +85,33 @@ def spin_after(spin: Vector, flight: Flight, time: float) -> Vector:
 def mean_accelerations(
     velocity: Vector, spin: Vector, flight: Flight, time: float
 ) -> tuple[Vector, Vector]:
-    """Accelerations that lead to the place, and to the velocity, after a time of flight.
+    """Accelerations a_p and a_v of a flight that ends at p + v t + a_p t^2 / 2 and at v + a_v t.
 
-    p + v t + a_p t^2 / 2 and v + a_v t, by the classical Runge-Kutta method: with the four
-    accelerations k of its stages, a_p = (k1 + k2 + k3) / 3 and a_v = (k1 + 2 k2 + 2 k3 + k4) / 6.
-    Both are of fourth order in t.
+    In pieces so short that air changes the velocity by at most `_LARGEST_CHANGE` in each.
+    """
+    there = minus(velocity, flight.wind)
+    push = minus(acceleration(velocity, spin, flight), flight.pull)
+    parts = _LARGEST_CHANGE * length(there)
+    parts = min(math.ceil(time * length(push) / parts), _MOST_PIECES) if parts > 0 else 1
+    if parts <= 1:
+        return _mean_accelerations(velocity, spin, flight, time)
+    way, change, piece = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), time / parts
+    for _ in range(parts):
+        path, mean = _mean_accelerations(plus(velocity, change), spin, flight, piece)
+        way = plus(way, times(piece, plus(change, times(0.5 * piece, path))))
+        change = plus(change, times(piece, mean))
+        spin = spin_after(spin, flight, piece)
+    return times(2.0 / time**2, way), times(1.0 / time, change)
+
+
+@in_place
+def _mean_accelerations(
+    velocity: Vector, spin: Vector, flight: Flight, time: float
+) -> tuple[Vector, Vector]:
+    """Step of the classical Runge-Kutta method, of fourth order in t.
+
+    With the accelerations k of its stages, a_p = (k1 + k2 + k3) / 3 and
+    a_v = (k1 + 2 k2 + 2 k3 + k4) / 6.
     """
     half = spin_after(spin, flight, 0.5 * time)
     first = acceleration(velocity, spin, flight)

@@ -21,6 +21,7 @@ from ..rollout.outcome import Outcome
 from ..rollout.rollout import Rollout
 from ..rollout.simulator import Simulator
 from ..rollout.stepper import Stepper
+from ..scenes.plane import SOLID
 from ..scenes.scene import Scene
 from ..scenes.similarity import ModelUnits
 from ..scenes.state import Array, State
@@ -104,6 +105,17 @@ class GNSSimulator(Simulator):
                 warnings.warn(
                     f'{name} of the scene is {what}, but model {self.name!r} was trained at '
                     f'{trained:g} and will behave like that',
+                    stacklevel=stacklevel,
+                )
+
+        laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
+        solid = not np.any(scene.per_sphere('inertia_factor', count) - SOLID)
+        unknown = {'air': scene.air, 'a contact law': any(laws), 'hollow spheres': not solid}
+        for what, given in unknown.items():
+            if given:
+                warnings.warn(
+                    f'the scene has {what}, but model {self.name!r} was trained without and will '
+                    'behave like that',
                     stacklevel=stacklevel,
                 )
 

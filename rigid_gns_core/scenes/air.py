@@ -12,17 +12,11 @@ from numpy.typing import ArrayLike
 
 from .plane import checked_vector, Vector
 from .state import Array
-from ..errors import UserError
+from .values import checked_number
 
-# name: (highest, 0 is allowed); all are at least 0
-_RANGES = {
-    'density': (np.inf, True),
-    'drag_coefficient': (np.inf, True),
-    'drag_slope': (np.inf, True),
-    'lift_coefficient': (np.inf, True),
-    'lift_half_ratio': (np.inf, False),
-    'spin_decay': (np.inf, True),
-}
+_AT_LEAST_ZERO = (
+    'density', 'drag_coefficient', 'drag_slope', 'lift_coefficient', 'spin_decay',
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -60,16 +54,10 @@ class Air:
     spin_decay: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, (high, zero) in _RANGES.items():
-            value = getattr(self, name)
-            try:
-                number = float(value)
-            except (TypeError, ValueError):
-                raise UserError(f'{name} of the air is {value!r}, expected a number') from None
-            if not (np.isfinite(number) and (number >= 0 if zero else number > 0)):
-                bound = 'at least 0' if zero else 'greater than 0'
-                raise UserError(f'{name} of the air is {number:g}, expected {bound} and finite')
-            object.__setattr__(self, name, number)
+        for name in (*_AT_LEAST_ZERO, 'lift_half_ratio'):
+            above = name not in _AT_LEAST_ZERO
+            value = checked_number(f'{name} of the air', getattr(self, name), above=above)
+            object.__setattr__(self, name, value)
         object.__setattr__(self, 'wind', checked_vector('wind', self.wind))
 
     def effective_mass(self, radius: ArrayLike, mass: ArrayLike) -> Array:

@@ -11,11 +11,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .contact_law import checked_law, ContactLaw
 from .state import Array
 from ..errors import UserError
 
 PerSphere = float | tuple[float, ...]
 Vector = tuple[float, float, float]
+
+SOLID = 0.4
+"""Inertia factor of a solid sphere."""
 
 # name: (lowest, highest, lowest is allowed)
 RANGES = {
@@ -24,6 +28,7 @@ RANGES = {
     'restitution': (0.0, 1.0, True),
     'friction': (0.0, np.inf, True),
     'rolling_friction': (0.0, np.inf, True),
+    'inertia_factor': (0.0, 0.67, False),  # a thin shell has 2/3, and no sphere has more
 }
 
 
@@ -77,6 +82,8 @@ class Plane:
         length_y: Full length along normal x direction [m]; may be infinite.
         restitution: Coefficient of restitution of the surface; None: the scene's.
         friction: Coulomb friction coefficient of the surface; None: the scene's.
+        contact: Law of the contacts of this surface and any sphere, instead of both and of
+            products with those of the sphere; None: these.
 
     Raises:
         UserError: A vector is zero, direction is parallel to normal, or a value is out of range.
@@ -89,6 +96,7 @@ class Plane:
     length_y: float = np.inf
     restitution: float | None = None
     friction: float | None = None
+    contact: ContactLaw | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -116,6 +124,13 @@ class Plane:
             value = getattr(self, name)
             if value is not None:
                 set_field(self, name, float(np.asarray(checked_property(name, float(value)))))
+        if checked_law('contact of a plane', self.contact) is not None:
+            for name in ('restitution', 'friction'):
+                if getattr(self, name) is not None:
+                    raise UserError(
+                        f'a plane has {name} and a contact law, which holds as it stands; leave '
+                        f'{name} out, or give the law that value'
+                    )
 
     @cached_property
     def axes(self) -> Array:
@@ -134,6 +149,7 @@ class Plane:
         *,
         restitution: float | None = None,
         friction: float | None = None,
+        contact: ContactLaw | None = None,
     ) -> tuple[Plane, ...]:
         """Ground at z = 0 and four walls around the origin, the thesis' training scene.
 
@@ -143,20 +159,21 @@ class Plane:
             height: Height of the walls [m]; infinite by default.
             restitution: Of all five; None: the scene's.
             friction: Of all five; None: the scene's.
+            contact: Of all five, see `Plane`.
         """
         for name, value in (('length_x', length_x), ('length_y', length_y), ('height', height)):
             if not value > 0 or (name != 'height' and value == np.inf):
                 raise UserError(f'{name} of the box is {value:g}, expected more than 0 and finite')
         x, y = length_x / 2, length_y / 2
         z = height / 2 if np.isfinite(height) else 0.0
-        up = (0.0, 0.0, 1.0)
+        up, materials = (0.0, 0.0, 1.0), (restitution, friction, contact)
 
         def wall(point: Vector, normal: Vector, width: float) -> Plane:
             # a wall's y axis is normal x direction: with `up` as direction, x runs upwards
-            return cls(point, normal, up, height, width, restitution, friction)
+            return cls(point, normal, up, height, width, *materials)
 
         return (
-            cls((0.0, 0.0, 0.0), up, (1.0, 0.0, 0.0), restitution=restitution, friction=friction),
+            cls((0.0, 0.0, 0.0), up, (1.0, 0.0, 0.0), np.inf, np.inf, *materials),
             wall((-x, 0.0, z), (1.0, 0.0, 0.0), length_y),
             wall((x, 0.0, z), (-1.0, 0.0, 0.0), length_y),
             wall((0.0, -y, z), (0.0, 1.0, 0.0), length_x),

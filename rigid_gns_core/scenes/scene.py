@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from .air import Air
-from .plane import checked_property, checked_vector, PerSphere, RANGES, Vector
+from .contact_law import checked_law, ContactLaw
+from .plane import checked_property, checked_vector, PerSphere, RANGES, SOLID, Vector
 from .plane import Plane as Plane
 from .state import Array
 from ..errors import UserError
@@ -28,6 +29,7 @@ class _Box:
     height: float = np.inf
     restitution: float | None = None
     friction: float | None = None
+    contact: ContactLaw | None = None
 
 
 @dataclass(frozen=True)
@@ -36,18 +38,22 @@ class Scene:
 
     Args:
         surfaces: Static planes.
-        radius: Radius [m]; a number, or one per sphere (as are the next four).
-        mass: Mass [kg]; spheres are solid, moment of inertia 2/5 m r^2.
+        radius: Radius [m]; a number, or one per sphere (as are the next five).
+        mass: Mass [kg].
         restitution: Coefficient of restitution of the material, 0 to 1.
         friction: Coulomb friction coefficient of the material.
         rolling_friction: Dimensionless rho: on a surface with normal force N, a torque rho r N
-            resists rolling, so a sphere that rolls on a level floor slows by rho g / 1.4.
+            resists rolling, so a sphere that rolls on a level floor slows by rho g / (1 + i).
+        inertia_factor: i of the moment of inertia i m r^2: 2/5 of a solid sphere, 2/3 of a thin
+            shell.
         gravity: Acceleration [m/s^2], world frame; one number means along -z.
         air: Air around the spheres; None: a vacuum.
+        sphere_contact: Law of the contacts of two spheres, instead of products; None: these.
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
     of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
-    mean where the scene has one per sphere).
+    mean where the scene has one per sphere). A contact law, of a plane or of spheres, holds for
+    its pairs as it stands.
 
     Raises:
         UserError: A value is out of range.
@@ -59,8 +65,10 @@ class Scene:
     restitution: PerSphere = 0.6
     friction: PerSphere = 0.5
     rolling_friction: PerSphere = 0.02
+    inertia_factor: PerSphere = SOLID
     gravity: Vector = (0.0, 0.0, -9.81)
     air: Air | None = None
+    sphere_contact: ContactLaw | None = None
 
     def __post_init__(self) -> None:
         planes = self.surfaces
@@ -81,6 +89,13 @@ class Scene:
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
         if self.air is not None and not isinstance(self.air, Air):
             raise UserError(f'air is {self.air!r}, expected Air(...), or None for a vacuum')
+        law = checked_law('sphere_contact', self.sphere_contact)
+        for name in ('rolling_friction', 'rolling_friction_slope', 'spinning_friction'):
+            if law is not None and getattr(law, name) > 0:
+                raise UserError(
+                    f'{name} of sphere_contact is {getattr(law, name):g}, but only surfaces '
+                    'resist rolling and spinning here; leave it at 0'
+                )
 
     @property
     def sphere_count(self) -> int | None:
@@ -101,10 +116,19 @@ class Scene:
         return np.broadcast_to(value, (count,)).copy()
 
     def surface_values(self, name: str) -> Array:
-        """`restitution` or `friction` of each surface, shape (surfaces,)."""
-        default = float(np.mean(getattr(self, name)))
-        own = [getattr(surface, name) for surface in self.surfaces]
-        return np.array([default if value is None else value for value in own])
+        """`restitution` or `friction` of each surface, shape (surfaces,).
+
+        Of one with a contact law: what makes the product with the mean of the spheres that of the
+        law, a curve at high speed.
+        """
+        default, values = float(np.mean(getattr(self, name))), []
+        for surface in self.surfaces:
+            value, law = getattr(surface, name), surface.contact
+            if law is not None:
+                value = law.curve.fast if name == 'restitution' else getattr(law, name)
+                value /= default or 1.0
+            values.append(default if value is None else value)
+        return np.array(values)
 
     @property
     def up(self) -> Array:
@@ -142,8 +166,15 @@ class Scene:
         }
         for name in RANGES:
             value = getattr(self, name)
+            if name == 'inertia_factor' and value == SOLID:
+                continue
             mapping[name] = list(value) if isinstance(value, tuple) else value
         mapping['gravity'] = list(self.gravity)
+        for surface, plane in zip(mapping['surfaces'], self.surfaces, strict=True):
+            if plane.contact is not None:
+                surface['contact'] = to_mapping(plane.contact)
+        if self.sphere_contact is not None:
+            mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:
             mapping['air'] = to_mapping(self.air)
         for surface in mapping['surfaces']:

@@ -10,7 +10,8 @@ that turns gravity to -z:
     p_m = R p / L,  v_m = R v T / L,  w_m = R w T,  dt = dt_m T.
 
 Masses carry over, so that the density of air becomes rho L^3, its wind scales as velocities, and
-its spin decay as 1 / T; the coefficients of drag and lift have no units.
+its spin decay as 1 / T; the coefficients of drag and lift have no units. Of a contact law, only
+the speed of a restitution curve and the slope of rolling friction have units.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from functools import lru_cache
 import numpy as np
 
 from .air import Air
+from .contact_law import ContactLaw
 from .scene import Plane, Scene
 from .state import Array, quaternion_multiply, State
 from ..errors import UserError
@@ -77,6 +79,7 @@ class Similarity:
                 direction=tuple(self.rotation @ plane.axes[0]),
                 length_x=plane.length_x / self.length,
                 length_y=plane.length_y / self.length,
+                contact=self._law(plane.contact),
             )
             for plane in scene.surfaces
         )
@@ -87,7 +90,11 @@ class Similarity:
             gravity=tuple(self.rotation @ gravity),
             radius=_divide(scene.radius, self.length),
             air=None if scene.air is None else self._air(scene.air),
+            sphere_contact=self._law(scene.sphere_contact),
         )
+
+    def _law(self, law: ContactLaw | None) -> ContactLaw | None:
+        return None if law is None else law.scaled(self.time / self.length)
 
     def _air(self, air: Air) -> Air:
         wind = self.rotation @ air.wind * (self.time / self.length)

@@ -20,7 +20,7 @@ class Energy:
     Args:
         kinetic: Of translation, sum of 1/2 m v.v [J].
         potential: Sum of m g h [J]; h is the height of the centre above the ground.
-        rotational: Sum of 1/2 I w.w [J], I = 2/5 m r^2.
+        rotational: Sum of 1/2 I w.w [J], I = i m r^2.
     """
 
     kinetic: Array
@@ -161,4 +161,5 @@ def divergence(trajectory: Trajectory, scene: Scene) -> int | None:
 
 def _inertia(trajectory: Trajectory, scene: Scene) -> Array:
     mass = scene.per_sphere('mass', trajectory.count)
-    return 0.4 * mass * scene.per_sphere('radius', trajectory.count) ** 2
+    factor = scene.per_sphere('inertia_factor', trajectory.count)
+    return factor * mass * scene.per_sphere('radius', trajectory.count) ** 2

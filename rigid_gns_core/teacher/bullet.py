@@ -21,7 +21,8 @@ import numpy as np
 from .rolling import RollingFriction
 from .settings import TeacherError, TeacherSettings
 from ..installation.extras import missing
-from ..scenes.scene import Plane, Scene
+from ..scenes.plane import Plane, SOLID
+from ..scenes.scene import Scene
 from ..scenes.state import Array, State, Trajectory
 
 # Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it
@@ -54,7 +55,8 @@ class Teacher:
         settings: How Bullet is run.
 
     Raises:
-        UserError: There is no sphere, or a value does not fit the scene.
+        UserError: There is no sphere, a value does not fit the scene, or the scene has air or a
+            contact law, which Bullet has not.
         ModuleNotFoundError: pybullet is not installed.
     """
 
@@ -69,6 +71,13 @@ class Teacher:
             raise TeacherError('the start has no sphere; the teacher needs at least one')
         if not (np.isfinite(dt) and dt > 0):
             raise TeacherError(f'dt is {dt}, expected a positive number of seconds')
+        laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
+        if scene.air is not None or any(laws):
+            what = 'air' if scene.air is not None else 'a contact law'
+            raise TeacherError(
+                f'the scene has {what}, which Bullet has not; simulate it by the laws: '
+                "load_simulator('laws')"
+            )
         self.scene, self.dt, self.settings = scene, float(dt), settings
         self._substep = self.dt / settings.substeps
         radius = scene.per_sphere('radius', len(start))
@@ -210,6 +219,7 @@ class Teacher:
         bodies: list[int] = []
         restitution = scene.per_sphere('restitution', len(start))
         friction = scene.per_sphere('friction', len(start))
+        inertia = scene.per_sphere('inertia_factor', len(start))
         rolling = RollingFriction(
             bullet, client, bodies, scene, self._radius, self._mass, self._substep, self._gravity
         )
@@ -224,6 +234,11 @@ class Teacher:
             self._material(
                 body, restitution[i], friction[i], rolling.bullets_own[i] if bullets_own else 0.0
             )
+            if inertia[i] != SOLID:  # Bullet's own
+                moment = inertia[i] * self._mass[i] * self._radius[i] ** 2
+                bullet.changeDynamics(
+                    body, -1, localInertiaDiagonal=3 * [moment], physicsClientId=client
+                )
             # Bullet's velocities live half a substep before its positions: see `_read`
             velocity = start.velocities[i] / self._length - 0.5 * self._substep * self._gravity
             bullet.resetBaseVelocity(

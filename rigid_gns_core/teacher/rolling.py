@@ -46,15 +46,16 @@ def resist_rolling(
     impulse: Array,
     rolling_friction: Array,
     friction: Array,
+    inertia: Array,
     slip_tolerance: float,
 ) -> Rolling:
     """Apply the rolling friction of one normal impulse on a surface to each sphere.
 
     The torque impulse rho r J opposes the rotation about axes in the surface, and another of that
     size the rotation about the normal; neither reverses it. A sphere that rolls without slip keeps
-    doing so by static friction F. With I = 2/5 m r^2, and r dw = dv where it rolls:
+    doing so by static friction F. With I = i m r^2, and r dw = dv where it rolls:
 
-        dv = -F / m,  r dw = -5/2 (rho J - F) / m,  F = min(rho / 1.4, mu) J.
+        dv = -F / m,  r dw = -(rho J - F) / (i m),  F = min(rho / (1 + i), mu) J.
 
     Args:
         velocities: Linear velocities [m/s], shape (n, 3).
@@ -64,6 +65,7 @@ def resist_rolling(
         impulse: Normal impulses per mass J / m [m/s], shape (n,).
         rolling_friction: rho, shape (n,).
         friction: mu of sphere and surface, shape (n,).
+        inertia: i, shape (n,).
         slip_tolerance: Slip that counts as none [m/s], beside a thousandth of the rolling speed.
     """
     spin = np.sum(angular_velocities * normal, axis=-1, keepdims=True) * normal
@@ -75,9 +77,10 @@ def resist_rolling(
     slip = np.linalg.norm(across - rolled, axis=-1)
     sticks = slip <= slip_tolerance + 1e-3 * rolling
 
-    torque = 2.5 * rolling_friction * impulse  # change of r w; moment of inertia 2/5 m r^2
-    static = np.where(sticks, np.minimum(rolling_friction / 1.4, friction) * impulse, 0.0)
-    slowed = torque - 2.5 * static
+    torque = rolling_friction * impulse / inertia  # change of r w
+    holds = np.minimum(rolling_friction / (1.0 + inertia), friction)
+    static = np.where(sticks, holds * impulse, 0.0)
+    slowed = torque - static / inertia
     part = np.minimum(1.0, slowed / np.maximum(rolling, 1e-300))[:, None]
     spinning = radius * np.linalg.norm(spin, axis=-1)
     spin_part = np.minimum(1.0, torque / np.maximum(spinning, 1e-300))[:, None]
@@ -124,6 +127,7 @@ class RollingFriction:
         self._surfaces = len(scene.surfaces)
         self._radius, self._mass, self._substep = radius, mass, substep
         self._friction = scene.per_sphere('friction', count)
+        self._inertia = scene.per_sphere('inertia_factor', count)
         self._surface_friction = scene.surface_values('friction')
         fall = float(np.linalg.norm(gravity)) * substep
         self._slip_tolerance = 1e-3 * fall
@@ -211,6 +215,7 @@ class RollingFriction:
             impulse,
             rho,
             self._friction[spheres] * self._surface_friction[surface],
+            self._inertia[spheres],
             self._slip_tolerance,
         )
         # held until it rolls faster than two updates could stop

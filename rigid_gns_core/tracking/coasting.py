@@ -93,7 +93,8 @@ def _coast(
         if hit.time < math.inf:
             impact_times[i] = max(hit.time, 0.0)
             incoming = plus(velocity, times(impact_times[i], surfaces.gravity))
-            put(changes, i, minus(after_impact(incoming, _HELD, hit, radii[i])[0], incoming))
+            after, _ = after_impact(incoming, _HELD, hit, radii[i], surfaces.inertia)
+            put(changes, i, minus(after, incoming))
             put(normals, i, hit.normal)
     meeting_times, earliest = np.full(len(pairs[0]), np.inf), impact_times.copy()
     _push(

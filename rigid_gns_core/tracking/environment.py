@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .impacts import Surfaces
+from ..scenes.plane import SOLID
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -43,6 +44,7 @@ class Environment:
             friction=scene.surface_values('friction') * float(np.mean(scene.friction)),
             rolling_friction=float(np.mean(scene.rolling_friction)),
             sphere_restitution=float(np.mean(scene.restitution)) ** 2,
+            inertia=float(np.mean(scene.inertia_factor)),
             known=True,
         )
         return cls(surfaces, np.asarray(scene.radius, dtype=np.float64))
@@ -61,6 +63,7 @@ class Environment:
             friction=np.zeros(0),
             rolling_friction=0.0,
             sphere_restitution=1.0,
+            inertia=SOLID,
             known=False,
         )
         return cls(surfaces, np.asarray(radius, dtype=np.float64))

@@ -25,6 +25,7 @@ class Surfaces(NamedTuple):
         friction: Friction of a sphere on each surface, shape (k,).
         rolling_friction: Rolling friction of a sphere.
         sphere_restitution: Restitution of two spheres.
+        inertia: Inertia factor of a sphere, see `Scene`.
         known: Whether these are all surfaces; if not, spheres may be supported anywhere.
     """
 
@@ -36,6 +37,7 @@ class Surfaces(NamedTuple):
     friction: Array
     rolling_friction: float
     sphere_restitution: float
+    inertia: float
     known: bool
 
 
@@ -123,9 +125,9 @@ def first_impact(
 
 @in_place
 def after_impact(
-    velocity: Vector, spin: Vector, impact: Impact, radius: float
+    velocity: Vector, spin: Vector, impact: Impact, radius: float, inertia: float
 ) -> tuple[Vector, Vector]:
-    """Velocity [m/s] and spin [rad/s] of a solid sphere after an impact.
+    """Velocity [m/s] and spin [rad/s] of a sphere after an impact, of its inertia factor i.
 
     Newton's restitution along the normal, Coulomb friction across it.
     """
@@ -133,8 +135,8 @@ def after_impact(
     approach = min(dot(velocity, normal), 0.0)
     slip = minus(across(velocity, normal), times(radius, cross(spin, normal)))
     kick = (1.0 + impact.restitution) * approach
-    # an impulse of 2/7 m stops the slip of a solid sphere; Coulomb's bound may be lower
-    part = min(2.0 / 7.0, -impact.friction * kick / max(length(slip), 1e-300))
+    # an impulse of i / (1 + i) m stops the slip; Coulomb's bound may be lower
+    part = min(inertia / (1.0 + inertia), -impact.friction * kick / max(length(slip), 1e-300))
     push = times(-part, slip)
     after = plus(minus(velocity, times(kick, normal)), push)
-    return after, minus(spin, times(2.5 / radius, cross(normal, push)))
+    return after, minus(spin, times(1.0 / (inertia * radius), cross(normal, push)))

@@ -42,13 +42,14 @@ def try_rolling(
     radius, sigma = window.radii[i], window.sigma[i]
     normal = row(surfaces.axes[index], 2)
     height = dot(minus(row(window.origin, i), row(surfaces.points, index)), normal) - radius
-    # a solid sphere rolls down a slope at 5/7 of the pull; rolling friction opposes its velocity
-    rolling = times(5.0 / 7.0, across(surfaces.gravity, normal))
+    # it rolls down a slope at 1 / (1 + i) of the pull; rolling friction opposes its velocity
+    share = 1.0 / (1.0 + surfaces.inertia)
+    rolling = times(share, across(surfaces.gravity, normal))
     _roll_back(level, stamps, offsets, normal, rolling)
     accumulate(sums, stamps, level, seen, 0)
     slope = fit_line(sums, 0, len(stamps)).slope
     speed = length(slope)
-    brake = surfaces.rolling_friction / 1.4 * abs(dot(surfaces.gravity, normal))
+    brake = surfaces.rolling_friction * share * abs(dot(surfaces.gravity, normal))
     # a slower sphere may stop within the window, so that its friction is left out
     if speed > brake * -stamps[0]:
         rolling = minus(rolling, times(brake / speed, slope))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .environment import Environment
 from .jit import compiling
@@ -64,7 +64,7 @@ def estimate_state(
             f'positions have shape {centres.shape}, expected ({len(stamps)}, n, 3) for '
             f'{len(stamps)} times'
         )
-    seen = np.isfinite(centres).all(axis=-1)
+    seen = np.asarray(np.isfinite(centres).all(axis=-1))
     if not seen.any(axis=0).all():
         lost = int(np.argmin(seen.any(axis=0)))
         raise UserError(f'sphere {lost} is seen in no frame; leave it out')
@@ -96,7 +96,7 @@ def estimate_state(
     return StateEstimate(state, _covariance(motion, radii, sigma, quaternions is not None))
 
 
-def _noise(times: Array, positions: Array, seen: Array) -> float:
+def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
     parts = []
     for sphere, own in enumerate(seen.T):
         turns = np.tile(_UNTURNED, (int(own.sum()), 1, 1))

@@ -113,7 +113,7 @@ def try_surface_impacts(
             continue
         when = min(max(hit.time, begin), end)
         incoming = plus(before.slope, times(when, gravity))
-        law_velocity, spin = after_impact(incoming, before.spin, hit, radius)
+        law_velocity, spin = after_impact(incoming, before.spin, hit, radius, surfaces.inertia)
         change = minus(law_velocity, incoming)
         along, tangent = dot(change, hit.normal), length(across(change, hit.normal))
         drift = sigma**2 / before.span + (1e-6 * speed) ** 2  # never zero

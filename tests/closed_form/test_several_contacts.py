@@ -70,6 +70,28 @@ KINDS = {
     ],
     'room': ['leave a closed room, spheres'],
     'load': ['light under heavy, penetration [r]'],
+    'air': [
+        'terminal velocity, depth',
+        'terminal velocity, speed',
+        'buoyancy and added mass, depth',
+        'buoyancy and added mass, speed',
+        'drag along a line, way',
+        'drag along a line, speed',
+        'circle by lift',
+        'spin decay',
+        'spin decay, angle [rad]',
+        'bounces in air, height',
+        'wind along a smooth floor, way',
+        'wind along a smooth floor, speed',
+    ],
+    'grip': [
+        'blow on a floor, velocity',
+        'blow on a floor, spin',
+        'blow of spheres, velocity',
+        'blow of spheres, spin',
+    ],
+    'curve': ['restitution over speed', 'series of bounces over speed'],
+    'resistance': ['sliding to rolling, speed', 'rolling to rest, speed', 'spinning to rest'],
 }
 
 

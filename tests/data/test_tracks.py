@@ -16,8 +16,8 @@ from rigid_gns_core.data.tracks import (
     load_tracks,
     read_tracks,
     Track,
-    TRACKS_NAME,
     tracks_hash,
+    TRACKS_NAME,
     TrackSet,
     write_tracks,
 )
@@ -107,8 +107,8 @@ def test_rotations_are_normalised(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('row', 'values', 'message'),
     [
-        (5, {3: 'nan'}, "line 7: track 0, sphere 0: x is 'nan', expected a finite.*leave out"),
-        (5, {5: ''}, "line 7: track 0, sphere 0: z is 'empty', expected a finite"),
+        (5, {3: 'nan'}, "line 7: track 0, sphere 0: x is 'nan', expected a number.*leave out"),
+        (5, {5: ''}, "line 7: track 0, sphere 0: z is 'empty', expected a number"),
         (5, {4: '1,5'}, 'header'),
         (5, {2: '0.01'}, 'line 7: track 0, sphere 0: time goes back from .* to 0.01 s.*sort'),
         (5, {2: f'{4 / 180:.7f}'}, 'line 7: .*a second row at 0.0222222 s.*two numbers'),

@@ -9,6 +9,7 @@ import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
 from rigid_gns_core.engine.contact_law import law_of, target_of
 from rigid_gns_core.engine.contacts import find_contacts, gap_of
+from rigid_gns_core.engine.flight import Paths
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
@@ -34,7 +35,9 @@ def contacts(world, positions, velocities, dt, h, lookback):
     everyone = np.ones(len(positions), np.bool_)
     found = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(found.a), np.bool_)
-    return find_contacts(world, positions, velocities, found, chosen, h, lookback)
+    return find_contacts(
+        world, Paths(positions, velocities, world.pull), found, chosen, h, lookback
+    )
 
 
 @njit
@@ -55,7 +58,7 @@ def law(world, found):
 @njit
 def target(e, h, time, gap, approach_speed, acceleration, coupling):
     """See `target_of`."""
-    return target_of(e, h, time, gap, approach_speed, acceleration, coupling)
+    return target_of(e, e, 1.0, h, time, gap, approach_speed, acceleration, coupling)
 
 
 @njit
@@ -64,10 +67,10 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, positions, velocities, around, chosen, h, h)
+    found = find_contacts(world, Paths(positions, velocities, world.pull), around, chosen, h, h)
     coefficients = law_of(world, found)
     motion = Motion(positions, velocities, spins, everyone)
-    bodies = _bodies(world, motion, h)
+    bodies = _bodies(motion, world.pull, h)
     start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
     group = np.arange(len(found.a))
     change = solve(
@@ -77,6 +80,7 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
         group=group,
         start=start,
         lasting=start,
+        accelerations=world.pull,
         h=h,
         nominal_h=h,
         iterations=iterations,
@@ -117,7 +121,9 @@ def pushed_out(world, positions, velocities, dt):
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
     chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, positions, velocities, around, chosen, 0.0, 0.0)
+    found = find_contacts(
+        world, Paths(positions, velocities, world.pull), around, chosen, 0.0, 0.0
+    )
     moved = positions.copy()
     push_out(world, found, moved)
     return moved

@@ -5,9 +5,13 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from csv_balls import RATE, shots
 import numpy as np
 import pytest
+from rigid_gns_core.data.csv_tracks import read_csv_tracks
 from rigid_gns_core.data.tracks import Track
 from rigid_gns_core.recordings.importing.camera_clock import on_camera_clock
 
@@ -47,11 +51,11 @@ def test_jitter_goes(lost: float, late: float) -> None:
     assert clock is not None and clock.used
     assert clock.period == pytest.approx(1 / RATE, rel=2e-4)
     # t0 of a track of 126 frames and more is known to 0.6 ms / sqrt(126) = 0.05 ms, its slope
-    # through that of all tracks better; no frame is on the wrong tick, which is 5.6 ms off, but
-    # for one that is held up at the end of its track, which nothing after it tells
+    # through that of all tracks better. A frame on the wrong tick is 5.6 ms off: none is, but
+    # where frames are held up at the end of a track, or one of them is lost besides, which of 2 %
+    # held up and 20 % lost are about 2 % of all
     off = np.abs(errors(found, truth))
-    ends = 1.0 - late * 3 * len(tracks) / len(off)
-    assert np.quantile(off, ends) < 5 * JITTER / np.sqrt(126)
+    assert np.quantile(off, 0.97 if late else 1.0) < 5 * JITTER / np.sqrt(126)
     assert 0.8 * JITTER < clock.jitter < 1.2 * JITTER
 
 
@@ -88,3 +92,22 @@ def test_a_track_of_few_frames_stays_as_it_is() -> None:
     short = Track('s', np.array([0.0, 0.006]), np.zeros((2, 1, 3)), None, ('0',))
     found, _ = on_camera_clock([short, *tracks])
     assert found[0] == short and on_camera_clock([short]) == ([short], None)
+
+
+@pytest.mark.parametrize('name', ['tt_gun', 'tt_robot'])
+def test_recorded_times_of_arrival(tmp_path: Path, name: str) -> None:
+    """A recording whose times of arrival and of the camera are both known."""
+    folder = Path(os.environ.get('RIGID_GNS_RECORDINGS', tmp_path))
+    if not (folder / f'{name}.csv').is_file():
+        pytest.skip('RIGID_GNS_RECORDINGS names no folder of recordings')
+    text = (folder / f'{name}.csv').read_text()
+    arrived = tmp_path / 'arrived.csv'
+    arrived.write_text(text.replace('time,time_received', 'true,time', 1))
+    truth = [one.track.times + one.track.begin for one in read_csv_tracks(folder / f'{name}.csv')]
+    found, clock = on_camera_clock([one.track for one in read_csv_tracks(arrived)])
+    assert clock is not None and clock.used
+    for track, true in zip(found, truth, strict=True):
+        off = track.times - true
+        # both are zero at a first frame, whose arrival jitters too; 0.29 ms were there before, and
+        # the true times have six digits and a clock that was fitted track by track
+        assert np.abs(off - np.median(off)).max() < 0.02e-3

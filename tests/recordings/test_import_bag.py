@@ -15,6 +15,7 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.common_scene import common_scene
 from rigid_gns_core.data.records import Dataset
+from rigid_gns_core.data.tracks import load_tracks
 from rigid_gns_core.forecasts.interpolation import interpolate
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.importing.import_bags import import_bags
@@ -112,6 +113,11 @@ def test_a_bag_becomes_a_data_set_to_train_on(tmp_path: Path) -> None:
         trajectory.velocities[1:], np.diff(trajectory.positions, axis=0) / 0.1, atol=1e-12
     )
     assert record.scene == SCENE
+    # and what the tracker gave, beside it
+    (track,) = load_tracks(tmp_path / 'data')
+    np.testing.assert_allclose(track.times, 0.1 * np.arange(31), atol=1e-9)
+    np.testing.assert_array_equal(track.positions, truth[..., :3])
+    assert track.quaternions is not None and track.begin == pytest.approx(START * 1e-9)
     assert common_scene([record])[1]['restitution'] == 0.9
     recipe = yaml.safe_load((tmp_path / 'data' / 'recipe.yaml').read_text())
     assert recipe['teacher']['source'] == 'tracked poses'

@@ -33,7 +33,7 @@ def test_a_file_becomes_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(['import', str(path), '--scene', str(scene), '--out', str(out)]) == 0
     printed = capsys.readouterr().out
     assert '4 tracks of 1 sphere, 724 samples, frames 5.556 ms apart' in printed
-    assert '4 tracks and 4 records in' in printed
+    assert f'4 tracks in {out / "tracks.h5"}\n4 records in {out}' in printed
     tracks = load_tracks(out)
     assert [track.name for track in tracks] == [f'shots_{number}' for number in range(4)]
     for track, (times, centres) in zip(tracks, shots(noise=NOISE), strict=True):
@@ -55,7 +55,7 @@ def test_several_files_and_tracks_that_show_not_all_spheres(tmp_path: Path) -> N
     two = write_csv(tmp_path / 'two.csv', rows_of(shots(1, noise=NOISE), 1))
     options = ImportOptions(scene=write_scene(tmp_path))
     first, _ = import_bags([one, two], tmp_path / 'data', options)
-    assert first['records'] == [] and 'is 10 steps' in first['no_records']
+    assert first['records'] == [] and '10 steps of' in first['no_records']
     found = read_tracks(tmp_path / 'data')
     assert [track.spheres for track in found.tracks] == [('1', '2'), ('1',)]
     assert found.tracks[0].seen.sum(axis=0).tolist() == [181, 18]
@@ -69,6 +69,17 @@ def test_a_file_with_tracks_alone_says_so_to_others(tmp_path: Path) -> None:
     import_bags([path], tmp_path / 'data', ImportOptions(scene=write_scene(tmp_path)))
     with pytest.raises(ValueError, match='holds tracks alone'):
         Dataset(tmp_path / 'data')
+
+
+def test_tracks_of_files_with_one_name_are_told_apart(tmp_path: Path) -> None:
+    files = []
+    for seed, folder in enumerate(('monday', 'tuesday')):
+        (tmp_path / folder).mkdir()
+        rows = rows_of(shots(1, noise=NOISE, seed=seed))
+        files.append(write_csv(tmp_path / folder / 'shots.csv', rows))
+    import_bags(files, tmp_path / 'data', ImportOptions(scene=write_scene(tmp_path)))
+    names = [track.name for track in load_tracks(tmp_path / 'data')]
+    assert names == ['shots_0', 'shots_0~2']
 
 
 @pytest.mark.parametrize('up', list(AXES))
@@ -138,9 +149,7 @@ def one_sample(rows: list[Row]) -> list[Row]:
 def at_rest(rows: list[Row]) -> list[Row]:
     rng = np.random.default_rng(0)
     noise = rng.normal(0.0, NOISE, (len(rows), 3)) + [0.5, 0.0, RADIUS + 3 * NOISE]
-    return [
-        (*row[:3], *noise[index]) if row[0] == 2 else row for index, row in enumerate(rows)
-    ]
+    return [(*row[:3], *noise[index]) if row[0] == 2 else row for index, row in enumerate(rows)]
 
 
 def repeated(rows: list[Row]) -> list[Row]:

@@ -196,7 +196,7 @@ def test_resist_rolling_never_reverses() -> None:
     velocities = np.array([[0.01, 0.0, 0.0], [1.0, 0.0, 0.0]])
     spins = np.array([[0.0, 0.01, 0.02], [0.0, -3.0, 0.0]])  # the second slips
     one, value = np.ones(2), np.full(2, 0.1)
-    left = resist_rolling(velocities, spins, one, normal, one, value, one, 1e-6)
+    left = resist_rolling(velocities, spins, one, normal, one, value, one, np.full(2, 0.4), 1e-6)
     np.testing.assert_allclose(left.velocities, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
     np.testing.assert_allclose(left.angular_velocities, [[0, 0, 0], [0, -2.75, 0]], atol=1e-15)
     assert left.stopped.tolist() == [True, False]

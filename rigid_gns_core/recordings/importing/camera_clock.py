@@ -4,8 +4,8 @@
 """Stamps of arrival, put back on the clock of the camera where one shows.
 
 A camera of constant rate takes frame k at t0 + k T. Its frames arrive late by a time that varies,
-and some are lost: t = t0 + k T + jitter, with k rising by one or more. T is that of all tracks of a
-file, t0 of each track. The stamps are replaced only where the motion says so: short parabolas
+and some are lost: t = t0 + k T + jitter, with k rising by one or more. T is that of all tracks of
+a file, t0 of each track. The stamps are replaced only where the motion says so: short parabolas
 through the positions must fit clearly better on the clock than on the stamps, since stamps that
 are irregular may well be true.
 """
@@ -27,6 +27,8 @@ _JITTER = 0.2
 _EXACT = 5e-3
 # samples of a parabola, and gain of the loop that follows the clock
 _WINDOW, _GAIN = 9, 0.1
+# most intervals that the period is guessed from
+_SPANS = 5000
 # the parabolas fit better by this factor in the median, and in so many of them [deviations]
 _BETTER, _SIGMAS = 1.1, 4.0
 # robust standard deviation of a normal distribution by its median absolute deviation
@@ -68,7 +70,7 @@ def on_camera_clock(tracks: Sequence[Track]) -> tuple[list[Track], CameraClock |
     stamps = [track.times for track in tracks if len(track.times) > _WINDOW]
     if not stamps:
         return list(tracks), None
-    period = float(np.median(np.concatenate([np.diff(times) for times in stamps])))
+    period = _guess(stamps)
     counts = [_follow(times, period) for times in stamps]
     for _ in range(4):
         period, begins = _fit(stamps, counts)
@@ -105,6 +107,32 @@ def on_camera_clock(tracks: Sequence[Track]) -> tuple[list[Track], CameraClock |
     clear = wins - len(by_clock) / 2 > _SIGMAS * np.sqrt(len(by_clock)) / 2
     used = bool(clear and gain > _BETTER)
     return (found if used else list(tracks)), CameraClock(period, jitter, gain, used)
+
+
+def _guess(stamps: list[Array]) -> float:
+    """Period by the mean cosine of 2 pi (t_(i+lag) - t_i) / T, of longer and longer lags [s].
+
+    The median interval alone is off where frames are lost and others come late.
+    """
+    usual = float(np.median(np.concatenate([np.diff(times) for times in stamps])))
+    best, most = usual, -1.0
+    for divisor in (1, 2):  # where most frames are lost, the usual interval is two periods
+        period, width = usual / divisor, 0.25
+        for power in range(7):
+            lag = 2**power
+            spans = np.concatenate([times[lag:] - times[:-lag] for times in stamps])
+            spans = spans[:: len(spans) // _SPANS + 1]
+            if len(spans) < _WINDOW:
+                break
+            grid = period * (1.0 + width * np.linspace(-1.0, 1.0, 101))
+            scores = np.cos(2.0 * np.pi * spans / grid[:, None]).mean(axis=1)
+            period, width = float(grid[np.argmax(scores)]), 0.1 / lag
+            if lag == 1:
+                score = float(scores.max())
+        # exact stamps fit half the period just as well
+        if score > most + 0.05:
+            best, most = period, score
+    return best
 
 
 def _follow(times: Array, period: float) -> NDArray[np.int64]:

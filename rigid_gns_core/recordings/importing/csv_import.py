@@ -9,12 +9,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from .camera_clock import on_camera_clock
-from .options import Imported, ImportBagError, ImportOptions
+from .options import ImportBagError, Imported, ImportOptions
 from .stretches import native_dt, resampled, SLOWEST
 from .track_checks import problem_of
 from .units_and_axes import check_fall, check_speed, turned
@@ -30,6 +29,8 @@ from ...tracking.pose_noise import estimate_noise, PoseNoise
 from ...tracking.usable_frames import GAP
 
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
+# no tracker of moving balls is slower [s]
+_SLOW = 1.0
 
 
 def import_csv(path: Path, options: ImportOptions) -> Imported:
@@ -55,6 +56,7 @@ def import_csv(path: Path, options: ImportOptions) -> Imported:
             f'has properties of {scene.sphere_count}; give one number for all in the scene, or '
             'one per sphere in the order of their numbers'
         )
+    _check_interval(tracks, path)
     noise = noise_of_tracks(tracks)
     check_fall(tracks, scene, noise, str(path))
     checked = [
@@ -83,6 +85,15 @@ def import_csv(path: Path, options: ImportOptions) -> Imported:
     return Imported(records, kept, scene, report)
 
 
+def _check_interval(tracks: Sequence[Track], path: Path) -> None:
+    spans = np.concatenate([np.zeros(0), *(np.diff(track.times) for track in tracks)])
+    if len(spans) and (usual := float(np.median(spans))) > _SLOW:
+        raise ImportBagError(
+            f'{path}: rows are {usual:.4g} s apart, expected at most {_SLOW:g} s; write times in '
+            'seconds, not in milliseconds or nanoseconds'
+        )
+
+
 def noise_of_tracks(tracks: Sequence[Track]) -> float:
     """Standard deviation of each coordinate of a position [m], see `estimate_noise`."""
     segments = []
@@ -97,12 +108,7 @@ def noise_of_tracks(tracks: Sequence[Track]) -> float:
 
 
 def _usable(
-    checked: Sequence[CsvTrack],
-    scene: Scene,
-    noise: float,
-    labels: Sequence[str],
-    *,
-    skip: bool,
+    checked: Sequence[CsvTrack], scene: Scene, noise: float, labels: Sequence[str], *, skip: bool
 ) -> tuple[list[Track], list[str]]:
     """Tracks without a problem, and the problems of the others.
 
@@ -153,11 +159,12 @@ def _records(
         return records, counts, ''
     if not intervals:
         return [], counts, 'no two frames side by side show all spheres'
-    return [], counts, (
-        f'no stretch that shows all spheres is {options.min_steps} steps of {dt:.3g} s long, with '
-        f'frames at most {SLOWEST * dt:.3g} s apart; the longest has {longest:.3g} s, frames are '
-        f'{float(np.median(intervals)):.3g} s apart'
+    need = f'{options.min_steps} steps of {dt:.3g} s, frames at most {SLOWEST * dt:.3g} s apart'
+    why = (
+        f'no stretch that shows all spheres is long and dense enough ({need}); the longest has '
+        f'{longest:.3g} s, frames are {float(np.median(intervals)):.3g} s apart'
     )
+    return [], counts, why
 
 
 def _stretches(track: Track, options: ImportOptions, dt: float) -> list[Segment]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 import os
@@ -27,7 +28,7 @@ from ...data.records import (
     write_recipe,
     write_record,
 )
-from ...data.tracks import tracks_hash, TrackSet, write_tracks
+from ...data.tracks import Track, tracks_hash, TrackSet, write_tracks
 from ...errors import UserError
 from ...files.config import from_mapping
 from ...running.progress import Progress
@@ -101,10 +102,21 @@ def _together(imported: list[Imported]) -> TrackSet:
                 f'{files[1]} has another scene than {files[0]}; give one --scene for both, or '
                 'import them into folders of their own'
             )
-    tracks = tuple(track for one in imported for track in one.tracks)
+    tracks = _named_apart([track for one in imported for track in one.tracks])
     reports = [one.report for one in imported]
     origin = {'source': 'tracked poses', 'sha256': tracks_hash(tracks), 'files': reports}
     return TrackSet(tracks, first.scene, noise_of_tracks(tracks), origin)
+
+
+def _named_apart(tracks: Sequence[Track]) -> tuple[Track, ...]:
+    """Tracks with names of their own: files in two folders may have one name."""
+    taken: Counter[str] = Counter()
+    found = []
+    for track in tracks:
+        taken[track.name] += 1
+        again = taken[track.name] > 1
+        found.append(replace(track, name=f'{track.name}~{taken[track.name]}') if again else track)
+    return tuple(found)
 
 
 def _recipe(records: list[Record], reports: list[dict[str, Any]]) -> DataRecipe:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is wrong with single tracks: too few samples, no motion, repeats, jumps, below a surface."""
+"""What is wrong with a track: too few samples, no motion, repeats, jumps, behind a surface."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ _SAMPLES = 3
 _MOTION = 0.25
 # a repeated pose is one where the sphere should have moved this far [radii]; so many are refused
 _STILL, _REPEATS, _REPEATED = 0.05, 3, 0.02
+# and further than this [steps between two places that the tracker knows]
+_COARSE = 2.0
 # a sphere jumps where it moves further than this [radii], and so many times as fast as beside it
 _JUMP, _FASTER = 2.0, 4.0
 # it is in two places where it returns to within this part of a step, in so many of its steps
@@ -67,8 +69,8 @@ def problem_of(one: CsvTrack, scene: Scene, noise: float, radii: Array) -> str |
             f'sample{"s" if most > 1 else ""} of a sphere, expected at least {_SAMPLES}; remove '
             'it, or record for longer'
         )
-    ways = [np.ptp(track.samples(sphere)[1], axis=0).max() for sphere in np.flatnonzero(counts)]
-    furthest = int(np.argmax(ways / radii[np.flatnonzero(counts)]))
+    ways = [_extent(track.samples(sphere)[1]) for sphere in range(len(radii))]
+    furthest = int(np.argmax(ways / radii))
     for index, label in enumerate(track.spheres):
         own = _Samples(*track.samples(index), float(radii[index]), scene, noise)
         for check in _CHECKS:
@@ -82,6 +84,11 @@ def problem_of(one: CsvTrack, scene: Scene, noise: float, radii: Array) -> str |
             f'{_MOTION * radii[furthest]:.3g} m, {_MOTION:g} radii; remove it'
         )
     return None
+
+
+def _extent(places: Array) -> float:
+    """Largest extent of centres along an axis [m]."""
+    return float(np.ptp(places, axis=0).max()) if len(places) else 0.0
 
 
 def _two_places(own: _Samples) -> _Found:
@@ -122,24 +129,28 @@ def _jump(own: _Samples) -> _Found:
 
 def _repeats(own: _Samples) -> _Found:
     """The same pose with a new stamp, while the sphere moves."""
-    steps = np.linalg.norm(np.diff(own.places, axis=0), axis=1)
+    times, places = own.times, own.places
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     begins = np.append(0, np.flatnonzero(steps > 0) + 1)  # of runs of one pose
     if len(begins) < 3:
         return None
-    ends = np.append(begins[1:] - 1, len(own.times) - 1)
+    ends = np.append(begins[1:] - 1, len(times) - 1)
     # from run to run the mean speed, whichever sample of a run is the true one
-    speeds = np.linalg.norm(np.diff(own.places[begins], axis=0), axis=1) / np.diff(own.times[begins])
+    speeds = np.linalg.norm(np.diff(places[begins], axis=0), axis=1) / np.diff(times[begins])
     slower = np.minimum(speeds[1:], speeds[:-1])
-    way = slower * (own.times[ends] - own.times[begins])[1:-1]
-    repeated = np.flatnonzero(way > _STILL * own.radius) + 1
+    way = slower * (times[ends] - times[begins])[1:-1]
+    # a coarse tracker says the same place until the next one it knows is nearer
+    apart = np.abs(np.diff(places, axis=0))
+    bound = max(_STILL * own.radius, _COARSE * float(apart[apart > 0].min()))
+    repeated = np.flatnonzero(way > bound) + 1
     count = int((ends - begins)[repeated].sum())
-    if count < max(_REPEATS, _REPEATED * len(own.times)):
+    if count < max(_REPEATS, _REPEATED * len(times)):
         return None
     first = int(begins[repeated[0]]) + 1
+    still = f'{way[repeated[0] - 1]:.3g} m, expected under {bound:.3g} m'
     return first, (
-        f'{count} of {len(own.times)} samples repeat the one before with a new stamp, while it moves '
-        f'on by {way[repeated[0] - 1]:.3g} m, expected under {_STILL * own.radius:.3g} m; leave out '
-        'rows that hold no new measurement'
+        f'{count} of {len(times)} samples repeat the one before with a new stamp, while it moves '
+        f'on by {still}; leave out rows that hold no new measurement'
     )
 
 
@@ -153,8 +164,10 @@ def _behind(own: _Samples) -> _Found:
         place = int(depth.argmax())
         if depth[place] > allowed:
             far = depth[place] > 100 * own.radius
-            remedy = 'give --scale or --up where units or axes differ' if far else (
-                "move the scene's surface, or the tracker's origin"
+            remedy = (
+                'give --scale or --up where units or axes differ'
+                if far
+                else ("move the scene's surface, or the tracker's origin")
             )
             return place, (
                 f'its centre is {depth[place]:.3g} m behind surface {index} of the scene, '

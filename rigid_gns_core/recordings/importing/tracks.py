@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from .options import Imported, ImportBagError, ImportOptions
+from .options import ImportBagError, Imported, ImportOptions
 from .sphere_order import check_order, OrderCheck
 from .stretches import fitting_scene, native_dt, resampled, SLOWEST
 from ..recorded_simulators import RecordedSimulators
@@ -34,7 +33,8 @@ from ...scenes.scene_file import load_scene
 from ...tracking.pose_noise import rotates
 from ...tracking.usable_frames import GAP, seconds
 
-def read_bag_tracks(path: str | Path, options: ImportOptions = ImportOptions()) -> Imported:
+
+def read_bag_tracks(path: str | Path, options: ImportOptions) -> Imported:
     """Trajectories of one bag at the model's time step.
 
     Raises:

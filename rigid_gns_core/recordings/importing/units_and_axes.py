@@ -36,13 +36,15 @@ _TIME, _LEAST = 0.1, 6
 # accelerations count if their standard error is below this part of them
 _KNOWN = 0.2
 # balls fall if so many accelerations have a resultant, and a spread about the median, of this
-_FALLS, _RESULTANT, _SPREAD = 5, 0.8, 0.3
+_FALLS, _RESULTANT, _SPREAD = 3, 0.8, 0.3
 # a fall within these bounds is gravity with the drag of a light ball [gravity]
 _LIGHT, _HEAVY = 0.5, 1.6
 # least cosine between the fall and gravity, and between it and an axis
 _ALONG, _AXIS = 0.7, 0.9
 # no ball is faster than either [m/s], [sqrt(g r)]
 _FAST, _FROUDE = 100.0, 50.0
+# and most are faster than this at some time [m/s]
+_SLOW = 0.15
 
 
 def turned(track: Track, scale: float, up: str) -> Track:
@@ -105,7 +107,8 @@ def check_speed(tracks: Sequence[Track], scene: Scene, where: str) -> None:
     gravity = float(np.linalg.norm(scene.gravity))
     bound = max(_FAST, _FROUDE * float(np.sqrt(gravity * np.max(scene.radius))))
     if (speed := _usual_speed(tracks)) > bound:
-        scale = next((s for s in (0.01, 0.001) if s * speed <= bound), 0.001)
+        # millimetres are the most common, unless balls would hardly move
+        scale = 0.001 if 0.001 * speed > _SLOW else 0.01
         raise UserError(
             f'{where}: balls move with {speed:.4g} m/s, expected under {bound:.4g} m/s; are '
             f'positions in {_UNITS[scale]}? then give --scale {scale:g}'
@@ -152,7 +155,8 @@ def _accelerations(times: Array, places: Array, noise: float) -> Array:
     error = 2.0 * np.maximum(left, noise) / np.abs(curve[:, 0]) / span**2
     size = np.linalg.norm(found, axis=1)
     fits = (left <= 3.0 * noise + 1e-3 * way) & (error <= _KNOWN * size)
-    return found[fits]
+    kept: Array = found[fits]
+    return kept
 
 
 def _usual_speed(tracks: Sequence[Track]) -> float:

@@ -128,9 +128,7 @@ def track_outcomes(
         radii = own.per_sphere('radius', len(track.spheres))
         contacts = contacts_of(track, own, radii, found.noise)
         for chosen in _windows(track, windows):
-            outcomes += _from_window(
-                simulator, track, own, chosen, contacts, windows, found.noise
-            )
+            outcomes += _from_window(simulator, track, own, chosen, contacts, windows, found.noise)
         done()
     if not outcomes:
         longest = max((float(track.times[-1]) for track in found.tracks), default=0.0)

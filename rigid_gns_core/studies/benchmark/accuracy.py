@@ -90,7 +90,8 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
     moving = 0.5 * (mass * moves**2).sum(axis=1)
     spin = np.linalg.norm(scene.start.angular_velocities, axis=1)
     speed = np.linalg.norm(scene.start.velocities, axis=1)
-    begin = 0.5 * (mass * (speed**2 + 0.4 * (radius * spin) ** 2)).sum() + potential[0]
+    inertia = scene.scene.per_sphere('inertia_factor', count)
+    begin = 0.5 * (mass * (speed**2 + inertia * (radius * spin) ** 2)).sum() + potential[0]
     # plus m g r of all spheres: spheres that rest on the ground from the start have no energy
     scale = begin + (mass * gravity * radius).sum()
     energy = moving + 0.5 * (potential[1:] + potential[:-1])

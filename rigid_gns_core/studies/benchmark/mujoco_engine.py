@@ -19,7 +19,8 @@ import numpy as np
 
 from ...errors import UserError
 from ...installation.extras import needed
-from ...scenes.scene import Plane, Scene
+from ...scenes.plane import Plane, SOLID
+from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 
 
@@ -126,6 +127,13 @@ def damping_ratio(restitution: float) -> float:
 
 def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings) -> str:
     count = len(start)
+    laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
+    solid = not np.any(scene.per_sphere('inertia_factor', count) - SOLID)
+    if scene.air is not None or any(laws) or not solid:
+        raise UserError(
+            'the scene has air, a contact law or spheres that are not solid; the MuJoCo peer '
+            'takes solid spheres in a vacuum, with materials'
+        )
     values = {}
     for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction'):
         own = scene.per_sphere(name, count)

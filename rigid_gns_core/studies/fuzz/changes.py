@@ -8,15 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from .scenes import Case
-from ...scenes.plane import Plane
+from ...scenes.plane import Plane, RANGES
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State, Trajectory
 
-_PER_SPHERE = ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
+_PER_SPHERE = tuple(RANGES)
 _MOST_TILES = 3  # along each side of a plate
 
 
@@ -101,7 +102,7 @@ def moved(case: Case, name: str, matrix: Array, shift: Array) -> Change:
 def permuted(case: Case, rng: np.random.Generator) -> Change:
     """Spheres and planes in another order."""
     order, planes = rng.permutation(len(case.start)), case.scene.surfaces
-    own = {
+    own: dict[str, Any] = {
         name: tuple(np.asarray(value)[order])
         for name in _PER_SPHERE
         if isinstance(value := getattr(case.scene, name), tuple)

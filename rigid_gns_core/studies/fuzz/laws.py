@@ -74,6 +74,7 @@ def _momentum(case: Case, path: Trajectory) -> Iterator[Failure]:
     stays.
     """
     mass, radius = (case.scene.per_sphere(name, path.count) for name in ('mass', 'radius'))
+    gyration = case.scene.per_sphere('inertia_factor', path.count) * radius**2
     gravity, dt = np.asarray(case.scene.gravity), path.dt
     length, reach = float(radius.max()), _reach(case, path)
     time = 10.0 * dt
@@ -92,7 +93,7 @@ def _momentum(case: Case, path: Trajectory) -> Iterator[Failure]:
             centre, mean = share @ p[:, own], share @ v[:, own]
             flight = centre[0] + mean[0] * dt + 0.5 * gravity * dt**2
             arm, flow = p[:, own] - centre[:, None], v[:, own] - mean[:, None]
-            spin = np.cross(arm, flow) + 0.4 * (radius[own] ** 2)[:, None] * w[k : k + 2, own]
+            spin = np.cross(arm, flow) + gyration[own, None] * w[k : k + 2, own]
             errors = {
                 'path': np.linalg.norm(centre[1] - flight) / length,
                 'momentum': np.linalg.norm(mean[1] - mean[0] - gravity * dt) * time / length,
@@ -148,11 +149,13 @@ def _reach(case: Case, path: Trajectory) -> Array:
 
     Where all energy of motion and of what gravity adds would be that of one sphere.
     """
-    mass, radius = (case.scene.per_sphere(name, path.count) for name in ('mass', 'radius'))
+    mass, radius, inertia = (
+        case.scene.per_sphere(name, path.count) for name in ('mass', 'radius', 'inertia_factor')
+    )
     falls = float(np.linalg.norm(case.scene.gravity)) * path.dt
     speeds = np.linalg.norm(path.velocities, axis=2) + falls
     spins = radius * np.linalg.norm(path.angular_velocities, axis=2)
-    twice_energy = (speeds**2 + 0.4 * spins**2) @ mass
+    twice_energy = (speeds**2 + inertia * spins**2) @ mass
     fastest: Array = np.sqrt(twice_energy[:-1, None] / mass) + falls
     return 1.001 * path.dt * fastest
 
