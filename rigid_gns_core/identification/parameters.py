@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..scenes.air import Air
+from ..scenes.contact_law import ContactLaw, RestitutionCurve
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -46,15 +47,16 @@ AIR = {
     'lift_half_ratio': Parameter('air.lift_half_ratio', 0.25, 0.2, 0.02, 2.0),
     'spin_decay': Parameter('air.spin_decay', 0.0, 0.3, 0.0, 3.0, '1/s'),
 }
+# width, low, high, unit; a restitution that falls by `restitution_drop` from high to low speed
 CONTACT = {
     'restitution': (0.15, 0.0, 1.0, ''),
-    'restitution_drop': (0.3, -1.0, 1.0, ''),  # e_fast less e_slow
+    'restitution_drop': (0.3, -1.0, 1.0, ''),
     'restitution_speed': (0.5, 0.02, 10.0, 'm/s'),
     'friction': (0.15, 0.0, 2.0, ''),
     'tangential_restitution': (0.5, -1.0, 1.0, ''),
-    'rolling': (0.1, 0.0, 2.0, 'm/s2'),
-    'rolling_slope': (0.1, 0.0, 2.0, '1/s'),
-    'spinning': (0.5, 0.0, 5.0, ''),
+    'rolling_friction': (0.01, 0.0, 0.5, ''),
+    'rolling_friction_slope': (0.01, 0.0, 0.5, 's/m'),
+    'spinning_friction': (0.02, 0.0, 0.5, ''),
 }
 
 
@@ -64,18 +66,14 @@ class Laws:
     Args:
         scene: Surfaces, spheres and gravity; what is not fitted stays.
         count: Number of spheres.
-        inertia: Inertia factor of the spheres.
 
     Attributes:
         shown: Values that tracks show without a fit, where fits begin, by parameter.
     """
 
-    def __init__(self, scene: Scene, count: int = 1, inertia: float | None = None) -> None:
+    def __init__(self, scene: Scene, count: int = 1) -> None:
         self.scene, self.count = scene, count
         self.models = [BallModel.of(scene, i, count) for i in range(count)]
-        if inertia is not None:
-            for model in self.models:
-                model.ball[0, 13] = inertia
         self.groups = _groups(scene)
         self.shown: dict[str, float] = {}
 
@@ -101,17 +99,9 @@ class Laws:
             return Parameter(name, 0.0, width, unit=unit)
         width, low, high, unit = CONTACT[field]
         law = dict(zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True))
-        start = {
-            'restitution': law['e_fast'],
-            'restitution_drop': 0.0,
-            'restitution_speed': 0.5,
-            'friction': law['friction'],
-            'tangential_restitution': law['tangential'],
-            'rolling': law['rolling'],
-            'rolling_slope': law['rolling_slope'],
-            'spinning': law['spin'],
-        }[field]
-        return Parameter(name, float(start), width, low, high, unit)
+        drop = law['restitution'] - law['restitution_slow']
+        start = drop if field == 'restitution_drop' else law[field]
+        return Parameter(name, float(np.clip(start, low, high)), width, low, high, unit)
 
     def models_at(self, values: Mapping[str, float]) -> list[BallModel]:
         """Laws of each sphere with these values; parameters that are absent stay the scene's."""
@@ -153,6 +143,21 @@ class Laws:
                 planes[k] = replace(plane, point=tuple(point), normal=tuple(normal))
         return tuple(planes)
 
+    def scene_at(self, values: Mapping[str, float]) -> Scene:
+        """The scene with these values; surfaces whose law is fitted get one of their own."""
+        planes = list(self.surfaces_at(values))
+        rows = self.models_at(values)[0].laws
+        for number, group in enumerate(self.groups):
+            if any(name.startswith(f'contact {number}.') for name in values):
+                for k in group:
+                    planes[k] = replace(planes[k], contact=_law_of(rows[k]))
+        return replace(
+            self.scene,
+            surfaces=tuple(planes),
+            gravity=tuple(self.gravity_at(values)),
+            air=self.air_at(values),
+        )
+
     def _planes(self, values: Mapping[str, float]) -> Array:
         if any(name.startswith('surface') for name in values):
             return plane_rows(self.surfaces_at(values))
@@ -166,6 +171,13 @@ class Laws:
         return np.column_stack([flight, old[:, 13:]])
 
 
+def _law_of(row: Array) -> ContactLaw:
+    slow, fast, speed = (float(value) for value in np.clip(row[:3], 0.0, [1.0, 1.0, np.inf]))
+    rest = {name: float(value) for name, value in zip(LAW[3:], row[3:], strict=True)}
+    restitution = fast if slow == fast else RestitutionCurve(slow, fast, speed)
+    return ContactLaw(restitution=restitution, **rest)
+
+
 def _set_law(law: Array, field: str, value: float) -> None:
     if field == 'restitution':
         law[0] += value - law[1]
@@ -173,19 +185,12 @@ def _set_law(law: Array, field: str, value: float) -> None:
     elif field == 'restitution_drop':
         law[0] = law[1] - value
     else:
-        column = {
-            'restitution_speed': 2, 'friction': 3, 'tangential_restitution': 4, 'rolling': 5,
-            'rolling_slope': 6, 'spinning': 7,
-        }[field]
-        law[column] = value
+        law[LAW.index(field)] = value
 
 
 def _groups(scene: Scene) -> list[list[int]]:
     """Surfaces by their contact laws: those of equal values in the scene share one."""
-    groups: dict[tuple[float, float], list[int]] = {}
-    values = zip(
-        scene.surface_values('restitution'), scene.surface_values('friction'), strict=True
-    )
-    for k, value in enumerate(values):
-        groups.setdefault(value, []).append(k)
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for k, plane in enumerate(scene.surfaces):
+        groups.setdefault((plane.contact, plane.restitution, plane.friction), []).append(k)
     return list(groups.values())

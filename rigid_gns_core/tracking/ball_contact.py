@@ -17,10 +17,17 @@ from ..scenes.state import Array
 
 # columns of `planes`: point [m], rows of `Plane.axes`, half lengths [m]
 PLANE = 14
-# columns of `laws`: restitution at rest and at high speed, the speed between [m/s], friction,
-# tangential restitution, deceleration of rolling [m/s^2], its part proportional to speed [1/s],
-# deceleration of the spin about the normal over that of sliding
-LAW = ('e_slow', 'e_fast', 'e_speed', 'friction', 'tangential', 'rolling', 'rolling_slope', 'spin')
+# columns of `laws`, see `ContactLaw` and its curve of restitution
+LAW = (
+    'restitution_slow',
+    'restitution',
+    'restitution_speed',
+    'friction',
+    'tangential_restitution',
+    'rolling_friction',
+    'rolling_friction_slope',
+    'spinning_friction',
+)
 FREE = -1
 # slip below which a ball rolls [radii/s]
 _ROLLS = 1e-7
@@ -69,10 +76,8 @@ def touched(planes: Array, p: Vector, q: Vector, v: Vector, radius: float, on: i
 
 @in_place
 def restitution(speed: float, laws: Array, k: int) -> float:
-    """Restitution at an approach speed: e_fast - (e_fast - e_slow) exp(-speed / e_speed)."""
-    if laws[k, 2] <= 0.0:
-        return laws[k, 1]
-    return laws[k, 1] - (laws[k, 1] - laws[k, 0]) * math.exp(-speed / laws[k, 2])
+    """Restitution at an approach speed u: e_fast + (e_slow - e_fast) u_0 / (u_0 + u)."""
+    return laws[k, 1] + (laws[k, 0] - laws[k, 1]) * laws[k, 2] / (laws[k, 2] + speed)
 
 
 @in_place
@@ -109,7 +114,8 @@ def glide(
     """A step on a surface: its time, velocity and spin after it, and the pull to the surface.
 
     Sliding, with slip u and pull N: dv/dt = a - mu N u/|u|, du/dt = a - mu N (1 + 1/kappa) u/|u|.
-    Rolling: dv/dt = a / (1 + kappa) - (c0 + c1 |v|) v/|v|. The step ends where one of them does.
+    Rolling: dv/dt = (a - (rho + rho' |v|) N v/|v|) / (1 + kappa). The step ends where one of them
+    does. Spin about the normal slows by sigma N / (kappa r).
     """
     radius = flight.radius
     free = acceleration(v, w, flight)
@@ -122,7 +128,8 @@ def glide(
     friction = laws[k, 3] * pull
     about = dot(w, n)
     if laws[k, 7] > 0.0:
-        about -= math.copysign(min(abs(about), h * laws[k, 7] * friction / radius), about)
+        slowing = laws[k, 7] * pull / (inertia * radius)
+        about -= math.copysign(min(abs(about), h * slowing), about)
     if size > _ROLLS * radius and friction > 0.0:
         direction = times(1.0 / size, slip)
         rate = friction * (1.0 + 1.0 / inertia) - dot(along, direction)
@@ -134,16 +141,24 @@ def glide(
         )
         return h, after, plus(across(times(1.0 / radius, turn), n), times(about, n)), pull
     if friction > 0.0:
-        after, h = _rolled(v, times(1.0 / (1.0 + inertia), along), h, laws, k)
+        share = 1.0 / (1.0 + inertia)
+        after, h = _rolled(
+            v, times(share, along), h, share * pull * laws[k, 5], share * pull * laws[k, 6]
+        )
         return h, after, plus(times(1.0 / radius, cross(n, after)), times(about, n)), pull
     return h, plus(v, times(h, along)), plus(across(w, n), times(about, n)), pull
 
 
 @in_place
-def _rolled(v: Vector, slope: Vector, h: float, laws: Array, k: int) -> tuple[Vector, float]:
-    """Velocity after a step of rolling, and the step's time: shorter where the ball stops."""
+def _rolled(
+    v: Vector, slope: Vector, h: float, level: float, rise: float
+) -> tuple[Vector, float]:
+    """Velocity after a step of rolling, and the step's time: shorter where the ball stops.
+
+    The acceleration is `slope`, less `level + rise |v|` against the motion.
+    """
     speed = length(v)
-    resistance = laws[k, 5] + laws[k, 6] * speed
+    resistance = level + rise * speed
     if speed < 1e-9:
         steep = length(slope)
         if steep <= resistance:
@@ -153,5 +168,5 @@ def _rolled(v: Vector, slope: Vector, h: float, laws: Array, k: int) -> tuple[Ve
     slowing = resistance - dot(slope, direction)
     if slowing > 0.0 and speed <= slowing * h:
         return (0.0, 0.0, 0.0), max(speed / slowing, 1e-9)
-    resistance -= 0.5 * h * slowing * laws[k, 6]  # at the middle of the step
+    resistance -= 0.5 * h * slowing * rise  # at the middle of the step
     return plus(v, times(h, minus(slope, times(resistance, direction)))), h

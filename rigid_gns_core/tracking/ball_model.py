@@ -11,12 +11,12 @@ import numpy as np
 
 from .ball_contact import FREE, LAW, PLANE
 from ..scenes.air import Air
+from ..scenes.contact_law import ContactLaw
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
 _VACUUM = Air(density=0.0, drag_coefficient=0.0)
-_SOLID = 0.4
 # a ball is on a surface if it is there for so long [s] and in so many frames
 _STAYS, _FEWEST = 0.06, 5
 
@@ -50,17 +50,35 @@ class BallModel:
         """Model of one of `count` spheres of a scene."""
         one = {
             name: scene.per_sphere(name, count)[sphere : sphere + 1]
-            for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
+            for name in ('radius', 'mass', 'inertia_factor')
         }
         air = scene.air or _VACUUM
         flight = air.flight(one['radius'], one['mass'], scene.gravity)
-        laws = np.zeros((len(scene.surfaces), len(LAW)))
-        restitution = scene.surface_values('restitution') * one['restitution']
-        laws[:, 0] = laws[:, 1] = restitution
-        laws[:, 3] = scene.surface_values('friction') * one['friction']
-        gravity = float(np.linalg.norm(scene.gravity))
-        laws[:, 5] = one['rolling_friction'] * gravity / (1.0 + _SOLID)
-        return cls(np.column_stack([flight, [_SOLID]]), plane_rows(scene.surfaces), laws)
+        laws = [law_row(scene, plane, sphere, count) for plane in scene.surfaces]
+        return cls(
+            np.column_stack([flight, one['inertia_factor']]),
+            plane_rows(scene.surfaces),
+            np.array(laws).reshape(-1, len(LAW)),
+        )
+
+
+def law_row(scene: Scene, plane: Plane, sphere: int, count: int) -> list[float]:
+    """Law of a surface and a sphere, see `LAW`: the surface's own, or products of materials."""
+    law = plane.contact
+    if law is None:
+        own = {
+            name: float(scene.per_sphere(name, count)[sphere])
+            for name in ('restitution', 'friction', 'rolling_friction')
+        }
+        index = scene.surfaces.index(plane)
+        law = ContactLaw(
+            restitution=own['restitution'] * float(scene.surface_values('restitution')[index]),
+            friction=own['friction'] * float(scene.surface_values('friction')[index]),
+            rolling_friction=own['rolling_friction'],
+        )
+    curve = law.curve
+    rest = [float(getattr(law, name)) for name in LAW[3:]]
+    return [curve.slow, curve.fast, curve.speed, *rest]
 
 
 def plane_rows(planes: tuple[Plane, ...]) -> Array:
