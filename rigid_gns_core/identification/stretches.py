@@ -15,6 +15,7 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array
 from ..tracking.ball_contact import FREE
 from ..tracking.ball_model import BallModel, surface_under
+from ..tracking.kinks import kinks
 
 # a stretch is no longer than this [s]: what the laws do not know grows with time
 LONGEST = 0.7
@@ -47,8 +48,14 @@ class Stretch:
     on: int
 
 
-def pieces(tracks: Sequence[Track], scene: Scene, spheres: Sequence[str]) -> list[Stretch]:
-    """Tracks cut where a ball was lost, or near another ball; in frames of one ball each."""
+def pieces(
+    tracks: Sequence[Track],
+    scene: Scene,
+    spheres: Sequence[str],
+    models: Sequence[BallModel],
+    noise: float,
+) -> list[Stretch]:
+    """Tracks cut where a ball was lost, near another, or hit by what the scene has not."""
     found = []
     for number, track in enumerate(tracks):
         for column, label in enumerate(track.spheres):
@@ -56,7 +63,9 @@ def pieces(tracks: Sequence[Track], scene: Scene, spheres: Sequence[str]) -> lis
             times, positions = track.samples(column)
             near = _near_others(track, column, scene, len(spheres))[track.seen[:, column]]
             edges = np.flatnonzero(np.diff(times) > _LOST) + 1
-            cuts = sorted({0, len(times), *edges, *np.flatnonzero(np.diff(near.astype(int))) + 1})
+            changes = np.flatnonzero(np.diff(near.astype(int))) + 1
+            hits = kinks(models[min(sphere, len(models) - 1)], times, positions, noise)
+            cuts = sorted({0, len(times), *edges, *changes, *hits})
             for begin, end in zip(cuts, cuts[1:], strict=False):
                 if end - begin >= FEWEST and not near[begin]:
                     found.append(Stretch(number, sphere, times[begin:end], positions[begin:end], FREE))
