@@ -22,6 +22,8 @@ from ..tracking.start_prior import StartPrior
 
 # rounds of parameters and prior in turn, when spins are learned
 _ROUNDS = 2
+# a term that is not of the core lowers the logarithm of the error by this at least
+_WORTH = 0.003
 # fits to known stretches, each with what the one before shows of them
 _TRIMS = 2
 
@@ -115,20 +117,21 @@ class Ladder:
         """Add a term, whatever it does: what it is worth shows when the others are there."""
         self._try(rung, lambda change, deviation: True)
 
-    def climb(self, rung: Rung) -> bool:
+    def climb(self, rung: Rung) -> bool | None:
         """Add a term if left-out tracks are predicted better by more than half an error bar."""
-        return self._try(rung, lambda change, deviation: change + 0.5 * deviation < 0.0)
+        return self._try(rung, lambda change, deviation: change + 0.5 * deviation < -_WORTH)
 
-    def drop(self, rung: Rung) -> bool:
+    def drop(self, rung: Rung) -> bool | None:
         """Take a term out if left-out tracks are predicted no worse without it."""
         return self._try(rung, lambda change, deviation: change <= 0.0)
 
-    def _try(self, rung: Rung, stays: Callable[[float, float], bool]) -> bool:
+    def _try(self, rung: Rung, stays: Callable[[float, float], bool]) -> bool | None:
+        """Whether the change stays; None: there is nothing to try."""
         if not rung.needs(self.setup):
-            return False
+            return None
         setup = rung.change(self.setup)
         if setup == self.setup:
-            return False
+            return None
         folds = [replace(fold) for fold in self.folds]
         found = self._predict(setup, folds)
         change, deviation = paired(found, self.best, setup.noise[0])
@@ -151,7 +154,7 @@ class Ladder:
     def _predict(self, setup: Setup, folds: Sequence[Fold]) -> list[Forecast]:
         found = []
         for fold in folds:
-            fold.fitted, fold.prior = fit_setup(self.laws, setup, fold.inside, fold.fitted)
+            fold.fitted, fold.prior, _ = fit_setup(self.laws, setup, fold.inside, fold.fitted)
             noise = np.array(setup.noise)
             found += forecasts(self.laws, fold.fitted.values, noise, fold.prior, fold.outside)
         return found
@@ -179,8 +182,8 @@ def paired(found: Sequence[Forecast], before: Sequence[Forecast], noise: float) 
 
 def fit_setup(
     laws: Laws, setup: Setup, found: Sequence[Stretch], before: Fitted | None
-) -> tuple[Fitted, StartPrior | None]:
-    """Joint fit of a setup, and the prior that its spins make."""
+) -> tuple[Fitted, StartPrior | None, int]:
+    """Joint fit of a setup, the prior that its spins make, and how many stretches it left out."""
     parameters = [laws.start_of(name) for name in setup.names]
     values = {} if before is None else {n: v for n, v in before.values.items() if n in setup.names}
     starts = None if before is None else before.starts
@@ -206,7 +209,7 @@ def fit_setup(
         else:
             spin = _without_own(start_prior, tracks)
     assert fitted is not None
-    return fitted, start_prior
+    return fitted, start_prior, len(found) - int(known_stretches(fitted.losses).sum())
 
 
 def any_spin(radius: float) -> StartPrior:

@@ -33,6 +33,8 @@ class Forecast:
         lead: To the frame compared [s].
         off: Forecast less position [m], shape (3,).
         contacts: Number of impacts that the forecast has on the way.
+        covariance: Of the forecast by that of the estimate [m^2], shape (3, 3).
+        kicks: Sum over impacts of (approach speed times time since)^2 [m^2].
     """
 
     track: int
@@ -41,6 +43,8 @@ class Forecast:
     lead: float
     off: Array
     contacts: int
+    covariance: Array
+    kicks: float
 
 
 def windows(one: Stretch) -> Iterator[tuple[Array, Array, bool]]:
@@ -80,11 +84,17 @@ def forecasts(
             reached = nearest >= 0
             stamps = one.times[nearest[reached]]
             begin = float(one.times[inside[-1]])
-            states, contacts = forecast_ball(model, estimate, begin, stamps)
-            off = states[:, :3] - one.positions[nearest[reached]]
+            ahead = forecast_ball(model, estimate, begin, stamps)
+            off = ahead.states[:, :3] - one.positions[nearest[reached]]
             for k, horizon in enumerate(np.array(HORIZONS)[reached]):
+                past = ahead.impacts[ahead.impacts[:, 0] < stamps[k]]
+                kicks = float(((past[:, 2] * (stamps[k] - past[:, 0])) ** 2).sum())
+                lead = float(stamps[k]) - begin
                 result.append(
-                    Forecast(one.track, first, float(horizon), stamps[k] - begin, off[k], contacts)
+                    Forecast(
+                        one.track, first, float(horizon), lead, off[k], len(past),
+                        ahead.covariances[k], kicks,
+                    )
                 )
     return result
 

@@ -12,7 +12,7 @@ import numpy as np
 from .ball_contact import FREE
 from .ball_fit import fit_start
 from .ball_model import BallModel, surface_under
-from .ball_path import path
+from .ball_path import path_and_slopes
 from .start_prior import StartPrior
 from ..scenes.state import Array
 
@@ -166,23 +166,52 @@ def _estimate(
     return estimate, loss + 4.0 * float((weights == 0.0).mean())
 
 
+@dataclass(frozen=True)
+class BallForecast:
+    """Path of a ball after an estimate.
+
+    Args:
+        states: Position, velocity, angular velocity, shape (k, 9).
+        covariances: Of the positions, by that of the estimate [m^2], shape (k, 3, 3).
+        impacts: Time, surface and approach speed of each impact, shape (impacts, 3).
+    """
+
+    states: Array
+    covariances: Array
+    impacts: Array
+
+
 def forecast_ball(
     model: BallModel, estimate: BallEstimate, begin: float, stamps: Array
-) -> tuple[Array, int]:
-    """States at later stamps, shape (k, 9), and the number of impacts on the way."""
-    states = np.zeros((len(stamps), 9))
-    start = estimate.state.copy()
+) -> BallForecast:
+    """Forecast from an estimate at a time to rising stamps [s], shape (k,)."""
+    count = len(stamps)
+    states, slopes = np.zeros((count, 9)), np.zeros((9, count, 9))
+    impacts = np.zeros((MOST_CONTACTS, 3))
+    start, change = estimate.state.copy(), np.eye(9)
     if estimate.on != FREE:  # the path takes what comes to the spin of rolling
-        start[6:] -= np.cross(model.planes[estimate.on, 9:12], start[3:6]) / model.radius
-    contacts, _ = path(
+        normal = model.planes[estimate.on, 9:12]
+        start[6:] -= np.cross(normal, start[3:6]) / model.radius
+        change[6:, 3:6] = -_crossing(normal) / model.radius
+    found, _ = path_and_slopes(
         start,
+        MOVES,
         begin,
-        stamps,
+        np.ascontiguousarray(stamps),
         model.ball,
         model.planes,
         model.laws,
         estimate.on,
         states,
-        np.zeros((MOST_CONTACTS, 3)),
+        slopes,
+        impacts,
     )
-    return states, contacts
+    covariance = change @ estimate.covariance @ change.T
+    spread = np.einsum('akc,ab,bkd->kcd', slopes[:, :, :3], covariance, slopes[:, :, :3])
+    return BallForecast(states, spread, impacts[: min(found, MOST_CONTACTS)])
+
+
+def _crossing(vector: Array) -> Array:
+    """Matrix of the product of a vector and another."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
