@@ -66,6 +66,9 @@ def forecast_at(
     spread = np.einsum('skni,sknj->knij', apart, apart) / max(samples - 1, 1)
     unknown = ~np.isfinite(estimate.covariance).all(axis=(1, 2))
     spread[:, unknown] = np.nan
+    if scene.tracker is not None:  # what the laws leave open on the way
+        drift = scene.tracker.forecast_drift * np.asarray(lead_times) ** 3 / 3.0
+        spread += drift[:, None, None, None] * np.eye(3)
     return LeadForecast(found[0], spread)
 
 

@@ -3,9 +3,9 @@
 
 """How wide the regions of forecasts must be to hold what left-out tracks did.
 
-The covariance of a forecast is spread C + (q t^3 / 3 + kappa^2 sum (u t_i)^2 + s^2) 1, with C of the
-estimate, t the time ahead, u the approach speeds of impacts and t_i the times since. `spread`, q
-and kappa are those for which regions of a normal distribution hold the parts they should.
+The covariance of a forecast is spread C + (q t^3 / 3 + s^2) 1, with C of the estimate and t the
+time ahead. `spread` and q are those for which regions of a normal distribution hold the parts that
+they should.
 """
 
 from __future__ import annotations
@@ -20,44 +20,39 @@ from .left_out import Forecast, HORIZONS
 from ..scenes.state import Array
 
 REGIONS = (0.5, 0.9)
-# factors that are tried, of the covariance, of q, and values of kappa
+# factors that are tried, of the covariance and of q
 _SPREADS = np.geomspace(0.25, 32.0, 15)
 _DRIFTS = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 21)])
-_IMPACTS = (0.01, 0.02, 0.04, 0.08)
 # a horizon counts as much as so many forecasts let it
 _FEWEST = 10
 
 
 def fit_coverage(
     found: Sequence[Forecast], noise: Array
-) -> tuple[tuple[float, float, float], dict[str, list[float]]]:
-    """Spread, q and kappa of forecasts, and the parts held by horizon.
+) -> tuple[tuple[float, float], dict[str, list[float]]]:
+    """Spread and q of forecasts, and the parts held by horizon.
 
     Args:
         found: Forecasts of left-out tracks.
         noise: s, q, kappa of the fit.
 
     Returns:
-        `spread`, q, kappa; and for each horizon number of forecasts and the parts that the regions
-        hold.
+        `spread` and q; and for each horizon number of forecasts and the parts that the regions hold.
     """
     values, axes = np.linalg.eigh(np.array([one.covariance for one in found]))
     values = np.maximum(values, 0.0)
     squares = np.einsum('nab,na->nb', axes, np.array([one.off for one in found])) ** 2
     leads = np.array([one.lead for one in found])
-    kicks = np.array([one.kicks for one in found])
     horizons = np.array([one.horizon for one in found])
-    best, least = (1.0, float(noise[1]), float(noise[2])), np.inf
-    for impact in _IMPACTS:
-        for spread, factor in product(_SPREADS, _DRIFTS):
-            drift = factor * noise[1]
-            more = drift * leads**3 / 3.0 + impact**2 * kicks + noise[0] ** 2
-            distances = (squares / (spread * values + more[:, None])).sum(axis=1)
-            cost = _cost(distances, horizons)
-            # of equals the narrowest
-            if cost < least - 1e-9:
-                least, best = cost, (float(spread), float(drift), impact)
-    more = best[1] * leads**3 / 3.0 + best[2] ** 2 * kicks + noise[0] ** 2
+    best, least = (1.0, float(noise[1])), np.inf
+    for spread, factor in product(_SPREADS, _DRIFTS):
+        drift = factor * noise[1]
+        more = drift * leads**3 / 3.0 + noise[0] ** 2
+        distances = (squares / (spread * values + more[:, None])).sum(axis=1)
+        cost = _cost(distances, horizons)
+        if cost < least - 1e-9:  # of equals the narrowest
+            least, best = cost, (float(spread), float(drift))
+    more = best[1] * leads**3 / 3.0 + noise[0] ** 2
     distances = (squares / (best[0] * values + more[:, None])).sum(axis=1)
     return best, parts_held(distances, horizons)
 

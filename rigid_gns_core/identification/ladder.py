@@ -205,19 +205,11 @@ def fit_setup(
             break
         start_prior, tracks = learned_prior(laws, fitted, found, setup.bandwidth)
         if setup.spin == 'broad':
-            start_prior = any_spin(radius)
+            start_prior = StartPrior.of_any_spin(radius)
         else:
             spin = _without_own(start_prior, tracks)
     assert fitted is not None
     return fitted, start_prior, len(found) - int(known_stretches(fitted.losses).sum())
-
-
-def any_spin(radius: float) -> StartPrior:
-    """Prior of a spin of which nothing is known."""
-    mean, covariance = broad_prior(radius)(None, np.zeros(6))  # type: ignore[arg-type]
-    return StartPrior(
-        np.zeros((1, 6)), mean[None], covariance[None], bandwidth=np.inf, floor=0.0
-    )
 
 
 def _without_own(prior: StartPrior, tracks: NDArray[np.int64]) -> SpinPrior:

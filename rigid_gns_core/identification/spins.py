@@ -13,26 +13,21 @@ from numpy.typing import NDArray
 from .joint_fit import Fitted, SpinPrior
 from .parameters import Laws
 from .stretches import Stretch
-from ..scenes.state import Array
 from ..tracking.ball_contact import FREE
-from ..tracking.ball_estimate import BallEstimate, forecast_ball, MOST_CONTACTS
+from ..tracking.ball_estimate import MOST_CONTACTS
 from ..tracking.ball_path import path
 from ..tracking.start_prior import heading, StartPrior
 
 # a window begins every so often, and has so much of its stretch before it [s]
 _EVERY, _LEFT = 0.1, 0.1
-# what spins are before any is known [rad/s]: a surface speed of this [m/s]
-_BROAD = 1.2
+# least standard deviation of a learned spin, as a speed at the equator [m/s]
+_FLOOR = 0.12
 
 
 def broad_prior(radius: float) -> SpinPrior:
     """Prior of a spin of which nothing is known."""
-    deviation = _BROAD / radius
-
-    def prior(one: Stretch, guess: Array) -> tuple[Array, Array]:  # noqa: ARG001
-        return np.zeros(3), np.eye(3) * deviation**2
-
-    return prior
+    prior = StartPrior.of_any_spin(radius)
+    return lambda one, guess: prior.at(guess[:3], guess[3:])
 
 
 def learned_prior(
@@ -60,6 +55,6 @@ def learned_prior(
             tracks.append(one.track)
     prior = StartPrior(
         np.array(features), np.array(spins), np.array(covariances), bandwidth,
-        floor=0.1 * _BROAD / laws.models[0].radius,
+        floor=_FLOOR / laws.models[0].radius,
     )
     return prior, np.array(tracks)

@@ -172,7 +172,7 @@ class BallForecast:
 
     Args:
         states: Position, velocity, angular velocity, shape (k, 9).
-        covariances: Of the positions, by that of the estimate [m^2], shape (k, 3, 3).
+        covariances: Of the states, by that of the estimate, shape (k, 9, 9).
         impacts: Time, surface and approach speed of each impact, shape (impacts, 3).
     """
 
@@ -207,7 +207,7 @@ def forecast_ball(
         impacts,
     )
     covariance = change @ estimate.covariance @ change.T
-    spread = np.einsum('akc,ab,bkd->kcd', slopes[:, :, :3], covariance, slopes[:, :, :3])
+    spread = np.einsum('akc,ab,bkd->kcd', slopes, covariance, slopes, optimize=True)
     return BallForecast(states, spread, impacts[: min(found, MOST_CONTACTS)])
 
 

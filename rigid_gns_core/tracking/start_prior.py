@@ -20,6 +20,10 @@ from functools import cached_property
 import numpy as np
 
 from ..scenes.state import Array
+from ..scenes.tracker import Spins
+
+# standard deviation of the speed at the equator, of a spin of which nothing is known [m/s]
+_BROAD = 1.2
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,22 @@ class StartPrior:
     bandwidth: float = 0.5
     shrinkage: float = 0.3
     floor: float = 5.0
+
+    @classmethod
+    def of(cls, spins: Spins) -> StartPrior:
+        """Prior from the spins that a scene keeps."""
+        rows = np.array(spins.windows)
+        covariances = np.empty((len(rows), 3, 3))
+        first, second = np.triu_indices(3)
+        covariances[:, first, second] = covariances[:, second, first] = rows[:, 9:]
+        own = (spins.bandwidth, spins.shrinkage, spins.floor)
+        return cls(rows[:, :6], rows[:, 6:9], covariances, *own)
+
+    @classmethod
+    def of_any_spin(cls, radius: float) -> StartPrior:
+        """Prior of a ball of which nothing is known: speeds at its equator of about 1 m/s."""
+        one = np.eye(3)[None] * (_BROAD / radius) ** 2
+        return cls(np.zeros((1, 6)), np.zeros((1, 3)), one, np.inf, floor=0.0)
 
     @cached_property
     def scales(self) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .environment import Environment
 from .jit import compiling
+from .known_laws import states_by_laws
 from .motion_models import Motion, ROLLING
 from .pose_noise import estimate_noise
 from .velocity import estimate_motion
@@ -44,15 +45,19 @@ def estimate_state(
     *,
     noise: float | None = None,
 ) -> StateEstimate:
-    """Estimate the state at the last of some frames, as the node does.
+    """Estimate the state at the last of some frames.
+
+    Where the scene has air, or a tracker that was learned (`rigid-gns calibrate`), all frames of
+    its memory count, through the contacts in between, and spin is estimated with the prior that
+    was learned. Else it is as the node does.
 
     Args:
         scene: Surfaces, radii and gravity.
         times: Rising times of the frames [s], shape (m,).
         positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
         quaternions: Rotations (x, y, z, w), shape (m, n, 4); None: not tracked.
-        noise: Standard deviation of each coordinate of a position [m]; None: estimated from
-            these frames.
+        noise: Standard deviation of each coordinate of a position [m]; None: that of the scene's
+            tracker, or estimated from these frames.
 
     Raises:
         UserError: Shapes disagree, times do not rise, or a sphere is seen in no frame.
@@ -75,6 +80,42 @@ def estimate_state(
             raise UserError(f'quaternions have shape {given.shape}, expected {turns.shape}')
         turns[seen] = given[seen]
     centres[~seen] = 0.0  # not read
+    if scene.air is None and scene.tracker is None:
+        return _by_window(scene, stamps, centres, turns, seen, noise, quaternions is not None)
+    if not (np.diff(stamps) > 0).all():
+        raise UserError('times do not rise, expected increasing ones; sort the frames')
+    if noise is None and scene.tracker is None:
+        noise = _noise(stamps, centres, seen)
+    with compiling():
+        states, covariances, found = states_by_laws(scene, stamps, centres, seen, noise)
+    if found.all() and quaternions is None:
+        last = np.tile(_UNTURNED, (len(states), 1))
+        return StateEstimate(
+            State(states[:, :3], last, states[:, 3:6], states[:, 6:]), covariances
+        )
+    # of balls with few frames, and rotations where they are tracked
+    base = _by_window(scene, stamps, centres, turns, seen, noise, quaternions is not None)
+    own = found[:, None]
+    spins = np.where(own & (quaternions is None), states[:, 6:], base.state.angular_velocities)
+    mixed = State(
+        positions=np.where(own, states[:, :3], base.state.positions),
+        quaternions=base.state.quaternions,
+        velocities=np.where(own, states[:, 3:6], base.state.velocities),
+        angular_velocities=spins,
+    )
+    return StateEstimate(mixed, np.where(found[:, None, None], covariances, base.covariance))
+
+
+def _by_window(
+    scene: Scene,
+    stamps: Array,
+    centres: Array,
+    turns: Array,
+    seen: NDArray[np.bool_],
+    noise: float | None,
+    turned: bool,
+) -> StateEstimate:
+    """The node's fit to its window of frames."""
     radii = scene.per_sphere('radius', centres.shape[1])
     sigma = _noise(stamps, centres, seen) if noise is None else noise
     with compiling():
@@ -93,7 +134,7 @@ def estimate_state(
         velocities=motion.velocities,
         angular_velocities=motion.angular_velocities,
     )
-    return StateEstimate(state, _covariance(motion, radii, sigma, quaternions is not None))
+    return StateEstimate(state, _covariance(motion, radii, sigma, turned))
 
 
 def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
