@@ -89,10 +89,13 @@ def estimate_state(
     with compiling():
         states, covariances, found = states_by_laws(scene, stamps, centres, seen, noise)
     if found.all() and quaternions is None:
-        last = np.tile(_UNTURNED, (len(states), 1))
-        return StateEstimate(
-            State(states[:, :3], last, states[:, 3:6], states[:, 6:]), covariances
+        state = State(
+            positions=states[:, :3],
+            quaternions=np.tile(_UNTURNED, (len(states), 1)),
+            velocities=states[:, 3:6],
+            angular_velocities=states[:, 6:],
         )
+        return StateEstimate(state, covariances)
     # of balls with few frames, and rotations where they are tracked
     base = _by_window(scene, stamps, centres, turns, seen, noise, quaternions is not None)
     own = found[:, None]
