@@ -28,6 +28,8 @@ from ..tracking.ball_model import BallModel
 from ..tracking.ball_slopes import normal_equations
 
 _MOST_DAMPING = 1e4
+# parts of a friction's start that are tried first
+_SCANNED = (0.35, 0.5, 0.7, 1.4)
 # a stretch that is met has this loss per coordinate at most; factor of growth of a first fit
 _MET, _GROWTH = 3.0, 1.4
 
@@ -82,6 +84,21 @@ class JointFit:
             self.precisions.append(precision)
         self.weights = [np.ones(len(one.times)) for one in found]
 
+    def _scanned(
+        self, p: Parameter, values: dict[str, float], starts: Array, losses: Array
+    ) -> tuple[dict[str, float], Array, Array]:
+        """Values with the best of some of a parameter; starts and losses of these.
+
+        Contacts that grip have no slope over friction, so that a fit from too high would stay.
+        """
+        best = (values, starts, losses)
+        for factor in _SCANNED:
+            tried = {**values, p.name: float(np.clip(factor * p.start, p.low, p.high))}
+            found, after = self.solve(tried, starts)
+            if after.sum() < best[2].sum():
+                best = (tried, found, after)
+        return best
+
     @staticmethod
     def model_of(one: Stretch, models: Sequence[BallModel]) -> BallModel:
         """Laws of the ball of a stretch."""
@@ -111,6 +128,9 @@ class JointFit:
             better = after < losses
             found[better], losses[better] = others[better], after[better]
         starts = found
+        for p in free:
+            if p.name.endswith('.friction') and p.name not in values:
+                now, starts, losses = self._scanned(p, now, starts, losses)
         total = losses.sum() + _prior(free, now)
         damping = 1e-3
         for _ in range(rounds if free else 0):

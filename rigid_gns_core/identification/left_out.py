@@ -34,6 +34,7 @@ class Forecast:
         off: Forecast less position [m], shape (3,).
         contacts: Number of impacts that the forecast has on the way.
         covariance: Of the forecast by that of the estimate [m^2], shape (3, 3).
+        kicks: Sum over impacts of (approach speed times time since)^2 [m^2].
     """
 
     track: int
@@ -43,6 +44,7 @@ class Forecast:
     off: Array
     contacts: int
     covariance: Array
+    kicks: float = 0.0
 
 
 def windows(one: Stretch) -> Iterator[tuple[Array, Array, bool]]:
@@ -85,10 +87,18 @@ def forecasts(
             ahead = forecast_ball(model, estimate, begin, stamps)
             off = ahead.states[:, :3] - one.positions[nearest[reached]]
             for k, horizon in enumerate(np.array(HORIZONS)[reached]):
-                contacts = int((ahead.impacts[:, 0] < stamps[k]).sum())
-                lead, spread = float(stamps[k]) - begin, ahead.covariances[k, :3, :3]
+                past = ahead.impacts[ahead.impacts[:, 0] < stamps[k]]
                 result.append(
-                    Forecast(one.track, first, float(horizon), lead, off[k], contacts, spread)
+                    Forecast(
+                        track=one.track,
+                        first=first,
+                        horizon=float(horizon),
+                        lead=float(stamps[k]) - begin,
+                        off=off[k],
+                        contacts=len(past),
+                        covariance=ahead.covariances[k, :3, :3],
+                        kicks=float(((past[:, 2] * (stamps[k] - past[:, 0])) ** 2).sum()),
+                    )
                 )
     return result
 

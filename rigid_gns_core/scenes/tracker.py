@@ -67,6 +67,7 @@ class Tracker:
         impact: Standard deviation of a kick over the approach speed.
         spread: Factor on the covariance of an estimate, so that regions hold what they should.
         forecast_drift: As `drift`, of forecasts.
+        forecast_impact: As `impact`, of forecasts.
         memory: Frames of this time before the last count [s].
         spins: Prior of spins; None: any spin is likely.
 
@@ -79,6 +80,7 @@ class Tracker:
     impact: float = 0.02
     spread: float = 1.0
     forecast_drift: float = 0.01
+    forecast_impact: float = 0.02
     memory: float = 0.4
     spins: Spins | None = None
 
@@ -86,6 +88,6 @@ class Tracker:
         for name in ('noise', 'spread', 'memory'):
             value = checked_number(f'{name} of a tracker', getattr(self, name), above=True)
             object.__setattr__(self, name, value)
-        for name in ('drift', 'impact', 'forecast_drift'):
+        for name in ('drift', 'impact', 'forecast_drift', 'forecast_impact'):
             value = checked_number(f'{name} of a tracker', getattr(self, name))
             object.__setattr__(self, name, value)
