@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'tracked)',
     )
     scene = parser.add_argument(
-        '--scene', metavar='NAME|FILE', help='where a fit to tracks begins: instead of the data\'s'
+        '--scene', metavar='NAME|FILE', help="where a fit to tracks begins: instead of the data's"
     )
     completes(scene, configs('scenes'))
     parser.add_argument(

@@ -3,9 +3,9 @@
 
 """How wide the regions of forecasts must be to hold what left-out tracks did.
 
-The covariance of a forecast is spread C + (q t^3 / 3 + kappa^2 sum (u t_i)^2 + s^2) 1, with C of the
-estimate, t the time ahead, u the approach speeds of impacts and t_i the times since. `spread`, q
-and kappa are those for which regions of a normal distribution hold the parts that they should.
+The covariance of a forecast is spread C + (q t^3 / 3 + kappa^2 sum (u t_i)^2 + s^2) 1, with C of
+the estimate, t the time ahead, u the approach speeds of impacts and t_i the times since. `spread`,
+q and kappa are those for which regions of a normal distribution hold the parts that they should.
 """
 
 from __future__ import annotations

@@ -68,8 +68,9 @@ def _speed(times: Array, heights: Array, pull: float) -> float | None:
 
 
 def shown_noise(found: Sequence[Stretch]) -> float:
-    """Standard deviation of a coordinate [m]: median of what four frames in a row differ from a
-    parabola.
+    """Standard deviation of a coordinate [m], by what four frames in a row have beside a parabola.
+
+    The median of it is taken over frames at even intervals.
     """
     off = []
     for one in found:

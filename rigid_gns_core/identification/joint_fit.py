@@ -3,37 +3,33 @@
 
 """Maximum a posteriori fit of shared parameters and of a start per stretch.
 
-The loss is the sum over stretches of Huber's loss of the whitened residuals and of the prior of the
-start, and a weak prior of each parameter. Gauss-Newton steps of the parameters come from the normal
-equations with the starts eliminated (Schur complement); after each, every start is fitted anew, so
-that a stretch at the verge of a contact does not hold up the others.
+The loss is the sum over stretches of Huber's loss of the whitened residuals and of the prior of
+the start, and a weak prior of each parameter. Gauss-Newton steps of the parameters come from the
+normal equations with the starts eliminated (`elimination`); after each, every start is fitted
+anew, so that a stretch at the verge of a contact does not hold up the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .parameters import Laws, Parameter
-from .stretches import Stretch
+from .elimination import eliminated, standard_errors
+from .parameters import Parameter
+from .problem import Problem
 from ..scenes.state import Array
-from ..tracking.ball_estimate import (
-    first_frames, first_guess, MOST_CONTACTS, MOVES, prior_of_start, WITHOUT_SPIN
-)
+from ..tracking.ball_estimate import first_frames, first_guess, MOST_CONTACTS
 from ..tracking.ball_fit import fit_start
 from ..tracking.ball_model import BallModel
-from ..tracking.ball_slopes import normal_equations
 
 _MOST_DAMPING = 1e4
 # parts of a friction's start that are tried first
 _SCANNED = (0.35, 0.5, 0.7, 1.4)
 # a stretch that is met has this loss per coordinate at most; factor of growth of a first fit
 _MET, _GROWTH = 3.0, 1.4
-
-SpinPrior = Callable[[Stretch, Array], tuple[Array, Array]]
 
 
 @dataclass
@@ -57,59 +53,8 @@ class Fitted:
     formal: dict[str, float] = field(default_factory=dict)
 
 
-class JointFit:
-    """Fit to some stretches.
-
-    Args:
-        laws: Laws as functions of parameters.
-        found: Stretches.
-        noise: s, q, kappa of `model_error`.
-        prior: Mean and covariance of the spin of a stretch's start, of the stretch and its first
-            guess; None: balls do not spin in the air, and roll on a surface.
-    """
-
-    def __init__(
-        self, laws: Laws, found: Sequence[Stretch], noise: Array, prior: SpinPrior | None
-    ) -> None:
-        self.laws, self.found, self.noise = laws, found, noise
-        self.moves = WITHOUT_SPIN if prior is None else MOVES
-        self.guesses, self.means, self.precisions = [], [], []
-        for one in found:
-            model = self.model_of(one, laws.models)
-            guess = first_guess(model, one.times, one.positions, one.on)
-            spin = None if prior is None else prior(one, guess)
-            mean, precision = prior_of_start(model, guess, one.on, spin)
-            self.guesses.append(np.concatenate([guess, mean[6:]]))
-            self.means.append(mean)
-            self.precisions.append(precision)
-        self.weights = [np.ones(len(one.times)) for one in found]
-
-    def _scanned(
-        self, p: Parameter, values: dict[str, float], starts: Array, losses: Array
-    ) -> tuple[dict[str, float], Array, Array]:
-        """Values with the best of some of a parameter; starts and losses of these.
-
-        Contacts that grip have no slope over friction, so that a fit from too high would stay.
-        """
-        best = (values, starts, losses)
-        for factor in _SCANNED:
-            tried = {**values, p.name: float(np.clip(factor * p.start, p.low, p.high))}
-            found, after = self.solve(tried, starts)
-            if after.sum() < best[2].sum():
-                best = (tried, found, after)
-        return best
-
-    @staticmethod
-    def model_of(one: Stretch, models: Sequence[BallModel]) -> BallModel:
-        """Laws of the ball of a stretch."""
-        return models[min(one.sphere, len(models) - 1)]
-
-    def part(self, chosen: Array) -> JointFit:
-        """The same fit to some of the stretches, by their numbers."""
-        own = copy(self)
-        for name in ('found', 'guesses', 'means', 'precisions', 'weights'):
-            setattr(own, name, [getattr(self, name)[k] for k in chosen])
-        return own
+class JointFit(Problem):
+    """Fit of shared parameters and starts, see the module."""
 
     def fit(
         self,
@@ -134,11 +79,11 @@ class JointFit:
         total = losses.sum() + _prior(free, now)
         damping = 1e-3
         for _ in range(rounds if free else 0):
-            matrix, vector, blocks, _ = self._equations(free, now, starts)
+            normal = eliminated(self, free, now, starts)
             accepted = False
             while damping < _MOST_DAMPING:
-                damped = matrix + damping * np.diag(np.diag(matrix))
-                step = np.linalg.solve(damped, vector)
+                damped = normal.matrix + damping * np.diag(np.diag(normal.matrix))
+                step = np.linalg.solve(damped, normal.vector)
                 tried = {
                     **now,
                     **{
@@ -147,7 +92,7 @@ class JointFit:
                     },
                 }
                 moved = starts + np.stack(
-                    [inverse @ (g - cross @ step) for inverse, g, cross in blocks]
+                    [inverse @ (g - cross @ step) for inverse, g, cross in normal.blocks]
                 )
                 ends, after = self.solve(tried, moved, starts)
                 loss = after.sum() + _prior(free, tried)
@@ -162,23 +107,41 @@ class JointFit:
             damping = max(damping / 10.0, 1e-6)
             if gain < 1e-4 * total:
                 break
-        matrix, _, blocks, scores = self._equations(free, now, starts)
+        normal = eliminated(self, free, now, starts)
         counts = np.array([3 * len(one.times) for one in self.found])
         fitted = Fitted(
-            now, starts, losses / counts, np.stack([inverse[6:, 6:] for inverse, _, _ in blocks])
+            now,
+            starts,
+            losses / counts,
+            np.stack([inverse[6:, 6:] for inverse, _, _ in normal.blocks]),
         )
         if free:
-            self._errors(free, matrix, scores, fitted)
+            fitted.errors, fitted.formal = standard_errors(free, normal)
         return fitted
 
     def fit_known(
-        self, parameters: Sequence[Parameter], fitted: Fitted, known: Array
+        self, parameters: Sequence[Parameter], fitted: Fitted, known: NDArray[np.int64]
     ) -> Fitted:
         """Fit parameters to some stretches, from an earlier fit; starts of all with them."""
         part = self.part(known).fit(parameters, fitted.values, fitted.starts[known])
         whole = self.fit((), part.values, fitted.starts)
         whole.errors, whole.formal = part.errors, part.formal
         return whole
+
+    def _scanned(
+        self, p: Parameter, values: dict[str, float], starts: Array, losses: Array
+    ) -> tuple[dict[str, float], Array, Array]:
+        """Values with the best of some of a parameter; starts and losses of these.
+
+        Contacts that grip have no slope over friction, so that a fit from too high would stay.
+        """
+        best = (values, starts, losses)
+        for factor in _SCANNED:
+            tried = {**values, p.name: float(np.clip(factor * p.start, p.low, p.high))}
+            found, after = self.solve(tried, starts)
+            if after.sum() < best[2].sum():
+                best = (tried, found, after)
+        return best
 
     def solve(
         self, values: Mapping[str, float], starts: Array | None, others: Array | None = None
@@ -223,63 +186,30 @@ class JointFit:
         information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
         m = len(one.times)
         loss, _, _ = fit_start(
-            point, self.means[k], self.precisions[k], self.moves, one.times[0], one.times,
-            one.positions, model.ball, model.planes, model.laws, one.on, self.noise,
-            first, _GROWTH, 15 if first < m else 6, np.inf,
-             self.weights[k], information, end, covariance, np.zeros((MOST_CONTACTS, 3)),
+            point,
+            self.means[k],
+            self.precisions[k],
+            self.moves,
+            one.times[0],
+            one.times,
+            one.positions,
+            model.ball,
+            model.planes,
+            model.laws,
+            one.on,
+            self.noise,
+            first,
+            _GROWTH,
+            15 if first < m else 6,
+            np.inf,
+            self.weights[k],
+            information,
+            end,
+            covariance,
+            np.zeros((MOST_CONTACTS, 3)),
         )
         apart = point - self.means[k]
         return point, loss * 3 * m + float(apart @ self.precisions[k] @ apart)
-
-    def _equations(
-        self, free: Sequence[Parameter], values: Mapping[str, float], starts: Array
-    ) -> tuple[Array, Array, list[tuple[Array, Array, Array]], dict[int, Array]]:
-        """Schur complement and its right side; per stretch H^-1, g, B; scores of tracks."""
-        count = len(free)
-        models = self.laws.models_at(values)
-        steps = np.array([1e-3 * p.width for p in free])
-        moved = [
-            self.laws.models_at({**values, p.name: values[p.name] + step})
-            for p, step in zip(free, steps, strict=True)
-        ]
-        matrix = np.diag([p.width**-2 for p in free]) if count else np.zeros((0, 0))
-        vector = np.array([(p.start - values[p.name]) / p.width**2 for p in free])
-        blocks, scores = [], {}
-        for k, one in enumerate(self.found):
-            s = min(one.sphere, len(models) - 1)
-            model = models[s]
-            all_matrix, all_vector = np.zeros((9 + count,) * 2), np.zeros(9 + count)
-            balls = np.array([m[s].ball for m in moved]).reshape(count, *model.ball.shape)
-            planes = np.array([m[s].planes for m in moved]).reshape(count, *model.planes.shape)
-            laws = np.array([m[s].laws for m in moved]).reshape(count, *model.laws.shape)
-            normal_equations(
-                starts[k], self.moves, one.times[0], one.times, one.positions, model.ball,
-                model.planes, model.laws, one.on, self.noise, self.weights[k], balls, planes,
-                laws, steps, all_matrix, all_vector,
-            )
-            h = all_matrix[:9, :9] + self.precisions[k]
-            g = all_vector[:9] - self.precisions[k] @ (starts[k] - self.means[k])
-            cross = all_matrix[:9, 9:]
-            inverse = np.linalg.inv(h)
-            matrix = matrix + all_matrix[9:, 9:] - cross.T @ inverse @ cross
-            score = all_vector[9:] - cross.T @ inverse @ g
-            vector = vector + score
-            blocks.append((inverse, g, cross))
-            scores[one.track] = scores.get(one.track, 0.0) + score
-        return matrix, vector, blocks, scores
-
-    @staticmethod
-    def _errors(
-        free: Sequence[Parameter], matrix: Array, scores: Mapping[int, Array], fitted: Fitted
-    ) -> None:
-        inverse = np.linalg.inv(matrix)
-        spread = np.stack(list(scores.values()))
-        spread = spread - spread.mean(axis=0)
-        sandwich = inverse @ (spread.T @ spread) @ inverse
-        sandwich *= len(spread) / max(len(spread) - len(free), 1)
-        for k, p in enumerate(free):
-            fitted.formal[p.name] = float(np.sqrt(inverse[k, k]))
-            fitted.errors[p.name] = float(np.sqrt(max(sandwich[k, k], inverse[k, k])))
 
 
 def _prior(free: Sequence[Parameter], values: Mapping[str, float]) -> float:

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .joint_fit import Fitted, JointFit, SpinPrior
+from .joint_fit import Fitted, JointFit
 from .left_out import Forecast, forecasts, scores, table_row
 from .noise_fit import fit_noise, known_stretches
 from .parameters import Laws
+from .problem import SpinPrior
 from .spins import broad_prior, learned_prior
 from .stretches import Stretch
-from ..scenes.state import Array
 from ..tracking.start_prior import StartPrior
 
 # rounds of parameters and prior in turn, when spins are learned
@@ -46,6 +46,11 @@ class Setup:
     noise: tuple[float, float, float]
 
 
+def always(setup: Setup) -> bool:  # noqa: ARG001
+    """Whether a term makes sense: it always does."""
+    return True
+
+
 @dataclass(frozen=True)
 class Rung:
     """A term that is tried.
@@ -58,7 +63,7 @@ class Rung:
 
     name: str
     change: Callable[[Setup], Setup]
-    needs: Callable[[Setup], bool] = lambda setup: True
+    needs: Callable[[Setup], bool] = always
 
 
 @dataclass(frozen=True)
@@ -115,18 +120,21 @@ class Ladder:
 
     def add(self, rung: Rung) -> None:
         """Add a term, whatever it does: what it is worth shows when the others are there."""
-        self._try(rung, lambda change, deviation: True)
+        self._try(rung, np.inf, 0.0)
 
     def climb(self, rung: Rung) -> bool | None:
         """Add a term if left-out tracks are predicted better by more than half an error bar."""
-        return self._try(rung, lambda change, deviation: change + 0.5 * deviation < -_WORTH)
+        return self._try(rung, -_WORTH, 0.5)
 
     def drop(self, rung: Rung) -> bool | None:
         """Take a term out if left-out tracks are predicted no worse without it."""
-        return self._try(rung, lambda change, deviation: change <= 0.0)
+        return self._try(rung, 0.0, 0.0)
 
-    def _try(self, rung: Rung, stays: Callable[[float, float], bool]) -> bool | None:
-        """Whether the change stays; None: there is nothing to try."""
+    def _try(self, rung: Rung, most: float, bars: float) -> bool | None:
+        """Whether a change of the error, with some error bars, is `most` at most; None: no change.
+
+        Then it stays.
+        """
         if not rung.needs(self.setup):
             return None
         setup = rung.change(self.setup)
@@ -135,7 +143,7 @@ class Ladder:
         folds = [replace(fold) for fold in self.folds]
         found = self._predict(setup, folds)
         change, deviation = paired(found, self.best, setup.noise[0])
-        kept = stays(change, deviation)
+        kept = change + bars * deviation <= most
         self._note(rung.name, kept, change, deviation, found)
         if kept:
             self.setup, self.folds, self.best = setup, folds, found
@@ -147,7 +155,8 @@ class Ladder:
         fit = JointFit(self.laws, fold.inside, np.array(self.setup.noise), self._prior_of(fold))
         assert fold.fitted is not None
         noise = fit_noise(fit, fold.fitted)
-        self.setup = replace(self.setup, noise=tuple(float(v) for v in noise))
+        position, drift, impact = (float(value) for value in noise)
+        self.setup = replace(self.setup, noise=(position, drift, impact))
         self.best = self._predict(self.setup, self.folds)
         self._note('noise and drift', True, 0.0, 0.0, self.best)
 
@@ -163,7 +172,7 @@ class Ladder:
         if self.setup.spin == 'none' or fold.prior is None:
             return None
         prior = fold.prior
-        return lambda one, guess: prior.at(guess[:3], guess[3:])
+        return lambda _, guess: prior.at(guess[:3], guess[3:])
 
     def _note(
         self, name: str, kept: bool, change: float, deviation: float, found: list[Forecast]
@@ -172,7 +181,9 @@ class Ladder:
         self.table.append(Tried(name, kept, change, deviation, first, every))
 
 
-def paired(found: Sequence[Forecast], before: Sequence[Forecast], noise: float) -> tuple[float, float]:
+def paired(
+    found: Sequence[Forecast], before: Sequence[Forecast], noise: float
+) -> tuple[float, float]:
     """Mean change of the tracks' scores, and its standard error."""
     new, old = scores(found, noise), scores(before, noise)
     changes = np.array([new[track] - old[track] for track in new if track in old])
@@ -191,12 +202,12 @@ def fit_setup(
     radius = laws.models[0].radius
     spin = None if setup.spin == 'none' else broad_prior(radius)
     fitted, start_prior = None, None
-    for turn in range(_ROUNDS if setup.spin == 'learned' else 1):
+    for _ in range(_ROUNDS if setup.spin == 'learned' else 1):
         fit = JointFit(laws, found, noise, spin)
         if fitted is not None:
             values, starts = fitted.values, fitted.starts
         fitted = fit.fit((), {**{p.name: p.start for p in parameters}, **values}, starts)
-        for _ in range(_TRIMS):
+        for _trim in range(_TRIMS):
             known = np.flatnonzero(known_stretches(fitted.losses))
             fitted = fit.fit_known(parameters, fitted, known)
             if np.array_equal(np.flatnonzero(known_stretches(fitted.losses)), known):

@@ -20,7 +20,6 @@ from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
 from ..errors import UserError
 from ..scenes.scene import Scene
-from ..scenes.state import Array
 from ..scenes.tracker import Spins, Tracker
 from ..tracking.start_prior import StartPrior
 
@@ -79,7 +78,7 @@ def learn(
     tracks: Sequence[Track],
     scene: Scene,
     labels: Sequence[str],
-    say: Callable[[Tried], object] = lambda line: None,
+    say: Callable[[Tried], object] = lambda _: None,
 ) -> Learned:
     """Fit a scene to tracks.
 
@@ -119,9 +118,7 @@ def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
             laws.shown[f'contact {group}.restitution'] = shown
 
 
-def _ladder(
-    laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise: float
-) -> Ladder:
+def _ladder(laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise: float) -> Ladder:
     count = _FOLDS if len(numbers) < _MANY else 2
     folds = []
     for k in range(count):
@@ -145,7 +142,7 @@ def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object])
         done()
     ladder.refit_noise()
     done()
-    for rung in further_terms(laws, met):
+    for rung in further_terms(met):
         if ladder.climb(rung) is not None:
             done()
     for _, removal in core:
@@ -169,8 +166,15 @@ def _finish(
         name: Told(fitted.values[name], errors[name], laws.start_of(name).unit)
         for name in setup.names
     }
+    noise, drift, impact = (float(f'{value:.4g}') for value in setup.noise)
+    spread, ahead, kick = (float(f'{value:.4g}') for value in coverage)
     tracker = Tracker(
-        *(float(f'{value:.4g}') for value in (*setup.noise, *coverage)),
+        noise=noise,
+        drift=drift,
+        impact=impact,
+        spread=spread,
+        forecast_drift=ahead,
+        forecast_impact=kick,
         spins=None if prior is None or setup.spin == 'broad' else _spins(prior),
     )
     counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}
@@ -191,14 +195,10 @@ def _errors(
         part, _, _ = fit_setup(laws, setup, [one for one in found if one.track not in out], None)
         values.append([part.values[name] for name in setup.names])
     spread = np.std(values, axis=0) * np.sqrt(groups - 1) if setup.names else np.zeros(0)
-    return {
-        name: max(fitted.errors[name], float(spread[k])) for k, name in enumerate(setup.names)
-    }
+    return {name: max(fitted.errors[name], float(spread[k])) for k, name in enumerate(setup.names)}
 
 
-def _notes(
-    laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]
-) -> tuple[str, ...]:
+def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple[str, ...]:
     notes = []
     for g, (hits, stays) in enumerate(zip(met.impacts, met.stays, strict=True)):
         if not hits and not stays:
@@ -219,9 +219,7 @@ def _spins(prior: StartPrior) -> Spins:
     """Spins of some of the windows, evenly among all."""
     chosen = np.unique(np.linspace(0, len(prior.spins) - 1, _WINDOWS).astype(int))
     upper = np.triu_indices(3)
-    rows = [
-        (*prior.features[k], *prior.spins[k], *prior.covariances[k][upper]) for k in chosen
-    ]
+    rows = [(*prior.features[k], *prior.spins[k], *prior.covariances[k][upper]) for k in chosen]
     windows = tuple(tuple(float(f'{value:.4g}') for value in row) for row in rows)
     return Spins(windows, prior.bandwidth, prior.shrinkage, prior.floor)
 

@@ -9,11 +9,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .parameters import Laws
 from .stretches import FEWEST, Stretch
 from ..scenes.state import Array
-from ..tracking.ball_estimate import BallEstimate, estimate_ball, forecast_ball
+from ..tracking.ball_estimate import estimate_ball, forecast_ball
 from ..tracking.start_prior import StartPrior
 
 WINDOW, EVERY, MEMORY = 0.2, 0.2, 0.4  # [s]
@@ -47,7 +48,7 @@ class Forecast:
     kicks: float = 0.0
 
 
-def windows(one: Stretch) -> Iterator[tuple[Array, Array, bool]]:
+def windows(one: Stretch) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
     """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
 
     A window has all frames of the last `MEMORY`.
@@ -78,9 +79,7 @@ def forecasts(
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
         for inside, nearest, first in windows(one):
-            estimate = estimate_ball(
-                model, noise, prior, one.times[inside], one.positions[inside]
-            )
+            estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
             reached = nearest >= 0
             stamps = one.times[nearest[reached]]
             begin = float(one.times[inside[-1]])

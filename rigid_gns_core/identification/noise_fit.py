@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .joint_fit import Fitted, JointFit
 from ..scenes.state import Array
@@ -32,10 +33,11 @@ _EVALUATIONS = 50
 _UNKNOWN, _MOST_KNOWN = 3.0, 0.75
 
 
-def known_stretches(losses: Array) -> Array:
+def known_stretches(losses: Array) -> NDArray[np.bool_]:
     """Mask of stretches whose loss per coordinate is not far above that of most."""
     bound = _UNKNOWN * float(np.median(losses))
-    return losses <= max(bound, float(np.quantile(losses, _MOST_KNOWN)))
+    known: NDArray[np.bool_] = losses <= max(bound, float(np.quantile(losses, _MOST_KNOWN)))
+    return known
 
 
 def fit_noise(fit: JointFit, fitted: Fitted, done: Callable[[], object] = lambda: None) -> Array:
@@ -56,15 +58,15 @@ def fit_noise(fit: JointFit, fitted: Fitted, done: Callable[[], object] = lambda
         done()
         outside = np.maximum(0.0, np.log(LOW) - point) + np.maximum(0.0, point - np.log(HIGH))
         part.noise = np.exp(np.clip(point, np.log(LOW), np.log(HIGH)))
-        own = ((point[2] - np.log(_KICK)) / _KICK_WIDTH) ** 2
+        own = float(((point[2] - np.log(_KICK)) / _KICK_WIDTH) ** 2)
         likelihood = _likelihood(part, fitted.values, fitted.starts[chosen])
         return likelihood + own + 1e3 * float(outside.sum())
 
     simplex = first + np.array([[0, 0, 0], [-0.3, 0, 0], [0, -1.0, 0], [0, 0, 0.7]])
-    options = {
-        'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': 0.05, 'fatol': 1.0,
-    }
-    return np.clip(np.exp(minimize(cost, first, method='Nelder-Mead', options=options).x), LOW, HIGH)
+    options = {'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': 0.05, 'fatol': 1.0}
+    found = minimize(cost, first, method='Nelder-Mead', options=options).x
+    likely: Array = np.clip(np.exp(found), LOW, HIGH)
+    return likely
 
 
 def _likelihood(fit: JointFit, values: dict[str, float], starts: Array) -> float:
@@ -75,10 +77,23 @@ def _likelihood(fit: JointFit, values: dict[str, float], starts: Array) -> float
         model = fit.model_of(one, fit.laws.models_at(values))
         matrix, vector, none = np.zeros((9, 9)), np.zeros(9), np.zeros((0, 1, 14))
         _, log = normal_equations(
-            starts[k], fit.moves, one.times[0], one.times, one.positions, model.ball,
-            model.planes, model.laws, one.on, fit.noise, fit.weights[k], none,
-            np.zeros((0, *model.planes.shape)), np.zeros((0, *model.laws.shape)), np.zeros(0),
-            matrix, vector,
+            starts[k],
+            fit.moves,
+            one.times[0],
+            one.times,
+            one.positions,
+            model.ball,
+            model.planes,
+            model.laws,
+            one.on,
+            fit.noise,
+            fit.weights[k],
+            none,
+            np.zeros((0, *model.planes.shape)),
+            np.zeros((0, *model.laws.shape)),
+            np.zeros(0),
+            matrix,
+            vector,
         )
         total += log + float(np.linalg.slogdet(matrix + fit.precisions[k])[1])
     return total

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,6 @@ class Laws:
 
     def start_of(self, name: str) -> Parameter:
         """Parameter of a name, that starts from the scene's value."""
-        part, field = name.split('.')
         if name in self.shown:
             return replace(self._start_of(name), start=self.shown[name])
         return self._start_of(name)
@@ -98,7 +98,9 @@ class Laws:
             width, unit = (0.003, 'm') if field == 'height' else (0.01, 'rad')
             return Parameter(name, 0.0, width, unit=unit)
         width, low, high, unit = CONTACT[field]
-        law = dict(zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True))
+        law = dict(
+            zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True)
+        )
         drop = law['restitution'] - law['restitution_slow']
         start = drop if field == 'restitution_drop' else law[field]
         return Parameter(name, float(np.clip(start, low, high)), width, low, high, unit)
@@ -113,12 +115,16 @@ class Laws:
                 continue
             for k in self.groups[int(part.split()[1])]:
                 _set_law(laws[k], field, value)
-        return [replace(model, ball=self._ball(i, values), planes=rows, laws=laws)
-                for i, model in enumerate(self.models)]
+        return [
+            replace(model, ball=self._ball(i, values), planes=rows, laws=laws)
+            for i, model in enumerate(self.models)
+        ]
 
     def air_at(self, values: Mapping[str, float]) -> Air | None:
         """Air with these values; None where the scene has none and no value is of air."""
-        fields = {n.split('.')[1]: v for n, v in values.items() if n.startswith('air.')}
+        fields: dict[str, Any] = {
+            n.split('.')[1]: v for n, v in values.items() if n.startswith('air.')
+        }
         if not fields:
             return self.scene.air
         base = self.scene.air or Air(drag_coefficient=0.0)

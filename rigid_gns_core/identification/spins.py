@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .joint_fit import Fitted, SpinPrior
+from .joint_fit import Fitted
 from .parameters import Laws
+from .problem import SpinPrior
 from .stretches import Stretch
 from ..tracking.ball_contact import FREE
 from ..tracking.ball_estimate import MOST_CONTACTS
@@ -27,7 +28,7 @@ _FLOOR = 0.12
 def broad_prior(radius: float) -> SpinPrior:
     """Prior of a spin of which nothing is known."""
     prior = StartPrior.of_any_spin(radius)
-    return lambda one, guess: prior.at(guess[:3], guess[3:])
+    return lambda _, guess: prior.at(guess[:3], guess[3:])
 
 
 def learned_prior(
@@ -41,8 +42,15 @@ def learned_prior(
         stamps = np.arange(one.times[0], max(one.times[-1] - _LEFT, one.times[0] + 1e-9), _EVERY)
         states, contacts = np.zeros((len(stamps), 9)), np.zeros((MOST_CONTACTS, 3))
         path(
-            fitted.starts[k], one.times[0], stamps, model.ball, model.planes, model.laws, one.on,
-            states, contacts,
+            fitted.starts[k],
+            one.times[0],
+            stamps,
+            model.ball,
+            model.planes,
+            model.laws,
+            one.on,
+            states,
+            contacts,
         )
         for state in states:
             spin = state[6:].copy()
@@ -54,7 +62,10 @@ def learned_prior(
             covariances.append(turn.T @ fitted.spin_covariances[k] @ turn)
             tracks.append(one.track)
     prior = StartPrior(
-        np.array(features), np.array(spins), np.array(covariances), bandwidth,
+        np.array(features),
+        np.array(spins),
+        np.array(covariances),
+        bandwidth,
         floor=_FLOOR / laws.models[0].radius,
     )
     return prior, np.array(tracks)

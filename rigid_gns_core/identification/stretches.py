@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,9 +67,11 @@ def pieces(
             changes = np.flatnonzero(np.diff(near.astype(int))) + 1
             hits = kinks(models[min(sphere, len(models) - 1)], times, positions, noise)
             cuts = sorted({0, len(times), *edges, *changes, *hits})
-            for begin, end in zip(cuts, cuts[1:], strict=False):
+            for begin, end in pairwise(cuts):
                 if end - begin >= FEWEST and not near[begin]:
-                    found.append(Stretch(number, sphere, times[begin:end], positions[begin:end], FREE))
+                    found.append(
+                        Stretch(number, sphere, times[begin:end], positions[begin:end], FREE)
+                    )
     return found
 
 
@@ -85,9 +88,11 @@ def stretches(
         model = models[min(piece.sphere, len(models) - 1)]
         count = max(1, int(np.ceil((times[-1] - times[0]) / longest - 1e-9)))
         clear = _clearance(model, times, piece.positions)
-        edges = [_clearest(times, clear, edge) for edge in np.linspace(times[0], times[-1], count + 1)]
+        edges = [
+            _clearest(times, clear, edge) for edge in np.linspace(times[0], times[-1], count + 1)
+        ]
         edges[-1] = times[-1]
-        for begin, end in zip(edges, edges[1:], strict=False):
+        for begin, end in pairwise(edges):
             inside = (times >= begin - 1e-9) & (times <= end + 1e-9)
             if inside.sum() < FEWEST:
                 continue

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from .ladder import Rung, Setup
+from .ladder import always, Rung, Setup
 from .parameters import Laws
 from .stretches import Stretch
 from ..tracking.ball_contact import FREE
@@ -93,7 +93,7 @@ def core_terms(laws: Laws, met: Met) -> list[tuple[Rung, Rung | None]]:
     return terms
 
 
-def further_terms(laws: Laws, met: Met) -> list[Rung]:
+def further_terms(met: Met) -> list[Rung]:
     """Terms that are added only where they help."""
     terms = [
         Rung(
@@ -105,9 +105,8 @@ def further_terms(laws: Laws, met: Met) -> list[Rung]:
     ]
     terms.append(Rung('noise doubled, drift a fifth', _doubled))
     if met.flights >= _FEWEST:
-        spins = lambda setup: setup.spin != 'none'  # noqa: E731
         for field in ('lift_half_ratio', 'spin_decay'):
-            terms.append(_adding(field.replace('_', ' '), (f'air.{field}',), spins))
+            terms.append(_adding(field.replace('_', ' '), (f'air.{field}',), _spins))
     for g, count in enumerate(met.impacts):
         if count >= _FEWEST:
             names = (f'contact {g}.restitution_drop', f'contact {g}.restitution_speed')
@@ -145,17 +144,21 @@ def _frame(laws: Laws, met: Met) -> tuple[str, ...]:
 def _gravity(laws: Laws, flies: bool) -> tuple[str, ...]:
     """Components of gravity; without flights those along the surfaces only."""
     up = np.abs(laws.scene.up)
-    return tuple(f'gravity.{axis}' for axis, part in zip('xyz', up, strict=True) if flies or part < 0.5)
+    return tuple(
+        f'gravity.{axis}' for axis, part in zip('xyz', up, strict=True) if flies or part < 0.5
+    )
 
 
-def _adding(
-    name: str, names: tuple[str, ...], needs: Callable[[Setup], bool] = lambda setup: True
-) -> Rung:
+def _adding(name: str, names: tuple[str, ...], needs: Callable[[Setup], bool] = always) -> Rung:
     return Rung(name, partial(_with, names), needs)
 
 
 def _removing(name: str, names: tuple[str, ...]) -> Rung:
     return Rung(f'without {name}', partial(_without, names))
+
+
+def _spins(setup: Setup) -> bool:
+    return setup.spin != 'none'
 
 
 def _with(names: tuple[str, ...], setup: Setup) -> Setup:

@@ -225,7 +225,5 @@ def _tracker_mapping(tracker: Tracker) -> dict[str, Any]:
         windows = [list(row) for row in tracker.spins.windows]
         bandwidth: Any = tracker.spins.bandwidth
         bandwidth = 'inf' if np.isinf(bandwidth) else bandwidth  # JSON has no infinity
-        mapping['spins'] = to_mapping(tracker.spins) | {
-            'windows': windows, 'bandwidth': bandwidth
-        }
+        mapping['spins'] = to_mapping(tracker.spins) | {'windows': windows, 'bandwidth': bandwidth}
     return mapping

@@ -12,7 +12,7 @@ import numpy as np
 from .values import checked_number
 from ..errors import UserError
 
-# position, velocity and spin at the start of a window, and the spin's covariance (xx xy xz yy yz zz)
+# position, velocity and spin at the start of a window, and the spin's covariance, its upper half
 _COLUMNS = 15
 
 

@@ -136,8 +136,10 @@ def glide(
         ends = rate > 0.0 and size < rate * h
         h = size / rate if ends else h
         after = plus(v, times(h, minus(along, times(friction, direction))))
-        turn = cross(n, after) if ends else plus(
-            times(radius, w), times(h * friction / inertia, cross(n, direction))
+        turn = (
+            cross(n, after)
+            if ends
+            else plus(times(radius, w), times(h * friction / inertia, cross(n, direction)))
         )
         return h, after, plus(across(times(1.0 / radius, turn), n), times(about, n)), pull
     if friction > 0.0:
@@ -150,9 +152,7 @@ def glide(
 
 
 @in_place
-def _rolled(
-    v: Vector, slope: Vector, h: float, level: float, rise: float
-) -> tuple[Vector, float]:
+def _rolled(v: Vector, slope: Vector, h: float, level: float, rise: float) -> tuple[Vector, float]:
     """Velocity after a step of rolling, and the step's time: shorter where the ball stops.
 
     The acceleration is `slope`, less `level + rise |v|` against the motion.

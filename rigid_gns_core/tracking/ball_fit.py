@@ -52,8 +52,14 @@ def _prior_loss(start: Array, mean: Array, precision: Array) -> float:
 
 @in_place
 def _whitened(
-    begin: float, stamps: Array, observed: Array, states: Array, gains: Array, work: Array,
-    residuals_out: Array, drift_out: Array,
+    begin: float,
+    stamps: Array,
+    observed: Array,
+    states: Array,
+    gains: Array,
+    work: Array,
+    residuals_out: Array,
+    drift_out: Array,
 ) -> None:
     """Whitened residuals, observed less path, shape (m, 3); drift and its speed at the end."""
     m = len(stamps)
@@ -67,8 +73,16 @@ def _whitened(
 
 @entry
 def whitened_residuals(
-    start: Array, begin: float, stamps: Array, observed: Array, ball: Array, planes: Array,
-    laws: Array, on: int, noise: Array, weights: Array,
+    start: Array,
+    begin: float,
+    stamps: Array,
+    observed: Array,
+    ball: Array,
+    planes: Array,
+    laws: Array,
+    on: int,
+    noise: Array,
+    weights: Array,
 ) -> tuple[Array, float, int]:
     """Whitened residuals of a start, shape (m, 3), sum of log variances, number of impacts."""
     m = len(stamps)
@@ -108,11 +122,16 @@ def fit_start(
 
     Args:
         start: Position, velocity, spin at `begin`, shape (9,); overwritten by the fit.
-        prior_mean, prior_precision: Of the start, shapes (9,) and (9, 9).
+        prior_mean: Mean of the start beforehand, shape (9,).
+        prior_precision: Its inverse covariance, shape (9, 9).
         moves: Steps of the slopes' differences, shape (9,); 0 fixes a part of the start.
         begin: Time of the start [s].
-        stamps, observed: Times [s], shape (m,), and centres [m], shape (m, 3).
-        ball, planes, laws, on: As `path` takes them.
+        stamps: Times of the frames [s], shape (m,).
+        observed: Centres [m], shape (m, 3).
+        ball: As `path` takes it, as the next three.
+        planes: See there.
+        laws: See there.
+        on: See there.
         noise: See `model_error.NOISE`.
         first: Frames of the first fit; m: the window does not grow.
         growth: Factor by which it grows.
@@ -145,12 +164,23 @@ def fit_start(
         damping = 1e-4
         for _ in range(iterations if last else 3):
             count, where = path_and_slopes(
-                start, moves, begin, seen, ball, planes, laws, on, states[:n], slopes[:, :n],
+                start,
+                moves,
+                begin,
+                seen,
+                ball,
+                planes,
+                laws,
+                on,
+                states[:n],
+                slopes[:, :n],
                 contacts_out,
             )
             filter_gains(begin, seen, weights, noise, contacts_out, count, gains)
             _whitened(begin, seen, places, states, gains, work, residuals, drift)
-            loss = huber_loss(residuals, n, huber) + _prior_loss(start, prior_mean, prior_precision)
+            loss = huber_loss(residuals, n, huber) + _prior_loss(
+                start, prior_mean, prior_precision
+            )
             for j in range(9):
                 for axis in range(3):
                     for i in range(n):
@@ -182,9 +212,7 @@ def fit_start(
                 for j in range(9):
                     trial[j] = start[j] + step[j]
                     size = max(size, abs(step[j]) * math.sqrt(information_out[j, j]))
-                tried, _ = path(
-                    trial, begin, seen, ball, planes, laws, on, trial_states, trial_contacts
-                )
+                path(trial, begin, seen, ball, planes, laws, on, trial_states, trial_contacts)
                 _whitened(begin, seen, places, trial_states, gains, work, residuals, trial_drift)
                 after = huber_loss(residuals, n, huber)
                 after += _prior_loss(trial, prior_mean, prior_precision)
@@ -228,8 +256,14 @@ def fit_start(
 
 @compiled
 def _end_of(
-    states: Array, slopes: Array, gains: Array, drift: Array, ends: Array, information: Array,
-    end_out: Array, covariance_out: Array,
+    states: Array,
+    slopes: Array,
+    gains: Array,
+    drift: Array,
+    ends: Array,
+    information: Array,
+    end_out: Array,
+    covariance_out: Array,
 ) -> None:
     """State at the end and its covariance, of the start's and the drift's."""
     m = len(states)

@@ -9,9 +9,7 @@ It depends on a start and on three arrays, so that slopes by differences are che
 
 from __future__ import annotations
 
-from .ball_contact import (
-    beside, bounce, FREE, glide, height, normal_of, touched
-)
+from .ball_contact import beside, bounce, FREE, glide, height, normal_of, touched
 from .jit import entry, in_place
 from ..kernels.flight import acceleration, Flight, flight_at, mean_accelerations, spin_after
 from ..kernels.vector import across, cross, dot, plus, times, Vector
@@ -103,7 +101,9 @@ def path(
             comes to that of rolling, n x v / r.
         begin: Time of the start [s].
         stamps: Times [s], none before `begin`, rising, shape (m,).
-        ball, planes, laws: See the module.
+        ball: See the module, as of the next two.
+        planes: See there.
+        laws: See there.
         on: Plane that the ball is on at the start, or FREE.
         states_out: States at the stamps, shape (m, 9).
         contacts_out: Time, plane and approach speed of the first impacts, shape (most, 3).
@@ -187,11 +187,10 @@ def path_and_slopes(
     slopes_out: Array,
     contacts_out: Array,
 ) -> tuple[int, int]:
-    """As `path`, with the slopes of the states over the start.
+    """As `path`, with the slopes of the states over the start, `slopes_out`, shape (9, m, 9).
 
-    Args:
-        moves: Steps of the forward differences, shape (9,); 0: no slope is taken.
-        slopes_out: Shape (9, m, 9); the first axis is the part of the start.
+    Its first axis is the part of the start. `moves`, shape (9,), are the steps of the forward
+    differences; where one is 0, no slope is taken.
     """
     moved = start.copy()
     for j in range(9):

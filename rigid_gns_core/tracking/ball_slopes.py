@@ -34,16 +34,12 @@ def normal_equations(
     matrix_out: Array,
     vector_out: Array,
 ) -> tuple[float, float]:
-    """Linearise the whitened residuals about a start and the parameters.
+    """Linearise the whitened residuals about a start and T parameters.
 
-    Args:
-        start, moves, begin, stamps, observed, ball, planes, laws, on, noise, weights: As of
-            `ball_fit.fit_start`.
-        moved_balls, moved_planes, moved_laws: The laws with each of T parameters moved, shapes
-            (T, 1, 14), (T, planes, 14) and (T, planes, 8).
-        steps: By how much they are moved, shape (T,).
-        matrix_out: J^T W J of start and parameters, shape (9 + T, 9 + T).
-        vector_out: J^T W r, r observed less path, shape (9 + T,).
+    What comes before `moved_balls` is as of `ball_fit.fit_start`. The `moved_` arrays are `ball`,
+    `planes` and `laws` with each of the parameters moved by `steps`, T along their first axis.
+    `matrix_out` is J^T W J, shape (9 + T, 9 + T), and `vector_out` J^T W r, shape (9 + T,), with r
+    observed less path and W the weights of Huber's loss.
 
     Returns:
         Huber's loss, and the sum of the logarithms of the innovations' variances.
@@ -66,8 +62,15 @@ def normal_equations(
     moved_states = np.zeros((m, 9))
     for k in range(count_moved):
         path(
-            start, begin, stamps, moved_balls[k], moved_planes[k], moved_laws[k], on,
-            moved_states, other_contacts,
+            start,
+            begin,
+            stamps,
+            moved_balls[k],
+            moved_planes[k],
+            moved_laws[k],
+            on,
+            moved_states,
+            other_contacts,
         )
         for i in range(m):
             for axis in range(3):

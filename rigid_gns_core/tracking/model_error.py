@@ -78,11 +78,7 @@ def filter_gains(
 
 @in_place
 def whiten(begin: float, stamps: Array, gains: Array, values: Array) -> tuple[float, float]:
-    """Whiten a series in place; the filter's (d, d') at the end.
-
-    Args:
-        values: Residuals of one axis, shape (m,).
-    """
+    """Whiten residuals of one axis in place, shape (m,); the filter's (d, d') at the end."""
     d, speed, now = 0.0, 0.0, begin
     for i in range(len(stamps)):
         d += (stamps[i] - now) * speed

@@ -74,7 +74,9 @@ class StartPrior:
         weights = 1.0 / (np.trace(self.covariances, axis1=1, axis2=2) + 300.0)
         return _moments(weights / weights.sum(), self.spins, self.covariances)
 
-    def at(self, position: Array, velocity: Array, left_out: Array | None = None) -> tuple[Array, Array]:
+    def at(
+        self, position: Array, velocity: Array, left_out: Array | None = None
+    ) -> tuple[Array, Array]:
         """Mean [rad/s], shape (3,), and covariance, shape (3, 3), of the spin of a window.
 
         Args:

@@ -14,8 +14,8 @@ from rigid_gns_core.data.tracks import Track
 from rigid_gns_core.identification.coverage import fit_coverage
 from rigid_gns_core.identification.first_look import shown_noise, shown_restitution
 from rigid_gns_core.identification.joint_fit import JointFit
-from rigid_gns_core.identification.left_out import Forecast
 from rigid_gns_core.identification.learn import learn
+from rigid_gns_core.identification.left_out import Forecast
 from rigid_gns_core.identification.parameters import Laws
 from rigid_gns_core.identification.spins import broad_prior
 from rigid_gns_core.identification.stretches import pieces, stretches
@@ -42,9 +42,7 @@ GIVEN = Scene(
 def true_scene() -> Scene:
     law = ContactLaw(restitution=TRUE['contact 0.restitution'], friction=0.22)
     table = replace(GIVEN.surfaces[0], point=(0.0, 0.0, 0.002), contact=law)
-    return replace(
-        GIVEN, surfaces=table, air=Air(drag_coefficient=0.42, lift_coefficient=0.4)
-    )
+    return replace(GIVEN, surfaces=table, air=Air(drag_coefficient=0.42, lift_coefficient=0.4))
 
 
 def launched(count: int, seed: int = 0) -> list[Track]:
@@ -123,7 +121,7 @@ def test_coverage_widens_what_is_too_narrow() -> None:
         Forecast(0, True, 0.4, 0.4, 3.0 * rng.normal(0.0, 0.01, 3), 0, 1e-4 * np.eye(3))
         for _ in range(800)
     ]
-    (spread, drift), held = fit_coverage(found, np.array([1e-3, 1e-4, 0.02]))
+    (spread, drift, _), held = fit_coverage(found, np.array([1e-3, 1e-4, 0.02]))
     _, half, most = held['0.4']
     assert abs(half - 0.5) < 0.03 and abs(most - 0.9) < 0.03
     assert 5.0 < spread + drift * 0.4**3 / 3 / 1e-4 < 13.0

@@ -60,8 +60,13 @@ def test_the_covariance_is_that_of_repeated_noise(start: list[float]) -> None:
     for _ in range(60):
         places = states[:, None, :3] + rng.normal(0.0, NOISE, (len(times), 1, 3))
         found = estimate_state(scene(), times, places)
-        got = np.concatenate([found.state.positions[0], found.state.velocities[0],
-                              found.state.angular_velocities[0]])
+        got = np.concatenate(
+            [
+                found.state.positions[0],
+                found.state.velocities[0],
+                found.state.angular_velocities[0],
+            ]
+        )
         off = got - states[-1]
         squares.append(off @ np.linalg.solve(found.covariance[0], off))
     assert 7.0 < np.mean(squares) < 11.0

@@ -64,9 +64,7 @@ def test_flight_in_air_is_that_of_a_reference() -> None:
 @pytest.mark.parametrize('inertia', [0.4, 2 / 3])
 def test_a_ball_that_slides_comes_to_roll(inertia: float) -> None:
     """From v without spin: v / (1 + kappa) after v kappa / ((1 + kappa) mu g)."""
-    scene = Scene(
-        surfaces=Plane(contact=ContactLaw(friction=0.2)), inertia_factor=inertia, **BALL
-    )
+    scene = Scene(surfaces=Plane(contact=ContactLaw(friction=0.2)), inertia_factor=inertia, **BALL)
     speed = 2.0
     end = speed * inertia / ((1 + inertia) * 0.2 * G)
     stamps = np.array([0.5 * end, end, end + 0.3])
