@@ -18,6 +18,7 @@ from .parameters import Laws
 from .problem import SpinPrior
 from .spins import broad_prior, learned_prior
 from .stretches import Stretch
+from ..running.threads import in_threads, usable_cores
 from ..tracking.start_prior import StartPrior
 
 # rounds of parameters and prior in turn, when spins are learned
@@ -161,12 +162,14 @@ class Ladder:
         self._note('noise and drift', True, 0.0, 0.0, self.best)
 
     def _predict(self, setup: Setup, folds: Sequence[Fold]) -> list[Forecast]:
-        found = []
-        for fold in folds:
+        def predict(fold: Fold) -> list[Forecast]:
             fold.fitted, fold.prior, _ = fit_setup(self.laws, setup, fold.inside, fold.fitted)
             noise = np.array(setup.noise)
-            found += forecasts(self.laws, fold.fitted.values, noise, fold.prior, fold.outside)
-        return found
+            return forecasts(self.laws, fold.fitted.values, noise, fold.prior, fold.outside)
+
+        # compiled code does most of it, and releases the interpreter
+        parts = in_threads(predict, folds, usable_cores())
+        return [one for found in parts for one in found]
 
     def _prior_of(self, fold: Fold) -> SpinPrior | None:
         if self.setup.spin == 'none' or fold.prior is None:

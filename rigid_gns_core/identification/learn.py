@@ -19,6 +19,7 @@ from .stretches import pieces, Stretch, stretches
 from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
 from ..errors import UserError
+from ..running.threads import in_threads, usable_cores
 from ..scenes.scene import Scene
 from ..scenes.tracker import Spins, Tracker
 from ..tracking.start_prior import StartPrior
@@ -26,7 +27,7 @@ from ..tracking.start_prior import StartPrior
 # folds of the tracks; many tracks make two do
 _FOLDS, _MANY = 3, 60
 # most stretches of a fold, and of the last fit
-_MOST, _MOST_LAST = 300, 900
+_MOST, _MOST_LAST = 250, 600
 # fits without a group of tracks each, for standard errors
 _GROUPS = 8
 # most windows of spins that a scene keeps
@@ -188,12 +189,18 @@ def _errors(
     """Standard errors, the larger of the scores' and of a jackknife of groups of tracks."""
     numbers = sorted({one.track for one in found})
     groups = min(_GROUPS, len(numbers))
-    laws.shown.update(fitted.values)
-    values = []
-    for k in range(groups):
+
+    def without(k: int) -> list[float]:
         out = set(numbers[k::groups])
-        part, _, _ = fit_setup(laws, setup, [one for one in found if one.track not in out], None)
-        values.append([part.values[name] for name in setup.names])
+        kept = np.array([one.track not in out for one in found])
+        before = Fitted(
+            fitted.values, fitted.starts[kept], fitted.losses[kept], fitted.spin_covariances[kept]
+        )
+        part = [one for one, stays in zip(found, kept, strict=True) if stays]
+        one, _, _ = fit_setup(laws, setup, part, before)
+        return [one.values[name] for name in setup.names]
+
+    values = in_threads(without, range(groups), usable_cores())
     spread = np.std(values, axis=0) * np.sqrt(groups - 1) if setup.names else np.zeros(0)
     return {name: max(fitted.errors[name], float(spread[k])) for k, name in enumerate(setup.names)}
 

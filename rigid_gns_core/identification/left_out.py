@@ -21,6 +21,8 @@ WINDOW, EVERY, MEMORY = 0.2, 0.2, 0.4  # [s]
 HORIZONS = (0.2, 0.4, 0.6, 1.0)  # [s]
 # a frame is compared with a horizon no farther off than this [s], [median intervals]
 _APART, _FRAMES = 0.01, 0.6
+# most windows of a piece
+_MOST = 10
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,11 @@ class Forecast:
 def windows(one: Stretch) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
     """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
 
-    A window has all frames of the last `MEMORY`.
+    A window has all frames of the last `MEMORY`. Of a long piece they begin so far apart that it
+    has `_MOST` of them.
     """
     times = one.times
+    every = max(EVERY, (times[-1] - times[0]) / _MOST)
     apart = max(_APART, _FRAMES * float(np.median(np.diff(times))))
     end, first = times[0] + WINDOW, True
     while end < times[-1]:
@@ -63,7 +67,7 @@ def windows(one: Stretch) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]
         nearest[np.abs(times[nearest] - last - HORIZONS) > apart] = -1
         if len(inside) >= FEWEST and (nearest >= 0).any():
             yield inside, nearest, first
-        end, first = end + EVERY, False
+        end, first = end + every, False
 
 
 def forecasts(
