@@ -25,8 +25,8 @@ _LOOSE, _HELD = np.array([1e3] * 3 + [1e2] * 3), 1e-4
 _FIRST, _FEW, FEWEST = 0.06, 6, 4
 # parts of the window that are tried, until one is met to this loss per coordinate: what the laws
 # do not know, as a net or a racket, may be in it
-_PARTS, _MET = (1.0, 0.7, 0.45, 0.25, 0.12), 4.0
-_STEPS, _GROWTH, _GATE = 12, 2.0, 6.0
+_PARTS, _MET = (1.0, 0.6, 0.35, 0.15), 4.0
+_STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
 MOST_CONTACTS = 32
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from .ball_model import BallModel
 from ..scenes.state import Array
 
-# steps from frame to frame of which the median is the velocity on each side: one frame that is
-# off spoils two of them
+# steps from frame to frame of which the median is the velocity on each side, fewer at the ends: one
+# frame that is off spoils two of them
 _SIDE = 3
 # a jump is larger than noise makes it [deviations of a step], and than this acceleration does over
 # the time between the middles of both sides [g]: in the air, on a surface
@@ -38,10 +38,14 @@ def kinks(model: BallModel, times: Array, positions: Array, noise: float) -> NDA
         return np.zeros(0, dtype=np.int64)
     steps = np.diff(times)
     velocities = np.diff(positions, axis=0) / steps[:, None]
-    padded = np.full((m - 1 + 2 * (_SIDE - 1), 3), np.nan)
-    padded[_SIDE - 1 : _SIDE - 1 + m - 1] = velocities
-    sides = np.lib.stride_tricks.sliding_window_view(padded, _SIDE, axis=0)
-    medians = np.nanmedian(sides, axis=2)  # the i-th is of the steps that end at i + 1, or begin
+    ends = _SIDE - 1
+    padded = np.concatenate([velocities[:1]] * ends + [velocities] + [velocities[-1:]] * ends)
+    one, two, three = padded[:-2], padded[1:-1], padded[2:]
+    highest, lowest = (
+        np.maximum(np.maximum(one, two), three),
+        np.minimum(np.minimum(one, two), three),
+    )
+    medians = one + two + three - highest - lowest  # of the steps that end at frame i + 1
     before, after = medians[: m - 2], medians[_SIDE : _SIDE + m - 2]
     jumps = after - before
     sizes = np.linalg.norm(jumps, axis=1)
