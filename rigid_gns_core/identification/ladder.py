@@ -106,6 +106,8 @@ class Ladder:
         folds: Tracks to fit to and to predict.
         setup: What is kept so far.
         table: What was tried.
+        best: Left-out forecasts of what is kept.
+        visited: Setup, folds and forecasts of all that was kept on the way.
     """
 
     laws: Laws
@@ -113,10 +115,12 @@ class Ladder:
     setup: Setup
     table: list[Tried] = field(default_factory=list)
     best: list[Forecast] = field(default_factory=list)
+    visited: list[tuple[Setup, list[Fold], list[Forecast]]] = field(default_factory=list)
 
     def begin(self) -> None:
         """Predict with what the scene says."""
         self.best = self._predict(self.setup, self.folds)
+        self.visited.append((self.setup, [replace(fold) for fold in self.folds], self.best))
         self._note('as given', True, 0.0, 0.0, self.best)
 
     def add(self, rung: Rung) -> None:
@@ -148,18 +152,31 @@ class Ladder:
         self._note(rung.name, kept, change, deviation, found)
         if kept:
             self.setup, self.folds, self.best = setup, folds, found
+            self.visited.append((setup, folds, found))
         return kept
 
-    def refit_noise(self) -> None:
-        """Noise and drift anew from the residuals of the first fold."""
+    def settle(self) -> bool:
+        """Go back to what predicted left-out tracks best on the way; whether that was earlier.
+
+        Few tracks tell few terms: what was added may be more than they bear.
+        """
+        noise = self.setup.noise[0]
+        changes = [paired(found, self.best, noise)[0] for _, _, found in self.visited]
+        least = int(np.argmin(changes))
+        if changes[least] >= -_WORTH:
+            return False
+        self.setup, self.folds, self.best = self.visited[least]
+        self._note('back to the best', True, changes[least], 0.0, self.best)
+        return True
+
+    def refit_noise(self) -> bool | None:
+        """Noise and drift anew from the residuals of the first fold, if that is no worse."""
         fold = self.folds[0]
         fit = JointFit(self.laws, fold.inside, np.array(self.setup.noise), self._prior_of(fold))
         assert fold.fitted is not None
-        noise = fit_noise(fit, fold.fitted)
-        position, drift, impact = (float(value) for value in noise)
-        self.setup = replace(self.setup, noise=(position, drift, impact))
-        self.best = self._predict(self.setup, self.folds)
-        self._note('noise and drift', True, 0.0, 0.0, self.best)
+        position, drift, impact = (float(value) for value in fit_noise(fit, fold.fitted))
+        noise = (position, drift, impact)
+        return self.drop(Rung('noise and drift', lambda setup: replace(setup, noise=noise)))
 
     def _predict(self, setup: Setup, folds: Sequence[Fold]) -> list[Forecast]:
         def predict(fold: Fold) -> list[Forecast]:

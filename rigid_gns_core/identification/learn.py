@@ -35,6 +35,8 @@ _WINDOWS = 150
 # before the residuals are known: drift [m^2/s^3] and kick
 _DRIFT, _KICK = 1e-2, 0.02
 _FEWEST_TRACKS = 4
+# of fewer tracks than this the pieces between unknown contacts are left out one by one
+_FEW_TRACKS = 8
 
 
 @dataclass(frozen=True)
@@ -97,11 +99,13 @@ def learn(
     for _ in range(2):  # where tracks are cut depends on the noise
         found = pieces(tracks, scene, labels, laws.models, noise)
         noise = shown_noise(found)
+    if len({one.track for one in found}) < _FEW_TRACKS:  # the flights of a few long recordings
+        found = [replace(one, track=k) for k, one in enumerate(found)]
     numbers = sorted({one.track for one in found})
     if len(numbers) < _FEWEST_TRACKS:
         raise UserError(
-            f'{len(numbers)} of {len(tracks)} tracks show a ball for 8 frames or more, but a fit '
-            f'with left-out tracks takes at least {_FEWEST_TRACKS}; import more tracks'
+            f'{len(tracks)} tracks show {len(numbers)} stretches of a ball of 8 frames or more, '
+            f'but a fit with left-out tracks takes at least {_FEWEST_TRACKS}; import more tracks'
         )
     every = stretches(found, laws.models, noise)
     met = met_by(laws, every, noise)
@@ -149,6 +153,8 @@ def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object])
     for _, removal in core:
         if removal is not None and ladder.drop(removal) is not None:
             done()
+    if ladder.settle():
+        done()
 
 
 def _finish(

@@ -156,7 +156,8 @@ class Laws:
         for number, group in enumerate(self.groups):
             if any(name.startswith(f'contact {number}.') for name in values):
                 for k in group:
-                    planes[k] = replace(planes[k], contact=_law_of(rows[k]))
+                    law = _law_of(rows[k])
+                    planes[k] = replace(planes[k], contact=law, restitution=None, friction=None)
         return replace(
             self.scene,
             surfaces=tuple(planes),

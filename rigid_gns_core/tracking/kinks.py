@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from .ball_model import BallModel
 from ..scenes.state import Array
 
-# steps from frame to frame of which the median is the velocity on each side, fewer at the ends: one
-# frame that is off spoils two of them
+# steps from frame to frame of which the median is the velocity on each side, fewer at the ends:
+# one frame that is off spoils two of them
 _SIDE = 3
 # a jump is larger than noise makes it [deviations of a step], and than this acceleration does over
 # the time between the middles of both sides [g]: in the air, on a surface

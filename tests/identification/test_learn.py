@@ -129,4 +129,18 @@ def test_coverage_widens_what_is_too_narrow() -> None:
 
 def test_too_few_tracks_are_told() -> None:
     with pytest.raises(UserError, match='takes at least 4; import more tracks'):
-        learn(launched(2), GIVEN, ['0'])
+        learn(launched(3), GIVEN, ['0'])
+
+
+def test_a_fitted_law_takes_the_place_of_materials() -> None:
+    given = replace(GIVEN, surfaces=Plane(restitution=0.9, friction=0.4), restitution=0.9)
+    values = {'contact 0.restitution': 0.7, 'gravity.x': 0.3, 'air.drag_coefficient': 0.5}
+    scene = Laws(given).scene_at(values)
+    law, before = scene.surfaces[0].contact, BallModel.of(given).laws[0]
+    assert law is not None and law.restitution == 0.7
+    assert law.friction == before[3] and scene.surfaces[0].friction is None
+    assert scene.gravity == (0.3, 0.0, -9.81)
+    assert scene.air is not None and scene.air.drag_coefficient == 0.5
+    rows = BallModel.of(scene)
+    np.testing.assert_allclose(rows.laws, Laws(given).models_at(values)[0].laws, atol=1e-12)
+    np.testing.assert_allclose(rows.ball, Laws(given).models_at(values)[0].ball, atol=1e-12)
