@@ -24,6 +24,7 @@ from ..scenes.state import Array
 from ..tracking.ball_estimate import first_frames, first_guess, MOST_CONTACTS
 from ..tracking.ball_fit import fit_start
 from ..tracking.ball_model import BallModel
+from ..tracking.ball_path import path
 
 _MOST_DAMPING = 1e4
 # parts of a friction's start that are tried first
@@ -40,6 +41,7 @@ class Fitted:
         values: Value of each parameter.
         starts: Start of each stretch, shape (stretches, 9).
         losses: Loss per coordinate of each stretch, shape (stretches,).
+        impacts: Number of impacts in each stretch, shape (stretches,).
         spin_covariances: Of the starts' spins, shape (stretches, 3, 3).
         errors: Standard errors, from the scores of tracks (sandwich).
         formal: Standard errors as if the noise were all.
@@ -48,6 +50,7 @@ class Fitted:
     values: dict[str, float]
     starts: Array
     losses: Array
+    impacts: NDArray[np.int64]
     spin_covariances: Array
     errors: dict[str, float] = field(default_factory=dict)
     formal: dict[str, float] = field(default_factory=dict)
@@ -113,6 +116,7 @@ class JointFit(Problem):
             now,
             starts,
             losses / counts,
+            self._impacts(now, starts),
             np.stack([inverse[6:, 6:] for inverse, _, _ in normal.blocks]),
         )
         if free:
@@ -142,6 +146,17 @@ class JointFit(Problem):
             if after.sum() < best[2].sum():
                 best = (tried, found, after)
         return best
+
+    def _impacts(self, values: Mapping[str, float], starts: Array) -> NDArray[np.int64]:
+        """Number of impacts in each stretch."""
+        models = self.laws.models_at(values)
+        counts = np.zeros(len(self.found), dtype=np.int64)
+        for k, one in enumerate(self.found):
+            model = self.model_of(one, models)
+            laws = (model.ball, model.planes, model.laws)
+            states, impacts = np.zeros((len(one.times), 9)), np.zeros((MOST_CONTACTS, 3))
+            counts[k], _ = path(starts[k], one.times[0], one.times, *laws, one.on, states, impacts)
+        return counts
 
     def solve(
         self, values: Mapping[str, float], starts: Array | None, others: Array | None = None

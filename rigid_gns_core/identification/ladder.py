@@ -228,9 +228,9 @@ def fit_setup(
             values, starts = fitted.values, fitted.starts
         fitted = fit.fit((), {**{p.name: p.start for p in parameters}, **values}, starts)
         for _trim in range(_TRIMS):
-            known = np.flatnonzero(known_stretches(fitted.losses))
+            known = np.flatnonzero(known_stretches(fitted))
             fitted = fit.fit_known(parameters, fitted, known)
-            if np.array_equal(np.flatnonzero(known_stretches(fitted.losses)), known):
+            if np.array_equal(np.flatnonzero(known_stretches(fitted)), known):
                 break
         if setup.spin == 'none':
             break
@@ -240,7 +240,7 @@ def fit_setup(
         else:
             spin = _without_own(start_prior, tracks)
     assert fitted is not None
-    return fitted, start_prior, len(found) - int(known_stretches(fitted.losses).sum())
+    return fitted, start_prior, len(found) - int(known_stretches(fitted).sum())
 
 
 def _without_own(prior: StartPrior, tracks: NDArray[np.int64]) -> SpinPrior:

@@ -200,7 +200,11 @@ def _errors(
         out = set(numbers[k::groups])
         kept = np.array([one.track not in out for one in found])
         before = Fitted(
-            fitted.values, fitted.starts[kept], fitted.losses[kept], fitted.spin_covariances[kept]
+            fitted.values,
+            fitted.starts[kept],
+            fitted.losses[kept],
+            fitted.impacts[kept],
+            fitted.spin_covariances[kept],
         )
         part = [one for one, stays in zip(found, kept, strict=True) if stays]
         one, _, _ = fit_setup(laws, setup, part, before)

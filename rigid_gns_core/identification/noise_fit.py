@@ -33,10 +33,17 @@ _EVALUATIONS = 50
 _UNKNOWN, _MOST_KNOWN = 3.0, 0.75
 
 
-def known_stretches(losses: Array) -> NDArray[np.bool_]:
-    """Mask of stretches whose loss per coordinate is not far above that of most."""
-    bound = _UNKNOWN * float(np.median(losses))
-    known: NDArray[np.bool_] = losses <= max(bound, float(np.quantile(losses, _MOST_KNOWN)))
+def known_stretches(fitted: Fitted) -> NDArray[np.bool_]:
+    """Mask of stretches whose loss is not far above that of most of their kind.
+
+    Those with impacts are one kind, those without another: what is lost at an impact is more.
+    """
+    known = np.zeros(len(fitted.losses), dtype=bool)
+    for kind in (fitted.impacts > 0, fitted.impacts == 0):
+        if kind.any():
+            losses = fitted.losses[kind]
+            bound = _UNKNOWN * float(np.median(losses))
+            known[kind] = losses <= max(bound, float(np.quantile(losses, _MOST_KNOWN)))
     return known
 
 
@@ -50,7 +57,7 @@ def fit_noise(fit: JointFit, fitted: Fitted, done: Callable[[], object] = lambda
     """
     from scipy.optimize import minimize
 
-    chosen = np.flatnonzero(known_stretches(fitted.losses))
+    chosen = np.flatnonzero(known_stretches(fitted))
     part = fit.part(chosen)
     first = np.log(np.clip(fit.noise, LOW, HIGH))
 
