@@ -15,6 +15,7 @@ import yaml
 from .arguments import completes, configs, positive, shipped_models
 from .calibrate_tracks import calibrate_tracks, hold_positions_only
 from ..data.records import Dataset
+from ..errors import UserError
 from ..files.tables import format_rows, number
 from ..identification.calibrate import calibrate, Calibration, DEFAULT
 from ..identification.fit import MATERIALS
@@ -63,6 +64,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='PNG',
+        help='draw what a fit to tracks leaves: residuals, restitution, drag, errors',
+    )
+    parser.add_argument(
         '--method',
         choices=('auto', 'tracks', 'rollouts'),
         default='auto',
@@ -93,10 +100,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns calibrate`; the exit code."""
-    for path in filter(None, (arguments.out, arguments.json)):
+    for path in filter(None, (arguments.out, arguments.json, arguments.figure)):
         if path.exists():
             raise FileExistsError(f'{path} exists; remove it or give another name')
         path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    if arguments.method == 'rollouts' and arguments.figure is not None:
+        raise UserError('--figure is of a fit to tracks; leave it out, or give --method tracks')
     by_tracks = arguments.method == 'tracks' or (
         arguments.method == 'auto' and hold_positions_only(arguments.data)
     )

@@ -19,6 +19,7 @@ from ..identification.ladder import Tried
 from ..identification.learn import learn, Learned
 from ..identification.left_out import HORIZONS
 from ..scenes.scene_file import load_scene
+from ..show.learned import draw_learned
 
 
 def hold_positions_only(folders: Sequence[Path]) -> bool:
@@ -44,6 +45,8 @@ def calibrate_tracks(arguments: argparse.Namespace) -> int:
     write_lab(arguments.out, learned, card)
     if arguments.json is not None:
         arguments.json.write_text(json.dumps(card, indent=1) + '\n', 'utf-8')
+    if arguments.figure is not None:
+        draw_learned(learned, arguments.figure)
     print(f'scene: {arguments.out}')
     return 0
 

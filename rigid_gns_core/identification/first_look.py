@@ -27,24 +27,29 @@ _FEWEST = 3
 
 
 def shown_restitution(laws: Laws, found: Sequence[Stretch], group: int) -> float | None:
-    """Median restitution of the bounces on a group of surfaces; None: too few show.
+    """Median restitution of the bounces on a group of surfaces; None: too few show."""
+    bounces = shown_bounces(laws, found, group)
+    return float(np.median(bounces[:, 1])) if len(bounces) >= _FEWEST else None
+
+
+def shown_bounces(laws: Laws, found: Sequence[Stretch], group: int) -> Array:
+    """Approach speed [m/s] and restitution of bounces on a group of surfaces, shape (bounces, 2).
 
     The normal velocities are those of parabolas under gravity through the frames on each side.
     """
-    ratios = []
+    bounces: list[tuple[float, float]] = []
     for one in found:
         model = laws.models[min(one.sphere, len(laws.models) - 1)]
         for k in laws.groups[group]:
             plane = model.planes[k]
             normal = plane[9:12]
             heights = (one.positions - plane[:3]) @ normal - model.radius
-            pull = float(normal @ model.gravity)
-            ratios += _ratios(one.times, heights, pull)
-    return float(np.median(ratios)) if len(ratios) >= _FEWEST else None
+            bounces += _bounces(one.times, heights, float(normal @ model.gravity))
+    return np.array(bounces).reshape(-1, 2)
 
 
-def _ratios(times: Array, heights: Array, pull: float) -> list[float]:
-    ratios = []
+def _bounces(times: Array, heights: Array, pull: float) -> list[tuple[float, float]]:
+    bounces = []
     lowest = (heights[1:-1] <= heights[:-2]) & (heights[1:-1] < heights[2:])
     for i in np.flatnonzero(lowest) + 1:
         before = slice(max(i - _NEXT - _SIDE, 0), max(i - _NEXT, 0))
@@ -55,8 +60,8 @@ def _ratios(times: Array, heights: Array, pull: float) -> list[float]:
         step = float(np.diff(times[i - 1 : i + 2]).max())
         near = heights[i] < _LOW + step * abs(speeds[0])
         if near and speeds[0] < -_SLOW and 0.0 < speeds[1] <= -1.05 * speeds[0]:
-            ratios.append(min(-speeds[1] / speeds[0], 1.0))
-    return ratios
+            bounces.append((-speeds[0], min(-speeds[1] / speeds[0], 1.0)))
+    return bounces
 
 
 def _speed(times: Array, heights: Array, pull: float) -> float | None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .coverage import fit_coverage
+from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
 from .joint_fit import Fitted
 from .ladder import fit_setup, Fold, Ladder, Setup, Tried
@@ -67,6 +68,7 @@ class Learned:
         counts: Numbers of tracks, stretches, and stretches left out as they hold what the laws do
             not know.
         notes: What the data do not tell, in words.
+        diagnostics: What the fit leaves.
     """
 
     scene: Scene
@@ -75,6 +77,7 @@ class Learned:
     coverage: dict[str, list[float]]
     counts: dict[str, int]
     notes: tuple[str, ...]
+    diagnostics: Diagnostics
 
 
 def learn(
@@ -186,7 +189,15 @@ def _finish(
     )
     counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}
     scene = replace(laws.scene_at(_rounded(fitted.values)), tracker=tracker)
-    return Learned(scene, told, tuple(ladder.table), held, counts, _notes(laws, ladder, met, told))
+    return Learned(
+        scene=scene,
+        parameters=told,
+        table=tuple(ladder.table),
+        coverage=held,
+        counts=counts,
+        notes=_notes(laws, ladder, met, told),
+        diagnostics=diagnostics_of(laws, fitted, chosen),
+    )
 
 
 def _errors(
