@@ -41,10 +41,12 @@ class Parameter:
     unit: str = ''
 
 
+# of a mass that is far off, a coefficient makes up for it
+_MOST = 50.0
 AIR = {
-    'drag_coefficient': Parameter('air.drag_coefficient', 0.45, 0.3, 0.0, 3.0),
-    'drag_slope': Parameter('air.drag_slope', 0.0, 1.0, 0.0, 3.0),
-    'lift_coefficient': Parameter('air.lift_coefficient', 0.37, 0.3, 0.0, 3.0),
+    'drag_coefficient': Parameter('air.drag_coefficient', 0.45, 0.3, 0.0, _MOST),
+    'drag_slope': Parameter('air.drag_slope', 0.0, 1.0, 0.0, _MOST),
+    'lift_coefficient': Parameter('air.lift_coefficient', 0.37, 0.3, 0.0, _MOST),
     'lift_half_ratio': Parameter('air.lift_half_ratio', 0.25, 0.2, 0.02, 2.0),
     'spin_decay': Parameter('air.spin_decay', 0.0, 0.3, 0.0, 3.0, '1/s'),
 }
