@@ -14,17 +14,22 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from .left_out import Forecast, HORIZONS
 from ..scenes.state import Array
 
 REGIONS = (0.5, 0.9)
-# factors that are tried, of the covariance and of q, and values of kappa
-_SPREADS = np.geomspace(0.25, 32.0, 15)
-_DRIFTS = np.concatenate([[0.0], np.geomspace(1e-2, 1e2, 13)])
+# values that are tried: factors of the covariance, q, kappa
+_SPREADS = np.geomspace(0.25, 16.0, 13)
+_DRIFTS = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 16)])
 _IMPACTS = (0.0, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.09, 0.13)
 _BOUNDS = tuple(float(chi2.ppf(region, 3)) for region in REGIONS)
+# a forecast beyond this distance met what cannot be foreseen, as a net; of all at most this part
+_FAR, _MOST_FAR = 30.0, 0.1
+# a group of forecasts counts as much as it could with so many more
+_FEW = 10
 
 
 def fit_coverage(
@@ -32,13 +37,16 @@ def fit_coverage(
 ) -> tuple[tuple[float, float, float], dict[str, list[float]]]:
     """Spread, q and kappa of forecasts, and the parts held by horizon.
 
+    First for the smaller region alone, of which the far ones cannot make a wide one; then for both
+    without those that are far out of it.
+
     Args:
         found: Forecasts of left-out tracks.
         noise: s, q, kappa of the fit.
 
     Returns:
         `spread`, q, kappa; and for each horizon number of forecasts and the parts that the regions
-        hold.
+        hold, far ones with them.
     """
     values, axes = np.linalg.eigh(np.array([one.covariance for one in found]))
     values = np.maximum(values, 0.0)
@@ -46,17 +54,29 @@ def fit_coverage(
     leads = np.array([one.lead for one in found])
     kicks = np.array([one.kicks for one in found])
     horizons = np.array([one.horizon for one in found])
-    best, least = (1.0, float(noise[1]), 0.0), np.inf
-    for spread, factor, impact in product(_SPREADS, _DRIFTS, _IMPACTS):
-        drift = factor * noise[1]
+    groups = 2 * np.searchsorted(HORIZONS, horizons) + np.array(
+        [one.contacts > 0 for one in found]
+    )
+
+    def distances(spread: float, drift: float, impact: float) -> Array:
         more = drift * leads**3 / 3.0 + impact**2 * kicks + noise[0] ** 2
-        distances = (squares / (spread * values + more[:, None])).sum(axis=1)
-        cost = _cost(distances, horizons)
-        if cost < least - 1e-9:  # of equals the narrowest
-            least, best = cost, (float(spread), float(drift), impact)
-    more = best[1] * leads**3 / 3.0 + best[2] ** 2 * kicks + noise[0] ** 2
-    distances = (squares / (best[0] * values + more[:, None])).sum(axis=1)
-    return best, parts_held(distances, horizons)
+        total: Array = (squares / (spread * values + more[:, None])).sum(axis=1)
+        return total
+
+    def search(taken: NDArray[np.int64], regions: int) -> tuple[float, float, float]:
+        best, least = (1.0, 0.0, 0.0), np.inf
+        for values_tried in product(_SPREADS, _DRIFTS, _IMPACTS):
+            cost = _cost(distances(*values_tried)[taken], groups[taken], regions)
+            if cost < least - 1e-9:  # of equals the narrowest
+                least, best = cost, values_tried
+        return best
+
+    every = np.arange(len(found))
+    apart = distances(*search(every, 1))
+    limit = max(_FAR, float(np.quantile(apart, 1.0 - _MOST_FAR)))
+    best = search(every[apart <= limit], 2)
+    spread, drift, impact = (float(value) for value in best)
+    return (spread, drift, impact), parts_held(distances(*best), horizons)
 
 
 def parts_held(distances: Array, horizons: Array) -> dict[str, list[float]]:
@@ -70,13 +90,12 @@ def parts_held(distances: Array, horizons: Array) -> dict[str, list[float]]:
     return held
 
 
-def _cost(distances: Array, horizons: Array) -> float:
+def _cost(distances: Array, groups: Array, regions: int) -> float:
     cost = 0.0
-    for horizon in HORIZONS:
-        own = distances[horizons == horizon]
-        for region, bound in zip(REGIONS, _BOUNDS, strict=True):
-            held = np.count_nonzero(own <= bound) / len(own) if len(own) else region
-            # within what so many forecasts can tell, little is lost
-            apart = max(abs(held - region) - 0.5 * np.sqrt(0.25 / max(len(own), 1)), 0.0)
-            cost += apart**2 + 0.1 * (held - region) ** 2
+    for group in np.unique(groups):
+        own = distances[groups == group]
+        weight = len(own) / (len(own) + _FEW)
+        for region, bound in zip(REGIONS[:regions], _BOUNDS, strict=False):
+            held = np.count_nonzero(own <= bound) / len(own)
+            cost += weight * (held - region) ** 2
     return float(cost)
