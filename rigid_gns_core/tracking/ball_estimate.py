@@ -24,8 +24,8 @@ _LOOSE, _HELD = np.array([1e3] * 3 + [1e2] * 3), 1e-4
 # time [s] and least number of the frames of the first guess, and least number of a window
 _FIRST, _FEW, FEWEST = 0.06, 6, 4
 # parts of the window that are tried, until one is met to this loss per coordinate: what the laws
-# do not know, as a net or a racket, may be in it
-_PARTS, _MET = (1.0, 0.6, 0.35, 0.15), 4.0
+# do not know, as a net or a racket, may be in it; and a loss at which another guess is made
+_PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
 _STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
 MOST_CONTACTS = 32
 
@@ -116,6 +116,10 @@ def estimate_ball(
         if best is not None and inside.sum() < _FEW:
             break
         one = _estimate(model, noise, prior, times[inside], positions[inside])
+        if one[1] > _DOUBTED and _begins_near(model, times[inside], positions[inside]):
+            # an impact may be in the frames of the first guess
+            other = _estimate(model, noise, prior, times[inside], positions[inside], FEWEST)
+            one = other if other[1] < one[1] else one
         # half as good at most, since fewer frames are met more easily
         if best is None or one[1] < 0.5 * quality:
             best, quality = one
@@ -125,12 +129,30 @@ def estimate_ball(
     return best
 
 
+def _begins_near(model: BallModel, times: Array, positions: Array) -> bool:
+    """Whether the ball comes within a radius of a surface in the first frames."""
+    places = positions[: first_frames(times) + FEWEST]
+    return any(
+        float(((places - plane[:3]) @ plane[9:12]).min()) < 2.0 * model.radius
+        for plane in model.planes
+    )
+
+
 def _estimate(
-    model: BallModel, noise: Array, prior: StartPrior | None, times: Array, positions: Array
+    model: BallModel,
+    noise: Array,
+    prior: StartPrior | None,
+    times: Array,
+    positions: Array,
+    frames: int | None = None,
 ) -> tuple[BallEstimate, float]:
-    """Estimate from all frames of a window, and its loss with that of dropped frames."""
+    """Estimate from all frames of a window, and its loss with that of dropped frames.
+
+    `frames` is the number of those of the first guess; None: as many as show a velocity.
+    """
     on = surface_under(model, times, positions, float(noise[0]))
-    guess = first_guess(model, times, positions, on)
+    first = first_frames(times) if frames is None else frames
+    guess = first_guess(model, times, positions, on, first)
     spin = None if prior is None else prior.at(guess[:3], guess[3:])
     mean, precision = prior_of_start(model, guess, on, spin)
     start = np.concatenate([guess, mean[6:]])
@@ -149,7 +171,7 @@ def _estimate(
         model.laws,
         on,
         noise,
-        first_frames(times),
+        first,
         _GROWTH,
         _STEPS,
         _GATE,
