@@ -116,7 +116,11 @@ def estimate_ball(
         if best is not None and inside.sum() < _FEW:
             break
         one = _estimate(model, noise, prior, times[inside], positions[inside])
-        if one[1] > _DOUBTED and _begins_near(model, times[inside], positions[inside]):
+        if (
+            best is None
+            and one[1] > _DOUBTED
+            and _begins_near(model, times[inside], positions[inside])
+        ):
             # an impact may be in the frames of the first guess
             other = _estimate(model, noise, prior, times[inside], positions[inside], FEWEST)
             one = other if other[1] < one[1] else one

@@ -21,7 +21,8 @@ from ..scenes.state import Array
 
 # Huber's loss is linear beyond this [deviations of a coordinate]
 _LINEAR = 3.0
-_MOST_DAMPING = 1e8
+# trials of a step, each with so much more damping
+_TRIES, _MORE_DAMPING = 5, 30.0
 # a step smaller than this ends the search [deviations of the posterior]
 _SMALL = 1e-2
 
@@ -203,7 +204,7 @@ def fit_start(
                             total += huber[i] * jacobian[j, i, axis] * jacobian[k, i, axis]
                     information_out[j, k] = information_out[k, j] = total
             better, size, after = False, 0.0, loss
-            while damping < _MOST_DAMPING:
+            for _tries in range(_TRIES):
                 system[:] = information_out
                 for j in range(9):
                     system[j, j] *= 1.0 + damping
@@ -219,7 +220,7 @@ def fit_start(
                 if after <= loss:
                     better = True
                     break
-                damping *= 10.0
+                damping *= _MORE_DAMPING
                 if size < _SMALL:
                     break
             if better:
