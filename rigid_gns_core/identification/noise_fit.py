@@ -28,13 +28,13 @@ LOW, HIGH = np.array([1e-5, 1e-8, 1e-4]), np.array([0.05, 10.0, 0.1])
 _KICK, _KICK_WIDTH = 0.02, 0.5
 # most evaluations of the search
 _EVALUATIONS = 50
-# a stretch with this many times the median loss holds something unknown; this part is taken
-# for known anyway
-_UNKNOWN, _MOST_KNOWN = 3.0, 0.75
+# a stretch holds something unknown with this many times the loss that this part of all are below:
+# of a juggler's balls most are in hands
+_UNKNOWN, _SURELY_KNOWN = 4.0, 0.3
 
 
 def known_stretches(fitted: Fitted) -> NDArray[np.bool_]:
-    """Mask of stretches whose loss is not far above that of most of their kind.
+    """Mask of stretches whose loss is not far above that of the best of their kind.
 
     Those with impacts are one kind, those without another: what is lost at an impact is more.
     """
@@ -42,8 +42,7 @@ def known_stretches(fitted: Fitted) -> NDArray[np.bool_]:
     for kind in (fitted.impacts > 0, fitted.impacts == 0):
         if kind.any():
             losses = fitted.losses[kind]
-            bound = _UNKNOWN * float(np.median(losses))
-            known[kind] = losses <= max(bound, float(np.quantile(losses, _MOST_KNOWN)))
+            known[kind] = losses <= _UNKNOWN * float(np.quantile(losses, _SURELY_KNOWN))
     return known
 
 

@@ -21,6 +21,8 @@ from ..tracking.kinks import kinks
 # a stretch is no longer than this [s]: what the laws do not know grows with time
 LONGEST = 0.7
 FEWEST = 8
+# a shorter piece tells little but what is unknown at its ends [s]
+_SHORTEST = 0.15
 # a ball that is not seen for longer may have touched anything [s]
 _LOST = 0.25
 # a velocity shows in this time [s]; an edge is moved by so much at most [s], to be clearer of
@@ -68,7 +70,8 @@ def pieces(
             hits = kinks(models[min(sphere, len(models) - 1)], times, positions, noise)
             cuts = sorted({0, len(times), *edges, *changes, *hits})
             for begin, end in pairwise(cuts):
-                if end - begin >= FEWEST and not near[begin]:
+                long = end - begin >= FEWEST and times[end - 1] - times[begin] >= _SHORTEST
+                if long and not near[begin]:
                     found.append(
                         Stretch(number, sphere, times[begin:end], positions[begin:end], FREE)
                     )
