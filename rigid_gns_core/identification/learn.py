@@ -185,7 +185,7 @@ def _finish(
         spread=spread,
         forecast_drift=ahead,
         forecast_impact=kick,
-        spins=None if prior is None or setup.spin == 'broad' else _spins(prior),
+        spins=_spins(setup, prior),
     )
     counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}
     scene = replace(laws.scene_at(_rounded(fitted.values)), tracker=tracker)
@@ -243,8 +243,12 @@ def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple
     return tuple(notes)
 
 
-def _spins(prior: StartPrior) -> Spins:
-    """Spins of some of the windows, evenly among all."""
+def _spins(setup: Setup, prior: StartPrior | None) -> Spins | None:
+    """Spins of some of the windows, evenly among all; None: any spin."""
+    if prior is None:  # none was told to be better than any: 0.01 rad/s
+        return Spins(((0.0,) * 9 + (1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4),))
+    if setup.spin == 'broad':
+        return None
     chosen = np.unique(np.linspace(0, len(prior.spins) - 1, _WINDOWS).astype(int))
     upper = np.triu_indices(3)
     rows = [(*prior.features[k], *prior.spins[k], *prior.covariances[k][upper]) for k in chosen]

@@ -14,7 +14,8 @@ from rigid_gns_core.data.tracks import Track
 from rigid_gns_core.identification.coverage import fit_coverage
 from rigid_gns_core.identification.first_look import shown_noise, shown_restitution
 from rigid_gns_core.identification.joint_fit import JointFit
-from rigid_gns_core.identification.learn import learn
+from rigid_gns_core.identification.ladder import Setup
+from rigid_gns_core.identification.learn import _spins, learn
 from rigid_gns_core.identification.left_out import Forecast
 from rigid_gns_core.identification.parameters import Laws
 from rigid_gns_core.identification.spins import broad_prior
@@ -22,6 +23,7 @@ from rigid_gns_core.identification.stretches import pieces, stretches
 from rigid_gns_core.tracking.ball_contact import FREE
 from rigid_gns_core.tracking.ball_model import BallModel
 from rigid_gns_core.tracking.ball_path import path
+from rigid_gns_core.tracking.start_prior import StartPrior
 
 NOISE = 0.7e-3
 TRUE = {
@@ -144,3 +146,11 @@ def test_a_fitted_law_takes_the_place_of_materials() -> None:
     rows = BallModel.of(scene)
     np.testing.assert_allclose(rows.laws, Laws(given).models_at(values)[0].laws, atol=1e-12)
     np.testing.assert_allclose(rows.ball, Laws(given).models_at(values)[0].ball, atol=1e-12)
+
+
+def test_a_scene_of_balls_that_do_not_spin_says_so() -> None:
+    """Where no spin predicted best, an estimate has none: in the air, and beyond that of rolling."""
+    spins = _spins(Setup((), 'none', np.inf, (1e-3, 1e-2, 0.02)), None)
+    assert spins is not None
+    mean, covariance = StartPrior.of(spins).at(np.ones(3), np.array([3.0, 1.0, 0.0]))
+    assert np.abs(mean).max() < 1e-12 and np.sqrt(np.trace(covariance)) < 0.1
