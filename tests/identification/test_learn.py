@@ -149,7 +149,7 @@ def test_a_fitted_law_takes_the_place_of_materials() -> None:
 
 
 def test_a_scene_of_balls_that_do_not_spin_says_so() -> None:
-    """Where no spin predicted best, an estimate has none: in the air, and beyond that of rolling."""
+    """Where no spin predicted best, an estimate has none, or that of rolling."""
     spins = _spins(Setup((), 'none', np.inf, (1e-3, 1e-2, 0.02)), None)
     assert spins is not None
     mean, covariance = StartPrior.of(spins).at(np.ones(3), np.array([3.0, 1.0, 0.0]))
