@@ -128,8 +128,8 @@ class Ladder:
         self._try(rung, np.inf, 0.0)
 
     def climb(self, rung: Rung) -> bool | None:
-        """Add a term if left-out tracks are predicted better by more than half an error bar."""
-        return self._try(rung, -_WORTH, 0.5)
+        """Add a term if left-out tracks are predicted better by more than the error bar."""
+        return self._try(rung, -_WORTH, 1.0)
 
     def drop(self, rung: Rung) -> bool | None:
         """Take a term out if left-out tracks are predicted no worse without it."""
