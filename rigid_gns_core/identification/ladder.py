@@ -155,6 +155,15 @@ class Ladder:
             self.visited.append((setup, folds, found))
         return kept
 
+    def drawn(self, samples: int) -> list[Forecast]:
+        """Left-out forecasts of what is kept, with covariances by drawn states."""
+        found = []
+        for fold in self.folds:
+            assert fold.fitted is not None
+            values, noise = fold.fitted.values, np.array(self.setup.noise)
+            found += forecasts(self.laws, values, noise, fold.prior, fold.outside, samples)
+        return found
+
     def settle(self) -> bool:
         """Go back to what predicted left-out tracks best on the way; whether that was earlier.
 

@@ -36,6 +36,8 @@ _WINDOWS = 150
 # before the residuals are known: drift [m^2/s^3] and kick
 _DRIFT, _KICK = 1e-2, 0.02
 _FEWEST_TRACKS = 4
+# states drawn for the covariance of a forecast
+_SAMPLES = 32
 # of fewer tracks than this the pieces between unknown contacts are left out one by one
 _FEW_TRACKS = 8
 
@@ -164,7 +166,7 @@ def _finish(
     ladder: Ladder, laws: Laws, met: Met, every: Sequence[Stretch], tracks: int
 ) -> Learned:
     setup = ladder.setup
-    coverage, held = fit_coverage(ladder.best, np.array(setup.noise))
+    coverage, held = fit_coverage(ladder.drawn(_SAMPLES), np.array(setup.noise))
     for name in setup.names:  # the last fit begins where the folds agree
         laws.shown[name] = float(
             np.median([fold.fitted.values[name] for fold in ladder.folds if fold.fitted])

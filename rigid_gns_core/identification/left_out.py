@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .parameters import Laws
 from .stretches import FEWEST, Stretch
 from ..scenes.state import Array
-from ..tracking.ball_estimate import estimate_ball, forecast_ball
+from ..tracking.ball_estimate import estimate_ball, forecast_ball, sampled_covariances
 from ..tracking.start_prior import StartPrior
 
 WINDOW, EVERY, MEMORY = 0.2, 0.2, 0.4  # [s]
@@ -76,10 +76,14 @@ def forecasts(
     noise: Array,
     prior: StartPrior | None,
     found: Sequence[Stretch],
+    samples: int = 0,
 ) -> list[Forecast]:
-    """Forecasts from all windows of some pieces of tracks."""
+    """Forecasts from all windows of some pieces of tracks.
+
+    Their covariances are by slopes, or by as many paths from drawn states as `samples` says.
+    """
     models = laws.models_at(values)
-    result = []
+    result: list[Forecast] = []
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
         for inside, nearest, first in windows(one):
@@ -88,6 +92,9 @@ def forecasts(
             stamps = one.times[nearest[reached]]
             begin = float(one.times[inside[-1]])
             ahead = forecast_ball(model, estimate, begin, stamps)
+            spreads = ahead.covariances[:, :3, :3]
+            if samples:
+                spreads = sampled_covariances(model, estimate, begin, stamps, samples, len(result))
             off = ahead.states[:, :3] - one.positions[nearest[reached]]
             for k, horizon in enumerate(np.array(HORIZONS)[reached]):
                 past = ahead.impacts[ahead.impacts[:, 0] < stamps[k]]
@@ -99,7 +106,7 @@ def forecasts(
                         lead=float(stamps[k]) - begin,
                         off=off[k],
                         contacts=len(past),
-                        covariance=ahead.covariances[k, :3, :3],
+                        covariance=spreads[k],
                         kicks=float(((past[:, 2] * (stamps[k] - past[:, 0])) ** 2).sum()),
                     )
                 )

@@ -12,7 +12,7 @@ import numpy as np
 from .ball_contact import FREE
 from .ball_fit import fit_start
 from .ball_model import BallModel, surface_under
-from .ball_path import path_and_slopes
+from .ball_path import path, path_and_slopes
 from .start_prior import StartPrior
 from ..scenes.state import Array
 
@@ -235,6 +235,31 @@ def forecast_ball(
     covariance = change @ estimate.covariance @ change.T
     spread = np.einsum('akc,ab,bkd->kcd', slopes, covariance, slopes, optimize=True)
     return BallForecast(states, spread, impacts[: min(found, MOST_CONTACTS)])
+
+
+def sampled_covariances(
+    model: BallModel, estimate: BallEstimate, begin: float, stamps: Array, samples: int, seed: int
+) -> Array:
+    """Covariances of the positions at stamps by paths from drawn states [m^2], shape (k, 3, 3).
+
+    Where some paths meet a surface and others do not, slopes do not show how far they part.
+    """
+    values, axes = np.linalg.eigh(estimate.covariance)
+    root = axes * np.sqrt(np.maximum(values, 0.0))
+    drawn = estimate.state + np.random.default_rng(seed).normal(size=(samples, 9)) @ root.T
+    if estimate.on != FREE:
+        normal = model.planes[estimate.on, 9:12]
+        drawn[:, 6:] -= np.cross(normal, drawn[:, 3:6]) / model.radius
+    stamps = np.ascontiguousarray(stamps)
+    places = np.empty((samples, len(stamps), 3))
+    states, impacts = np.zeros((len(stamps), 9)), np.zeros((MOST_CONTACTS, 3))
+    laws = (model.ball, model.planes, model.laws)
+    for one, start in zip(places, drawn, strict=True):
+        path(start, begin, stamps, *laws, estimate.on, states, impacts)
+        one[:] = states[:, :3]
+    apart = places - places.mean(axis=0)
+    spread: Array = np.einsum('ska,skb->kab', apart, apart) / (samples - 1)
+    return spread
 
 
 def _crossing(vector: Array) -> Array:
