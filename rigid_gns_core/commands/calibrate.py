@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns calibrate`: fits materials to tracked poses and writes a scene with them."""
+"""`rigid-gns calibrate`: fits a scene to tracks, or materials to tracked poses."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from pathlib import Path
 
 import yaml
 
-from .arguments import completes, positive, shipped_models
+from .arguments import completes, configs, positive, shipped_models
+from .calibrate_tracks import calibrate_tracks, hold_positions_only
 from ..data.records import Dataset
+from ..errors import UserError
 from ..files.tables import format_rows, number
 from ..identification.calibrate import calibrate, Calibration, DEFAULT
 from ..identification.fit import MATERIALS
@@ -62,6 +64,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', required=True, type=Path, help='scene file (YAML) to write')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='PNG',
+        help='draw what a fit to tracks leaves: residuals, restitution, drag, errors',
+    )
+    parser.add_argument(
+        '--method',
+        choices=('auto', 'tracks', 'rollouts'),
+        default='auto',
+        help='tracks: air, contact laws, spins and noise from stamped positions; rollouts: '
+        "materials from poses at the model's step (default: tracks where rotations were not "
+        'tracked)',
+    )
+    scene = parser.add_argument(
+        '--scene', metavar='NAME|FILE', help="where a fit to tracks begins: instead of the data's"
+    )
+    completes(scene, configs('scenes'))
+    parser.add_argument(
         '--fit',
         nargs='+',
         choices=tuple(MATERIALS),
@@ -80,10 +100,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns calibrate`; the exit code."""
-    for path in filter(None, (arguments.out, arguments.json)):
+    for path in filter(None, (arguments.out, arguments.json, arguments.figure)):
         if path.exists():
             raise FileExistsError(f'{path} exists; remove it or give another name')
         path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    if arguments.method == 'rollouts' and arguments.figure is not None:
+        raise UserError('--figure is of a fit to tracks; leave it out, or give --method tracks')
+    by_tracks = arguments.method == 'tracks' or (
+        arguments.method == 'auto' and hold_positions_only(arguments.data)
+    )
+    if by_tracks:
+        return calibrate_tracks(arguments)
     simulator = load_simulator(arguments.model)
     records = [record for folder in arguments.data for record in Dataset(folder)]
     simulator.warm_up()  # else the time that is left would count the compiler

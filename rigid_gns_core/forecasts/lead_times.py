@@ -66,6 +66,10 @@ def forecast_at(
     spread = np.einsum('skni,sknj->knij', apart, apart) / max(samples - 1, 1)
     unknown = ~np.isfinite(estimate.covariance).all(axis=(1, 2))
     spread[:, unknown] = np.nan
+    if scene.tracker is not None:  # what the laws leave open on the way
+        drift = scene.tracker.forecast_drift * np.asarray(lead_times) ** 3 / 3.0
+        kicks = scene.tracker.forecast_impact**2 * kicks_at(runs[0], lead_times, gravity)
+        spread += (drift[:, None] + kicks)[..., None, None] * np.eye(3)
     return LeadForecast(found[0], spread)
 
 
@@ -110,6 +114,21 @@ def positions_at(run: Trajectory, times: Array, gravity: Array, *, exact: bool) 
     struck = np.linalg.norm(w - v, axis=-1, keepdims=True) > bound
     places: Array = np.where(struck, np.where(t <= met, before, after), cubic)
     return places
+
+
+def kicks_at(run: Trajectory, times: Array, gravity: Array) -> Array:
+    """Sum over impacts of (approach speed times time since)^2 [m^2], shape (k, n)."""
+    before = run.velocities[:-1]
+    changes = run.velocities[1:] - before - gravity * run.dt
+    sizes = np.linalg.norm(changes, axis=-1)
+    speeds = np.linalg.norm(run.velocities, axis=-1)
+    bound = _FALL * np.linalg.norm(gravity) * run.dt
+    struck = sizes > bound + _DRAG * np.maximum(speeds[:-1], speeds[1:])
+    along = -(before * changes).sum(axis=-1) / np.maximum(sizes, 1e-300)
+    approach = np.where(struck, np.maximum(along, 0.0), 0.0)
+    middles = (np.arange(len(before)) + 0.5) * run.dt
+    since = np.maximum(times[:, None] - middles, 0.0)
+    return np.asarray(since**2 @ approach**2)
 
 
 def _drawn(estimate: StateEstimate, samples: int, seed: int) -> list[State]:

@@ -24,6 +24,7 @@ from .plane import (
 )
 from .plane import Plane as Plane
 from .state import Array
+from .tracker import Tracker
 from ..errors import UserError
 from ..files.config import ConfigError, from_mapping, to_mapping
 
@@ -57,6 +58,8 @@ class Scene:
         gravity: Acceleration [m/s^2], world frame; one number means along -z.
         air: Air around the spheres; None: a vacuum.
         sphere_contact: Law of the contacts of two spheres, instead of products; None: these.
+        tracker: What was learned of the tracker that watches the scene, and of its balls' spins;
+            None: nothing. It has no part in motions.
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
     of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
@@ -77,6 +80,7 @@ class Scene:
     gravity: Vector = (0.0, 0.0, -9.81)
     air: Air | None = None
     sphere_contact: ContactLaw | None = None
+    tracker: Tracker | None = None
 
     def __post_init__(self) -> None:
         planes = self.surfaces
@@ -97,6 +101,8 @@ class Scene:
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
         if self.air is not None and not isinstance(self.air, Air):
             raise UserError(f'air is {self.air!r}, expected Air(...), or None for a vacuum')
+        if self.tracker is not None and not isinstance(self.tracker, Tracker):
+            raise UserError(f'tracker is {self.tracker!r}, expected Tracker(...), or None')
         law = checked_law('sphere_contact', self.sphere_contact)
         for name in ('rolling_friction', 'rolling_friction_slope', 'spinning_friction'):
             if law is not None and getattr(law, name) > 0:
@@ -185,6 +191,8 @@ class Scene:
             mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:
             mapping['air'] = to_mapping(self.air)
+        if self.tracker is not None:
+            mapping['tracker'] = _tracker_mapping(self.tracker)
         for surface in mapping['surfaces']:
             for name in ('length_x', 'length_y'):
                 if np.isinf(surface[name]):
@@ -218,3 +226,13 @@ class Scene:
             size = float(checked_floats(f'{where}.gravity', mapping['gravity']))
             mapping['gravity'] = [0.0, 0.0, -size]
         return from_mapping(cls, mapping, where)
+
+
+def _tracker_mapping(tracker: Tracker) -> dict[str, Any]:
+    mapping = to_mapping(tracker)
+    if tracker.spins is not None:
+        windows = [list(row) for row in tracker.spins.windows]
+        bandwidth: Any = tracker.spins.bandwidth
+        bandwidth = 'inf' if np.isinf(bandwidth) else bandwidth  # JSON has no infinity
+        mapping['spins'] = to_mapping(tracker.spins) | {'windows': windows, 'bandwidth': bandwidth}
+    return mapping

@@ -30,15 +30,16 @@ def load_start(name: str | Path) -> tuple[Scene, StartRecipe]:
     """Load a scene and its start from a YAML file, or by a shipped name in config/scenes.
 
     The file holds `scene:` (see `Scene.from_mapping`) and `start:` (see `StartRecipe`), of which
-    the second may be absent: then one sphere starts at a random place.
+    the second may be absent: then one sphere starts at a random place. A `card:` says where the
+    values come from, and is not read.
 
     Raises:
         ConfigError: No such scene, an unknown key, or a value out of range.
     """
     path = find_config('scenes', name)
     mapping = load_yaml(path)
-    if unknown := sorted(set(mapping) - {'scene', 'start'}, key=str):
-        raise ConfigError(f'{path}: unknown key {unknown[0]!r}, allowed: scene, start')
+    if unknown := sorted(set(mapping) - {'scene', 'start', 'card'}, key=str):
+        raise ConfigError(f'{path}: unknown key {unknown[0]!r}, allowed: scene, start, card')
     for key in ('scene', 'start'):
         if not isinstance(mapping.get(key, {}), dict):
             raise ConfigError(f'{path}: {key} is {mapping[key]!r}, expected a mapping')

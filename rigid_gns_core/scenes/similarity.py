@@ -91,6 +91,7 @@ class Similarity:
             radius=_divide(scene.radius, self.length),
             air=None if scene.air is None else self._air(scene.air),
             sphere_contact=self._law(scene.sphere_contact),
+            tracker=None,  # of the world, and of no part in motions
         )
 
     def _law(self, law: ContactLaw | None) -> ContactLaw | None:

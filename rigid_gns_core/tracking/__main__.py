@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import sys
 
-from .warm import warm_up
+from .warm import warm_up, warm_up_laws
 
 if __name__ == '__main__':
     warm_up()
+    warm_up_laws()
     print('rigid_gns: the tracking filter is compiled', file=sys.stderr)

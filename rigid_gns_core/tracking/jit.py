@@ -26,6 +26,11 @@ def in_place(function: Function) -> Function:
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
+def compiled(function: Function) -> Function:
+    """Compile a function that only compiled code calls and that makes arrays."""
+    return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
 def entry(function: Function) -> Function:
     """Compile a function that Python calls; it runs without Python's global lock."""
     return _CODE.of(function, nogil=True)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .environment import Environment
 from .jit import compiling
+from .known_laws import states_by_laws
 from .motion_models import Motion, ROLLING
 from .pose_noise import estimate_noise, rotates
 from .velocity import estimate_motion
@@ -44,7 +45,11 @@ def estimate_state(
     *,
     noise: float | None = None,
 ) -> StateEstimate:
-    """Estimate the state at the last of some frames, as the node does.
+    """Estimate the state at the last of some frames.
+
+    Where the scene has air, or a tracker that was learned (`rigid-gns calibrate`), all frames of
+    its memory count, through the contacts in between, and spin is estimated with the prior that
+    was learned. Else it is as the node does.
 
     Args:
         scene: Surfaces, radii and gravity.
@@ -52,8 +57,8 @@ def estimate_state(
         positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
         quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where unknown; None: not
             tracked. Those of a sphere that never change are unknown, too.
-        noise: Standard deviation of each coordinate of a position [m]; None: estimated from
-            these frames.
+        noise: Standard deviation of each coordinate of a position [m]; None: that of the scene's
+            tracker, or estimated from these frames.
 
     Raises:
         UserError: Shapes disagree, times do not rise, or a sphere is seen in no frame.
@@ -83,6 +88,45 @@ def estimate_state(
             if not turned[sphere]:
                 turns[:, sphere] = _UNTURNED
     centres[~seen] = 0.0  # not read
+    if scene.air is None and scene.tracker is None:
+        return _by_window(scene, stamps, centres, turns, seen, noise, turned)
+    if not (np.diff(stamps) > 0).all():
+        raise UserError('times do not rise, expected increasing ones; sort the frames')
+    if noise is None and scene.tracker is None:
+        noise = _noise(stamps, centres, seen)
+    with compiling():
+        states, covariances, found = states_by_laws(scene, stamps, centres, seen, noise)
+    if found.all() and not turned.any():
+        state = State(
+            positions=states[:, :3],
+            quaternions=np.tile(_UNTURNED, (len(states), 1)),
+            velocities=states[:, 3:6],
+            angular_velocities=states[:, 6:],
+        )
+        return StateEstimate(state, covariances)
+    # of balls with few frames, and rotations where they are tracked
+    base = _by_window(scene, stamps, centres, turns, seen, noise, turned)
+    own = found[:, None]
+    spins = np.where(own & ~turned[:, None], states[:, 6:], base.state.angular_velocities)
+    mixed = State(
+        positions=np.where(own, states[:, :3], base.state.positions),
+        quaternions=base.state.quaternions,
+        velocities=np.where(own, states[:, 3:6], base.state.velocities),
+        angular_velocities=spins,
+    )
+    return StateEstimate(mixed, np.where(found[:, None, None], covariances, base.covariance))
+
+
+def _by_window(
+    scene: Scene,
+    stamps: Array,
+    centres: Array,
+    turns: Array,
+    seen: NDArray[np.bool_],
+    noise: float | None,
+    turned: NDArray[np.bool_],
+) -> StateEstimate:
+    """The node's fit to its window of frames."""
     radii = scene.per_sphere('radius', centres.shape[1])
     sigma = _noise(stamps, centres, seen) if noise is None else noise
     with compiling():

@@ -10,10 +10,15 @@ from functools import cache
 import numpy as np
 
 from .association import match
+from .ball_contact import FREE
+from .ball_estimate import estimate_ball, forecast_ball, MOVES
+from .ball_model import BallModel
+from .ball_slopes import normal_equations
 from .coasting import turn_on
 from .environment import Environment
 from .gating import gates
 from .jit import compiling
+from .start_prior import StartPrior
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
 
@@ -23,6 +28,24 @@ def warm_up() -> None:
     """Load the machine code from the disk, or compile it; once in a process."""
     with compiling():
         _call_entries()
+
+
+def warm_up_laws() -> None:
+    """Compile what states by the laws and their identification take: a node does without."""
+    model = BallModel.of(Scene(surfaces=(Plane(),), radius=0.02))
+    times = 0.01 * np.arange(12.0)
+    places = np.array([0.0, 0.0, 1.0]) + times[:, None] * [1.0, 0.0, 0.0]
+    noise = np.array([1e-3, 1e-2, 0.02])
+    with compiling():
+        found = estimate_ball(model, noise, StartPrior.of_any_spin(0.02), times, places)
+        forecast_ball(model, found, float(times[-1]), times[-1:] + 0.1)
+        none = np.zeros((0, 1, 14)), np.zeros((0, 1, 14)), np.zeros((0, 1, 8)), np.zeros(0)
+        laws = (model.ball, model.planes, model.laws)
+        ends = np.zeros((9, 9)), np.zeros(9)
+        frames = (float(times[0]), times, places)
+        normal_equations(
+            found.state, MOVES, *frames, *laws, FREE, noise, np.ones(12), *none, *ends
+        )
 
 
 def _call_entries() -> None:

@@ -12,6 +12,7 @@ import json
 from pathlib import Path
 import shutil
 
+from csv_balls import rows_of, SCENE, shots, write_csv
 import numpy as np
 import pytest
 from rigid_gns_core import load_simulator, Scene
@@ -55,8 +56,19 @@ def thesis() -> None:
     shutil.copy(ROOT / 'docs' / 'thesis.md', 'docs/thesis.md')
 
 
+def rig() -> None:
+    """Write tracks of balls that bounce, and the scene that is known of them."""
+    for seed, (name, count) in enumerate({'train.csv': 8, 'test.csv': 4}.items()):
+        write_csv(Path(name), rows_of(shots(count, 0.7, 0.5e-3, seed)))
+    Path('rig.yaml').write_text(SCENE)
+
+
 # What a page takes as given, where that is not bags.
-GIVEN: dict[str, Callable[[], None]] = {'thesis.md': thesis, 'tutorial.md': lambda: None}
+GIVEN: dict[str, Callable[[], None]] = {
+    'identification.md': rig,
+    'thesis.md': thesis,
+    'tutorial.md': lambda: None,
+}
 
 
 def tutorial(words: list[str]) -> list[str]:

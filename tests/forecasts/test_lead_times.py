@@ -8,7 +8,7 @@ from __future__ import annotations
 from csv_balls import bounces, RADIUS, RESTITUTION
 import numpy as np
 import pytest
-from rigid_gns_core.forecasts.lead_times import forecast_at, positions_at
+from rigid_gns_core.forecasts.lead_times import forecast_at, kicks_at, positions_at
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
@@ -97,3 +97,15 @@ def test_what_is_not_known_has_no_spread() -> None:
     assert found.covariance is not None
     assert np.isnan(found.covariance[0, 0]).all() and np.isfinite(found.covariance[0, 1]).all()
     assert forecast_at(simulator, SCENE, estimate, np.array([0.1]), samples=0).covariance is None
+
+
+def test_impacts_of_a_rollout_widen_what_comes_after() -> None:
+    """A ball dropped from h: u = sqrt(2 g h) at t = sqrt(2 h / g), to a step of 14 ms."""
+    height = 0.5
+    run = load_simulator().rollout(SCENE, [[0.0, 0.0, RADIUS + height]], steps=40)
+    fall = np.sqrt(2 * height / 9.81)
+    times = np.array([0.9 * fall, fall + 0.1, fall + 0.2])
+    found = kicks_at(run, times, G)
+    speed = np.sqrt(2 * 9.81 * height)
+    assert found[0, 0] == 0.0
+    np.testing.assert_allclose(found[1:, 0], (speed * np.array([0.1, 0.2])) ** 2, rtol=0.25)

@@ -43,7 +43,8 @@ class Windows:
     Args:
         window: Time of a window [s].
         horizons: Times after it [s].
-        every: Time from one window to the next [s]; None: the first of each track alone.
+        every: Time from one window to the next [s]; None: the first of each track alone. A scene
+            with a learned tracker has the frames before a window, too, as far as its memory goes.
         samples: States drawn for the regions; 0: no regions.
         seed: Seed of the draws.
 
@@ -217,7 +218,15 @@ def _from_window(
             if turns is not None and track.quaternions is not None:
                 turns[-1, column] = track.quaternions[last, sphere]
     own = scene_of(scene, tuple(used.tolist()))
-    estimate = estimate_state(own, track.times[frames], positions, turns, noise=noise)
+    times = track.times[frames]
+    if windows.every is not None and own.tracker is not None:
+        # a tracker at work has what came before as well, of which its memory counts
+        earlier = np.arange(frames[0])
+        times = track.times[: frames[-1] + 1]
+        positions = np.concatenate([track.positions[earlier][:, used], positions])
+        if turns is not None and track.quaternions is not None:
+            turns = np.concatenate([track.quaternions[earlier][:, used], turns])
+    estimate = estimate_state(own, times, positions, turns, noise=noise)
     leads = np.unique([lead for _, _, lead, _ in compared])
     forecast = forecast_at(
         simulator, own, estimate, leads, samples=windows.samples, seed=windows.seed

@@ -1,0 +1,269 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From tracks to a scene: air, contact laws, the tracker's frame and noise, and spins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .coverage import fit_coverage
+from .diagnostics import Diagnostics, diagnostics_of
+from .first_look import shown_noise, shown_restitution
+from .joint_fit import Fitted
+from .ladder import fit_setup, Fold, Ladder, Setup, Tried
+from .parameters import Laws
+from .stretches import pieces, Stretch, stretches
+from .terms import core_terms, further_terms, Met, met_by
+from ..data.tracks import Track
+from ..errors import UserError
+from ..running.threads import in_threads, usable_cores
+from ..scenes.scene import Scene
+from ..scenes.tracker import Spins, Tracker
+from ..tracking.start_prior import StartPrior
+
+# folds of the tracks; many tracks make two do
+_FOLDS, _MANY = 3, 60
+# most stretches of a fold, and of the last fit
+_MOST, _MOST_LAST = 250, 600
+# fits without a group of tracks each, for standard errors
+_GROUPS = 8
+# most windows of spins that a scene keeps
+_WINDOWS = 150
+# before the residuals are known: drift [m^2/s^3] and kick
+_DRIFT, _KICK = 1e-2, 0.02
+_FEWEST_TRACKS = 4
+# states drawn for the covariance of a forecast
+_SAMPLES = 32
+# of fewer tracks than this the pieces between unknown contacts are left out one by one
+_FEW_TRACKS = 8
+
+
+@dataclass(frozen=True)
+class Told:
+    """One parameter.
+
+    Args:
+        value: Fitted value.
+        error: Standard error: the largest of that of the residuals, of the tracks' scores, and of
+            fits without a part of the tracks.
+        unit: Its unit.
+    """
+
+    value: float
+    error: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What tracks tell.
+
+    Args:
+        scene: The scene with it.
+        parameters: Values and standard errors by name.
+        table: The terms that were tried.
+        coverage: Number and parts of left-out forecasts in the regions of 50 and 90 %, by horizon.
+        counts: Numbers of tracks, stretches, and stretches left out as they hold what the laws do
+            not know.
+        notes: What the data do not tell, in words.
+        diagnostics: What the fit leaves.
+    """
+
+    scene: Scene
+    parameters: dict[str, Told]
+    table: tuple[Tried, ...]
+    coverage: dict[str, list[float]]
+    counts: dict[str, int]
+    notes: tuple[str, ...]
+    diagnostics: Diagnostics
+
+
+def learn(
+    tracks: Sequence[Track],
+    scene: Scene,
+    labels: Sequence[str],
+    say: Callable[[Tried], object] = lambda _: None,
+) -> Learned:
+    """Fit a scene to tracks.
+
+    Args:
+        tracks: Stamped positions.
+        scene: Surfaces, radii, masses; where fits begin.
+        labels: Labels of the scene's spheres in the tracks.
+        say: Called with each line of the table.
+
+    Raises:
+        UserError: There are too few tracks, or none has enough frames.
+    """
+    laws = Laws(scene, max(len(labels), 1))
+    noise = 1e-3
+    for _ in range(2):  # where tracks are cut depends on the noise
+        found = pieces(tracks, scene, labels, laws.models, noise)
+        noise = shown_noise(found)
+    if len({one.track for one in found}) < _FEW_TRACKS:  # the flights of a few long recordings
+        found = [replace(one, track=k) for k, one in enumerate(found)]
+    numbers = sorted({one.track for one in found})
+    if len(numbers) < _FEWEST_TRACKS:
+        raise UserError(
+            f'{len(tracks)} tracks show {len(numbers)} stretches of a ball of 8 frames or more, '
+            f'but a fit with left-out tracks takes at least {_FEWEST_TRACKS}; import more tracks'
+        )
+    every = stretches(found, laws.models, noise)
+    met = met_by(laws, every, noise)
+    _look(laws, found, met)
+    ladder = _ladder(laws, found, numbers, noise)
+    _climb(ladder, laws, met, say)
+    return _finish(ladder, laws, met, every, len(numbers))
+
+
+def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
+    """Begin restitutions where bounces show them."""
+    for group, count in enumerate(met.impacts):
+        shown = shown_restitution(laws, found, group) if count else None
+        if shown is not None:
+            laws.shown[f'contact {group}.restitution'] = shown
+
+
+def _ladder(laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise: float) -> Ladder:
+    count = _FOLDS if len(numbers) < _MANY else 2
+    folds = []
+    for k in range(count):
+        outside = {number for i, number in enumerate(numbers) if i % count == k}
+        inside = stretches([one for one in found if one.track not in outside], laws.models, noise)
+        folds.append(
+            Fold(_some(inside, _MOST), _some([o for o in found if o.track in outside], _MOST))
+        )
+    return Ladder(laws, folds, Setup((), 'none', np.inf, (noise, _DRIFT, _KICK)))
+
+
+def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object]) -> None:
+    def done() -> None:
+        say(ladder.table[-1])
+
+    ladder.begin()
+    done()
+    core = core_terms(laws, met)
+    for rung, _ in core:
+        ladder.add(rung)
+        done()
+    ladder.refit_noise()
+    done()
+    for rung in further_terms(met):
+        if ladder.climb(rung) is not None:
+            done()
+    for _, removal in core:
+        if removal is not None and ladder.drop(removal) is not None:
+            done()
+    if ladder.settle():
+        done()
+
+
+def _finish(
+    ladder: Ladder, laws: Laws, met: Met, every: Sequence[Stretch], tracks: int
+) -> Learned:
+    setup = ladder.setup
+    coverage, held = fit_coverage(ladder.drawn(_SAMPLES), np.array(setup.noise))
+    for name in setup.names:  # the last fit begins where the folds agree
+        laws.shown[name] = float(
+            np.median([fold.fitted.values[name] for fold in ladder.folds if fold.fitted])
+        )
+    chosen = _some(every, _MOST_LAST)
+    fitted, prior, unknown = fit_setup(laws, setup, chosen, None)
+    errors = _errors(laws, setup, chosen, fitted)
+    told = {
+        name: Told(fitted.values[name], errors[name], laws.start_of(name).unit)
+        for name in setup.names
+    }
+    noise, drift, impact = (float(f'{value:.4g}') for value in setup.noise)
+    spread, ahead, kick = (float(f'{value:.4g}') for value in coverage)
+    tracker = Tracker(
+        noise=noise,
+        drift=drift,
+        impact=impact,
+        spread=spread,
+        forecast_drift=ahead,
+        forecast_impact=kick,
+        spins=_spins(setup, prior),
+    )
+    counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}
+    scene = replace(laws.scene_at(_rounded(fitted.values)), tracker=tracker)
+    return Learned(
+        scene=scene,
+        parameters=told,
+        table=tuple(ladder.table),
+        coverage=held,
+        counts=counts,
+        notes=_notes(laws, ladder, met, told),
+        diagnostics=diagnostics_of(laws, fitted, chosen),
+    )
+
+
+def _errors(
+    laws: Laws, setup: Setup, found: Sequence[Stretch], fitted: Fitted
+) -> dict[str, float]:
+    """Standard errors, the larger of the scores' and of a jackknife of groups of tracks."""
+    numbers = sorted({one.track for one in found})
+    groups = min(_GROUPS, len(numbers))
+
+    def without(k: int) -> list[float]:
+        out = set(numbers[k::groups])
+        kept = np.array([one.track not in out for one in found])
+        before = Fitted(
+            fitted.values,
+            fitted.starts[kept],
+            fitted.losses[kept],
+            fitted.impacts[kept],
+            fitted.spin_covariances[kept],
+        )
+        part = [one for one, stays in zip(found, kept, strict=True) if stays]
+        one, _, _ = fit_setup(laws, setup, part, before)
+        return [one.values[name] for name in setup.names]
+
+    values = in_threads(without, range(groups), usable_cores())
+    spread = np.std(values, axis=0) * np.sqrt(groups - 1) if setup.names else np.zeros(0)
+    return {name: max(fitted.errors[name], float(spread[k])) for k, name in enumerate(setup.names)}
+
+
+def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple[str, ...]:
+    notes = []
+    for g, (hits, stays) in enumerate(zip(met.impacts, met.stays, strict=True)):
+        if not hits and not stays:
+            surfaces = ', '.join(str(k) for k in laws.groups[g])
+            notes.append(f'contact {g} (surface {surfaces}): no ball meets it, kept as given')
+    for line in ladder.table:
+        if line.name.startswith('without') and line.kept:
+            term = line.name.removeprefix('without ')
+            notes.append(f'{term}: left-out tracks are predicted no worse without it')
+    for name, one in told.items():
+        width = laws.start_of(name).width
+        if one.error > 0.7 * width:
+            notes.append(f'{name}: the data hardly tell it ({one.value:.3g} +- {one.error:.2g})')
+    return tuple(notes)
+
+
+def _spins(setup: Setup, prior: StartPrior | None) -> Spins | None:
+    """Spins of some of the windows, evenly among all; None: any spin."""
+    if prior is None:  # none was told to be better than any: 0.01 rad/s
+        return Spins(((0.0,) * 9 + (1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4),))
+    if setup.spin == 'broad':
+        return None
+    chosen = np.unique(np.linspace(0, len(prior.spins) - 1, _WINDOWS).astype(int))
+    upper = np.triu_indices(3)
+    rows = [(*prior.features[k], *prior.spins[k], *prior.covariances[k][upper]) for k in chosen]
+    windows = tuple(tuple(float(f'{value:.4g}') for value in row) for row in rows)
+    return Spins(windows, prior.bandwidth, prior.shrinkage, prior.floor)
+
+
+def _some(found: Sequence[Stretch], most: int) -> list[Stretch]:
+    """At most so many stretches, evenly among all."""
+    if len(found) <= most:
+        return list(found)
+    return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
+
+
+def _rounded(values: dict[str, float]) -> dict[str, float]:
+    return {name: float(f'{value:.6g}') for name, value in values.items()}

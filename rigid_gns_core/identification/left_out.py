@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Forecasts of tracks from their windows, and how far off they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .parameters import Laws
+from .stretches import FEWEST, Stretch
+from ..scenes.state import Array
+from ..tracking.ball_estimate import estimate_ball, forecast_ball, sampled_covariances
+from ..tracking.start_prior import StartPrior
+
+WINDOW, EVERY, MEMORY = 0.2, 0.2, 0.4  # [s]
+HORIZONS = (0.2, 0.4, 0.6, 1.0)  # [s]
+# a frame is compared with a horizon no farther off than this [s], [median intervals]
+_APART, _FRAMES = 0.01, 0.6
+# most windows of a piece
+_MOST = 10
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """One forecast and what came.
+
+    Args:
+        track: Number of the track.
+        first: Whether it starts from the first window of its stretch.
+        horizon: Time ahead [s], as asked for.
+        lead: To the frame compared [s].
+        off: Forecast less position [m], shape (3,).
+        contacts: Number of impacts that the forecast has on the way.
+        covariance: Of the forecast by that of the estimate [m^2], shape (3, 3).
+        kicks: Sum over impacts of (approach speed times time since)^2 [m^2].
+    """
+
+    track: int
+    first: bool
+    horizon: float
+    lead: float
+    off: Array
+    contacts: int
+    covariance: Array
+    kicks: float = 0.0
+
+
+def windows(one: Stretch) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
+    """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
+
+    A window has all frames of the last `MEMORY`. Of a long piece they begin so far apart that it
+    has `_MOST` of them.
+    """
+    times = one.times
+    every = max(EVERY, (times[-1] - times[0]) / _MOST)
+    apart = max(_APART, _FRAMES * float(np.median(np.diff(times))))
+    end, first = times[0] + WINDOW, True
+    while end < times[-1]:
+        inside = np.flatnonzero((times <= end + 1e-6) & (times >= end - MEMORY - 1e-6))
+        last = times[inside[-1]]
+        nearest = np.array([np.abs(times - last - h).argmin() for h in HORIZONS])
+        nearest[np.abs(times[nearest] - last - HORIZONS) > apart] = -1
+        if len(inside) >= FEWEST and (nearest >= 0).any():
+            yield inside, nearest, first
+        end, first = end + every, False
+
+
+def forecasts(
+    laws: Laws,
+    values: dict[str, float],
+    noise: Array,
+    prior: StartPrior | None,
+    found: Sequence[Stretch],
+    samples: int = 0,
+) -> list[Forecast]:
+    """Forecasts from all windows of some pieces of tracks.
+
+    Their covariances are by slopes, or by as many paths from drawn states as `samples` says.
+    """
+    models = laws.models_at(values)
+    result: list[Forecast] = []
+    for one in found:
+        model = models[min(one.sphere, len(models) - 1)]
+        for inside, nearest, first in windows(one):
+            estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
+            reached = nearest >= 0
+            stamps = one.times[nearest[reached]]
+            begin = float(one.times[inside[-1]])
+            ahead = forecast_ball(model, estimate, begin, stamps)
+            spreads = ahead.covariances[:, :3, :3]
+            if samples:
+                spreads = sampled_covariances(model, estimate, begin, stamps, samples, len(result))
+            off = ahead.states[:, :3] - one.positions[nearest[reached]]
+            for k, horizon in enumerate(np.array(HORIZONS)[reached]):
+                past = ahead.impacts[ahead.impacts[:, 0] < stamps[k]]
+                result.append(
+                    Forecast(
+                        track=one.track,
+                        first=first,
+                        horizon=float(horizon),
+                        lead=float(stamps[k]) - begin,
+                        off=off[k],
+                        contacts=len(past),
+                        covariance=spreads[k],
+                        kicks=float(((past[:, 2] * (stamps[k] - past[:, 0])) ** 2).sum()),
+                    )
+                )
+    return result
+
+
+def scores(found: Sequence[Forecast], noise: float) -> dict[int, float]:
+    """Mean logarithm of the error of each track: no forecast that fails alone decides."""
+    logs: dict[int, list[float]] = {}
+    for one in found:
+        error = float(np.sqrt(one.off @ one.off + noise**2))
+        logs.setdefault(one.track, []).append(np.log(error))
+    return {track: float(np.mean(own)) for track, own in logs.items()}
+
+
+def table_row(found: Sequence[Forecast], first: bool) -> dict[str, list[float]]:
+    """Number, mean and median error [m] by horizon, of first windows or of all."""
+    row = {}
+    for horizon in HORIZONS:
+        errors = [
+            float(np.linalg.norm(one.off))
+            for one in found
+            if one.horizon == horizon and (one.first or not first)
+        ]
+        if errors:
+            row[f'{horizon:g}'] = [len(errors), float(np.mean(errors)), float(np.median(errors))]
+    return row

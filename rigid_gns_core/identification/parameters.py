@@ -1,0 +1,205 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters that tracks may tell, and the laws of a ball with given values of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..scenes.air import Air
+from ..scenes.contact_law import ContactLaw, RestitutionCurve
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import Array
+from ..tracking.ball_contact import LAW
+from ..tracking.ball_model import BallModel, plane_rows
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One shared parameter.
+
+    Args:
+        name: `air.FIELD`, `gravity.AXIS`, `contact N.FIELD` of the N-th group of surfaces, or
+            `surface N.height`, `.tilt_x`, `.tilt_y` of the N-th surface.
+        start: Value at the start, and the mean of a weak prior.
+        width: Standard deviation of that prior; a thousandth of it is the step of slopes.
+        low, high: Bounds.
+        unit: Unit, for tables.
+    """
+
+    name: str
+    start: float
+    width: float
+    low: float = -np.inf
+    high: float = np.inf
+    unit: str = ''
+
+
+# of a mass that is far off, a coefficient makes up for it
+_MOST = 50.0
+AIR = {
+    'drag_coefficient': Parameter('air.drag_coefficient', 0.45, 0.3, 0.0, _MOST),
+    'drag_slope': Parameter('air.drag_slope', 0.0, 1.0, 0.0, _MOST),
+    'lift_coefficient': Parameter('air.lift_coefficient', 0.37, 0.3, 0.0, _MOST),
+    'lift_half_ratio': Parameter('air.lift_half_ratio', 0.25, 0.2, 0.02, 2.0),
+    'spin_decay': Parameter('air.spin_decay', 0.0, 0.3, 0.0, 3.0, '1/s'),
+}
+# width, low, high, unit; a restitution that falls by `restitution_drop` from high to low speed
+CONTACT = {
+    'restitution': (0.15, 0.0, 1.0, ''),
+    'restitution_drop': (0.3, -1.0, 1.0, ''),
+    'restitution_speed': (0.5, 0.02, 10.0, 'm/s'),
+    'friction': (0.15, 0.0, 2.0, ''),
+    'tangential_restitution': (0.5, -1.0, 1.0, ''),
+    'rolling_friction': (0.01, 0.0, 0.5, ''),
+    'rolling_friction_slope': (0.01, 0.0, 0.5, 's/m'),
+    'spinning_friction': (0.02, 0.0, 0.5, ''),
+}
+
+
+class Laws:
+    """Laws of the balls of a scene as functions of parameters' values.
+
+    Args:
+        scene: Surfaces, spheres and gravity; what is not fitted stays.
+        count: Number of spheres.
+
+    Attributes:
+        shown: Values that tracks show without a fit, where fits begin, by parameter.
+    """
+
+    def __init__(self, scene: Scene, count: int = 1) -> None:
+        self.scene, self.count = scene, count
+        self.models = [BallModel.of(scene, i, count) for i in range(count)]
+        self.groups = _groups(scene)
+        self.shown: dict[str, float] = {}
+
+    def start_of(self, name: str) -> Parameter:
+        """Parameter of a name, that starts from the scene's value."""
+        if name in self.shown:
+            return replace(self._start_of(name), start=self.shown[name])
+        return self._start_of(name)
+
+    def _start_of(self, name: str) -> Parameter:
+        part, field = name.split('.')
+        if part == 'air':
+            parameter = AIR[field]
+            if self.scene.air is not None and field != 'lift_coefficient':
+                return replace(parameter, start=float(getattr(self.scene.air, field)))
+            return parameter
+        if part == 'gravity':
+            gravity = self.scene.gravity['xyz'.index(field)]
+            return Parameter(name, gravity, 0.5, unit='m/s2')
+        if part.startswith('surface'):
+            width, unit = (0.003, 'm') if field == 'height' else (0.01, 'rad')
+            return Parameter(name, 0.0, width, unit=unit)
+        width, low, high, unit = CONTACT[field]
+        law = dict(
+            zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True)
+        )
+        drop = law['restitution'] - law['restitution_slow']
+        start = drop if field == 'restitution_drop' else law[field]
+        return Parameter(name, float(np.clip(start, low, high)), width, low, high, unit)
+
+    def models_at(self, values: Mapping[str, float]) -> list[BallModel]:
+        """Laws of each sphere with these values; parameters that are absent stay the scene's."""
+        rows = self._planes(values)
+        laws = self.models[0].laws.copy()
+        for name, value in values.items():
+            part, field = name.split('.')
+            if not part.startswith('contact'):
+                continue
+            for k in self.groups[int(part.split()[1])]:
+                _set_law(laws[k], field, value)
+        return [
+            replace(model, ball=self._ball(i, values), planes=rows, laws=laws)
+            for i, model in enumerate(self.models)
+        ]
+
+    def air_at(self, values: Mapping[str, float]) -> Air | None:
+        """Air with these values; None where the scene has none and no value is of air."""
+        fields: dict[str, Any] = {
+            n.split('.')[1]: v for n, v in values.items() if n.startswith('air.')
+        }
+        if not fields:
+            return self.scene.air
+        base = self.scene.air or Air(drag_coefficient=0.0)
+        return replace(base, **fields)
+
+    def gravity_at(self, values: Mapping[str, float]) -> Array:
+        """Gravity with these values [m/s^2], shape (3,)."""
+        return np.array(
+            [values.get(f'gravity.{a}', g) for a, g in zip('xyz', self.scene.gravity, strict=True)]
+        )
+
+    def surfaces_at(self, values: Mapping[str, float]) -> tuple[Plane, ...]:
+        """Planes with these heights and tilts: about the axes of the plane, at its point."""
+        planes = list(self.scene.surfaces)
+        for k, plane in enumerate(planes):
+            height = values.get(f'surface {k}.height', 0.0)
+            x, y = values.get(f'surface {k}.tilt_x', 0.0), values.get(f'surface {k}.tilt_y', 0.0)
+            if height or x or y:
+                axes = plane.axes
+                normal = axes[2] + x * axes[0] + y * axes[1]
+                point = np.asarray(plane.point) + height * axes[2]
+                planes[k] = replace(plane, point=tuple(point), normal=tuple(normal))
+        return tuple(planes)
+
+    def scene_at(self, values: Mapping[str, float]) -> Scene:
+        """The scene with these values; surfaces whose law is fitted get one of their own."""
+        planes = list(self.surfaces_at(values))
+        rows = self.models_at(values)[0].laws
+        for number, group in enumerate(self.groups):
+            if any(name.startswith(f'contact {number}.') for name in values):
+                for k in group:
+                    law = _law_of(rows[k])
+                    planes[k] = replace(planes[k], contact=law, restitution=None, friction=None)
+        return replace(
+            self.scene,
+            surfaces=tuple(planes),
+            gravity=tuple(self.gravity_at(values)),
+            air=self.air_at(values),
+        )
+
+    def _planes(self, values: Mapping[str, float]) -> Array:
+        if any(name.startswith('surface') for name in values):
+            return plane_rows(self.surfaces_at(values))
+        return self.models[0].planes
+
+    def _ball(self, i: int, values: Mapping[str, float]) -> Array:
+        old = self.models[i].ball
+        air = self.air_at(values) or Air(density=0.0, drag_coefficient=0.0)
+        mass = self.scene.per_sphere('mass', self.count)[i : i + 1]
+        flight = air.flight(old[0, 7:8], mass, self.gravity_at(values))
+        return np.column_stack([flight, old[:, 13:]])
+
+
+def _law_of(row: Array) -> ContactLaw:
+    slow, fast, speed = (float(value) for value in np.clip(row[:3], 0.0, [1.0, 1.0, np.inf]))
+    rest = {name: float(value) for name, value in zip(LAW[3:], row[3:], strict=True)}
+    restitution = fast if slow == fast else RestitutionCurve(slow, fast, speed)
+    return ContactLaw(restitution=restitution, **rest)
+
+
+def _set_law(law: Array, field: str, value: float) -> None:
+    if field == 'restitution':
+        law[0] += value - law[1]
+        law[1] = value
+    elif field == 'restitution_drop':
+        law[0] = law[1] - value
+    else:
+        law[LAW.index(field)] = value
+
+
+def _groups(scene: Scene) -> list[list[int]]:
+    """Surfaces by their contact laws: those of equal values in the scene share one."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for k, plane in enumerate(scene.surfaces):
+        groups.setdefault((plane.contact, plane.restitution, plane.friction), []).append(k)
+    return list(groups.values())

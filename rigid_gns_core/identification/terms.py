@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The terms that a fit tries, in the order in which they build on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from .ladder import always, Rung, Setup
+from .parameters import Laws
+from .stretches import Stretch
+from ..tracking.ball_contact import FREE
+
+# a law is fitted that so many stretches meet
+_FEWEST = 3
+# bandwidths of the prior that are tried [deviations of the features]
+_BANDWIDTHS = (0.4, 0.2, 0.1)
+_LIFT = 'air.lift_coefficient'
+
+
+@dataclass(frozen=True)
+class Met:
+    """What balls meet in some stretches.
+
+    Args:
+        flights: Number of stretches in the air.
+        impacts: Number of stretches with impacts, by group of surfaces.
+        stays: Number of stretches on a surface, by group.
+        surfaces: Surfaces with impacts.
+    """
+
+    flights: int
+    impacts: tuple[int, ...]
+    stays: tuple[int, ...]
+    surfaces: tuple[int, ...]
+
+
+def met_by(laws: Laws, found: Sequence[Stretch], noise: float) -> Met:
+    """What balls meet: surfaces that frames come near to, and those that balls stay on."""
+    impacts, stays = [0] * len(laws.groups), [0] * len(laws.groups)
+    group_of = {k: g for g, group in enumerate(laws.groups) for k in group}
+    surfaces: dict[int, int] = {}
+    flights = 0
+    for one in found:
+        model = laws.models[min(one.sphere, len(laws.models) - 1)]
+        flights += one.on == FREE
+        if one.on != FREE:
+            stays[group_of[one.on]] += 1
+        lowest = [
+            ((one.positions - plane[:3]) @ plane[9:12] - model.radius).min()
+            for plane in model.planes
+        ]
+        for k, height in enumerate(lowest):
+            step = np.linalg.norm(np.diff(one.positions, axis=0), axis=1).max()
+            if k != one.on and height < 5 * noise + 0.5 * step:
+                surfaces[k] = surfaces.get(k, 0) + 1
+                impacts[group_of[k]] += 1
+    touched = tuple(k for k, count in sorted(surfaces.items()) if count >= _FEWEST)
+    return Met(flights, tuple(impacts), tuple(stays), touched)
+
+
+def core_terms(laws: Laws, met: Met) -> list[tuple[Rung, Rung | None]]:
+    """Terms that are added in turn whatever they do, each with its removal; None: it stays."""
+    terms: list[tuple[Rung, Rung | None]] = [(_adding('contacts', _contacts(laws, met)), None)]
+    flies = met.flights >= _FEWEST
+    if flies:
+        terms.append((_adding('drag', ('air.drag_coefficient',)), None))
+    lift = (_LIFT,) if flies else ()
+    name = 'lift and any spin' if flies else 'any spin'
+    terms.append((Rung(name, lambda setup: replace(_with(lift, setup), spin='broad')), None))
+    learned = Rung('spins as of other tracks', lambda setup: replace(setup, spin='learned'))
+    broad = Rung('without spins of other tracks', lambda setup: replace(setup, spin='broad'))
+    terms.append((learned, broad))
+    grips = tuple(
+        f'contact {g}.tangential_restitution'
+        for g, count in enumerate(met.impacts)
+        if count >= _FEWEST
+    )
+    tilts = tuple(n for n in _frame(laws, met) if 'tilt' in n)
+    optional = [('grip', grips), ('gravity', _gravity(laws, flies))]
+    if flies:
+        optional.insert(1, ('drag by spin', ('air.drag_slope',)))
+    for name, names in optional:
+        if names:
+            terms.append((_adding(name, names), _removing(name, names)))
+    if tilts:
+        terms.append((_adding('surface tilt', tilts), _removing('surface tilt', tilts)))
+    return terms
+
+
+def further_terms(met: Met) -> list[Rung]:
+    """Terms that are added only where they help."""
+    terms = [
+        Rung(
+            f'spins of like windows, {width:g}',
+            partial(_at_bandwidth, width),
+            lambda setup: setup.spin == 'learned',
+        )
+        for width in _BANDWIDTHS
+    ]
+    terms.append(Rung('drift a tenth', _stiffer))
+    terms.append(Rung('noise doubled, drift a fifth', _doubled))
+    if met.flights >= _FEWEST:
+        for field in ('lift_half_ratio', 'spin_decay'):
+            terms.append(_adding(field.replace('_', ' '), (f'air.{field}',), _spins))
+    for g, count in enumerate(met.impacts):
+        if count >= _FEWEST:
+            names = (f'contact {g}.restitution_drop', f'contact {g}.restitution_speed')
+            terms.append(_adding(f'restitution over speed, {g}', names))
+    for g, count in enumerate(met.stays):
+        if count >= _FEWEST:
+            terms.append(
+                _adding(f'rolling over speed, {g}', (f'contact {g}.rolling_friction_slope',))
+            )
+    return terms
+
+
+def _contacts(laws: Laws, met: Met) -> tuple[str, ...]:
+    names: list[str] = []
+    for g, (hits, stays) in enumerate(zip(met.impacts, met.stays, strict=True)):
+        if hits >= _FEWEST:
+            names.append(f'contact {g}.restitution')
+        if max(hits, stays) >= _FEWEST:
+            names.append(f'contact {g}.friction')
+        if stays >= _FEWEST:
+            names.append(f'contact {g}.rolling_friction')
+    return (*names, *(n for n in _frame(laws, met) if 'height' in n))
+
+
+def _frame(laws: Laws, met: Met) -> tuple[str, ...]:
+    """Heights of surfaces with impacts, and tilts of those that carry."""
+    names = []
+    for k in met.surfaces:
+        names.append(f'surface {k}.height')
+        if np.asarray(laws.scene.surfaces[k].normal) @ laws.scene.up > 0.7:
+            names += [f'surface {k}.tilt_x', f'surface {k}.tilt_y']
+    return tuple(names)
+
+
+def _gravity(laws: Laws, flies: bool) -> tuple[str, ...]:
+    """Components of gravity; without flights those along the surfaces only."""
+    up = np.abs(laws.scene.up)
+    return tuple(
+        f'gravity.{axis}' for axis, part in zip('xyz', up, strict=True) if flies or part < 0.5
+    )
+
+
+def _adding(name: str, names: tuple[str, ...], needs: Callable[[Setup], bool] = always) -> Rung:
+    return Rung(name, partial(_with, names), needs)
+
+
+def _removing(name: str, names: tuple[str, ...]) -> Rung:
+    return Rung(f'without {name}', partial(_without, names))
+
+
+def _spins(setup: Setup) -> bool:
+    return setup.spin != 'none'
+
+
+def _with(names: tuple[str, ...], setup: Setup) -> Setup:
+    return replace(setup, names=tuple(dict.fromkeys((*setup.names, *names))))
+
+
+def _without(names: tuple[str, ...], setup: Setup) -> Setup:
+    return replace(setup, names=tuple(name for name in setup.names if name not in names))
+
+
+def _at_bandwidth(width: float, setup: Setup) -> Setup:
+    return replace(setup, bandwidth=width)
+
+
+def _stiffer(setup: Setup) -> Setup:
+    """Stretches that the laws miss tell a larger drift than most have."""
+    noise, drift, impact = setup.noise
+    return replace(setup, noise=(noise, 0.1 * drift, impact))
+
+
+def _doubled(setup: Setup) -> Setup:
+    """Residuals that are correlated within the filter's reach weigh less."""
+    noise, drift, impact = setup.noise
+    return replace(setup, noise=(2.0 * noise, 0.2 * drift, impact))

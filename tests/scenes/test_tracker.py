@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a scene keeps of a tracker."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from rigid_gns_core import load_scene, Scene
+from rigid_gns_core.scenes.tracker import Spins, Tracker
+import yaml
+
+ROW = (0.1, 0.2, 1.0, 4.0, 0.1 + 0.2, 1.0, 1 / 3, 50.0, 0.0, 9.0, 0.0, 0.0, 9.0, 0.0, 9.0)
+
+
+@pytest.mark.parametrize('spins', [None, Spins((ROW, ROW)), Spins((ROW,), 0.2, 0.3, 5.0)])
+def test_a_scene_written_and_read_back_is_the_same(tmp_path: Path, spins: Spins | None) -> None:
+    scene = Scene(tracker=Tracker(noise=0.7e-3, drift=1 / 3e3, spins=spins))
+    mapping = scene.to_mapping()
+    assert Scene.from_mapping(json.loads(json.dumps(mapping))) == scene
+    path = tmp_path / 'lab.yaml'
+    path.write_text(yaml.safe_dump({'scene': mapping, 'card': {'notes': ['of no part']}}))
+    assert load_scene(path) == scene
+    assert 'tracker' not in Scene().to_mapping()
+
+
+@pytest.mark.parametrize(
+    ('make', 'message'),
+    [
+        (lambda: Tracker(noise=0.0), 'noise of a tracker is 0, expected greater than 0'),
+        (lambda: Tracker(noise=1e-3, drift=-1.0), 'drift of a tracker is -1, expected at least 0'),
+        (lambda: Spins((ROW[:-1],)), r'rows of \[14\] numbers, expected rows of 15'),
+        (lambda: Spins(()), r'rows of \[\] numbers'),
+        (lambda: Spins((ROW,), bandwidth=0.0), 'bandwidth of spins is 0, expected more than 0'),
+        (lambda: Scene(tracker=1e-3), r'tracker is 0.001, expected Tracker\(...\), or None'),
+    ],
+)
+def test_values_are_checked(make: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()  # type: ignore[operator]
