@@ -35,6 +35,9 @@ WINDOW_GAP = 1.25
 # frames among which a late one is inserted in a recording: the node's default window
 MEMORY = 6
 
+# stands in for poses that are not looked at
+_UNTURNED = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
 Stamps = NDArray[np.int64]
 
 
@@ -166,9 +169,21 @@ def usable_passes(
     refused: dict[int, str] = {}
     passes: list[list[int]] = []
     known: list[int] = []
+    masks: dict[int, NDArray[np.bool_]] = {}  # which spheres each frame shows
+    places: Array | None = None  # where each was last [m]
     for k, (frame, time) in enumerate(zip(frames, times.tolist(), strict=True)):
         try:
             order.check(frame)
+            mask = measured(frame.poses)
+            if places is not None and len(places) == len(mask):
+                there = (frame.poses[:, :3] == 0.0).all(axis=1)
+                mask &= ~there | (places == 0.0).all(axis=1)
+            if not mask.all():
+                near = known and frame.stamp_ns - known[-1] <= WINDOW_GAP * 1e9
+                recent = [masks[stamp] for stamp in known[1 - MEMORY :]] if near else []
+                recent = [one for one in recent if len(one) == len(mask)]
+                before = np.array(recent, dtype=np.bool_).reshape(-1, len(mask))
+                check_seen(frame.poses, mask, before, MEMORY)
             if len(frame.poses) != (count or len(frame.poses)) or not len(frame.poses):
                 raise RejectedFrame('count' if count else 'empty', 'another number of spheres')
             admitted = order.admit(frame, time, known, full=len(known) == MEMORY)
@@ -177,12 +192,19 @@ def usable_passes(
             continue
         if len(admitted) > 1 or not passes:
             order.clear()
-            known = []
+            known, places = [], None
             passes.append([])
         for accepted in admitted:
             late = bool(known) and accepted.stamp_ns < known[-1]
             if known and accepted.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
-                known = []
+                known, places = [], None
+            seen = masks[accepted.stamp_ns] = measured(accepted.poses)
+            if places is not None and len(places) == len(seen):
+                there = (accepted.poses[:, :3] == 0.0).all(axis=1)
+                seen &= ~there | (places == 0.0).all(axis=1)
+            if not late:
+                before = places if places is not None and len(places) == len(seen) else 0.0
+                places = np.where(seen[:, None], accepted.poses[:, :3], before)
             insort(known, accepted.stamp_ns)
             known = known[-MEMORY:]
             insort(passes[-1], index[id(accepted)], key=lambda other: frames[other].stamp_ns)
@@ -228,19 +250,77 @@ def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.concatenate([np.zeros(0, dtype=np.int64), *gaps])
 
 
+def measured(poses: Array) -> NDArray[np.bool_]:
+    """Whether poses, shape (..., 7), are numbers and not all zero, as those of lost markers."""
+    return np.asarray(np.isfinite(poses).all(axis=-1) & (poses != 0.0).any(axis=-1))
+
+
+def lost_at_origin(positions: Array) -> NDArray[np.bool_]:
+    """Whether a sphere was lost, told by a place at exactly the origin, shape (m, n).
+
+    Trackers put a marker that they have lost there; no measurement hits it. A sphere that was
+    there from the first frame on is one.
+
+    Args:
+        positions: Centres in frames in their order [m], shape (m, n, 3).
+    """
+    there = (positions == 0.0).all(axis=-1)
+    elsewhere = np.logical_or.accumulate(~there & np.isfinite(positions).all(axis=-1), axis=0)
+    lost: NDArray[np.bool_] = there & elsewhere
+    return lost
+
+
+def why_lost(poses: Array, seen: NDArray[np.bool_]) -> str:
+    """What is said of the first pose that is no measurement; empty: all are."""
+    if seen.all():
+        return ''
+    sphere = int(np.argmin(seen))
+    values = ', '.join(f'{value:g}' for value in poses[sphere])
+    if np.isfinite(poses[sphere]).all():
+        return (
+            f'the position of sphere {sphere} is exactly the origin, where trackers put a marker '
+            'that they have lost'
+        )
+    advice = ''
+    if np.isfinite(poses[sphere, :3]).all():
+        advice = '; send (0, 0, 0, 1) where a rotation is unknown'
+    return f'the pose of sphere {sphere} is ({values}), expected finite numbers{advice}'
+
+
+def check_seen(
+    poses: Array, seen: NDArray[np.bool_], before: NDArray[np.bool_], length: int
+) -> None:
+    """Check that lost spheres were seen often enough before to be coasted.
+
+    Args:
+        poses: Poses of the frame, shape (n, 7).
+        seen: Whether each is a measurement, shape (n,).
+        before: The same of the last `length` - 1 frames, shape (k, n).
+        length: Number of frames from which motion is estimated.
+
+    Raises:
+        RejectedFrame: One was not; the message says which.
+    """
+    least = min(length - 1, max(2, length // 2))
+    if seen.all() or (least and (seen | (before.sum(axis=0) >= least)).all()):
+        return
+    raise RejectedFrame(
+        'unseen',
+        f'{why_lost(poses, seen)}; expected a sphere in at least {max(least, 1)} of the '
+        f'{max(length - 1, 1)} frames before (with match_spheres they may be missing)',
+    )
+
+
 def _check_poses(poses: Array, far: float) -> None:
-    """Check that poses are measurements: finite, within `far` [m], with usable quaternions.
+    """Check that poses are measurements: some there, within `far` [m], with usable quaternions.
 
     Raises:
         RejectedFrame: A pose cannot be used; the message says which, and why.
     """
-    finite = np.isfinite(poses).all(axis=1)
-    if not finite.all():
-        sphere = int(np.argmin(finite))
-        values = ', '.join(f'{value:g}' for value in poses[sphere])
-        raise RejectedFrame(
-            'not finite', f'the pose of sphere {sphere} is ({values}), expected finite numbers'
-        )
+    seen = measured(poses)
+    if len(poses) and not seen.any():
+        raise RejectedFrame('not finite', why_lost(poses, seen))
+    poses = np.where(seen[:, None], poses, _UNTURNED)
     out = np.abs(poses[:, :3]).max(axis=1, initial=0.0)
     if (out > far).any():
         raise RejectedFrame(

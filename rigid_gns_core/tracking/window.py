@@ -7,17 +7,19 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .environment import Environment
 from .tracks import TrackerSettings, Tracks
-from .usable_frames import FrameOrder, RejectedFrame
+from .usable_frames import check_seen, FrameOrder, measured, RejectedFrame, why_lost
 from .warm import warm_up
 from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
-from ..scenes.state import State
+from ..scenes.state import Array, State
 
 # defaults: coast time [sqrt(r / g)] and largest speed of a new track [sqrt(g r)]
 _COAST, _MAX_SPEED = 2.0, 50.0
@@ -101,6 +103,7 @@ class TrackingWindow:
         self._tracks = _NO_TRACKS
         self._state: State | None = None  # at the newest frame, computed on demand
         self._repeats = 0  # consecutive frames with the same poses
+        self.lost = ''  # what is wrong with the first lost pose of the newest frame
         self.arrival_ns = 0  # of the newest frame, by the node's clock
         self.generation = 0  # changes with the set of tracks
         self.counts: Counter[str] = Counter()  # of frames and tracks, by outcome
@@ -171,6 +174,20 @@ class TrackingWindow:
 
     def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         self._order.check(frame)
+        seen = self._seen(frame.poses)
+        self.lost = why_lost(frame.poses, seen)
+        if not seen.any() and len(seen):
+            raise RejectedFrame('not finite', self.lost)
+        if self.settings.matched:
+            frame = replace(frame, poses=frame.poses[seen])
+        elif self.lost:
+            tracks = self._tracks
+            before = np.zeros((0, len(seen)), dtype=np.bool_)
+            known = len(tracks.ids) == len(seen)
+            if known and frame.stamp_ns - tracks.stamps[-1] <= self.max_gap_ns:
+                before = tracks.seen[max(len(tracks.seen) - self.length + 1, 0) :]
+            check_seen(frame.poses, seen, before, self.length)
+            frame = replace(frame, poses=np.where(seen[:, None], frame.poses, np.nan))
         self._check_count(len(frame.poses))
         known = [known_frame.stamp_ns for known_frame, _ in self._frames]
         admitted = self._order.admit(frame, now_ns, known, full=self.full)
@@ -179,9 +196,29 @@ class TrackingWindow:
             self.clear()
         else:
             self._check_content(frame)
+        if self.lost:
+            self.counts['lost'] += int((~seen).sum())
         for admitted_frame in admitted:
             self._take(admitted_frame, now_ns)
         return restarted
+
+    def _seen(self, poses: Array) -> NDArray[np.bool_]:
+        """Whether each pose is a measurement, shape (n,), see `lost_at_origin`."""
+        seen = measured(poses)
+        there = (poses[:, :3] == 0.0).all(axis=1)
+        if not there.any():
+            return seen
+        tracks, matched = self._tracks, self.settings.matched
+        if not len(tracks.ids):
+            new = self._frames[-1][0].poses if self._frames and matched else poses[there]
+            stays = bool((new[:, :3] == 0.0).all(axis=1).any())
+            return seen & ~(there & (self.settings.environment.overlaps_origin() or not stays))
+        last = len(tracks.seen) - 1 - np.argmax(tracks.seen[::-1], axis=0)
+        at_origin = (tracks.poses[last, np.arange(len(last)), :3] == 0.0).all(axis=1)
+        if matched:
+            return seen & ~(there & (not at_origin.any()))
+        # a frame with another number of spheres is refused anyway
+        return seen & ~(there & ~at_origin) if len(last) == len(there) else seen
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
         later: list[PoseArrayFrame] = []

@@ -131,6 +131,8 @@ class Simulation:
                 self.topics.received(earlier, arrival)
         self._refused.clear()
         self.silence.broken()
+        if self.window.lost:
+            self.warn('unseen', f'taken as not seen: {self.window.lost}')
         self.topics.received(cdr, now)
         self.diagnostics.frame_accepted()
         if restarted:
