@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .short_gaps import complete, fill_short_gaps
-from ..bags.reader import BagError, Topic
+from ..bags.reader import BagError, PASS, Topic
 from ..data.tracks import known_rotations, Track
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import Array, as_unit
+from ..tracking.lost_spheres import lost_at_origin, measured
 from ..tracking.pose_noise import estimate_noise, PoseNoise
+from ..tracking.rejected_frame import RejectedFrame
 from ..tracking.usable_frames import (
     FrameOrder,
-    lost_at_origin,
-    measured,
     median_interval,
-    RejectedFrame,
+    RESTART_FRAMES,
     seconds,
     Stamps,
     usable_passes,
@@ -104,17 +104,37 @@ class DecodedTopic:
 
 
 def decode_topic(topic: Topic) -> DecodedTopic:
-    """Decode the messages of a topic of poses."""
+    """Decode the messages of a topic of poses, in the order of `arrival`."""
     frames, kept, problem = [], [], ''
-    for index, message in enumerate(topic.messages):
+    for index in arrival(topic).tolist():
         try:
-            frames.append(decode_pose_array(message))
+            frames.append(decode_pose_array(topic.messages[index]))
         except MessageError as error:
             problem = problem or str(error)
             continue
         kept.append(index)
     damaged = len(topic) - len(frames)
     return DecodedTopic(frames, topic.times[kept], topic.indices[kept], damaged, problem)
+
+
+def arrival(topic: Topic) -> Stamps:
+    """Indices of the messages by log time, but for a clock that was set back, shape (messages,).
+
+    A bag holds what came after the step behind what came before, with times that go on from an
+    earlier one; sorted by time, frames of both would be mixed.
+    """
+    recorded = np.argsort(topic.indices, kind='stable')
+    times = topic.times[recorded]
+    passes = np.zeros(len(times), dtype=np.int64)
+    for k in np.flatnonzero(np.diff(times) < 0) + 1:
+        before = times[:k][passes[:k] == passes[k]].max()
+        after = times[k : k + RESTART_FRAMES]
+        # a single one that is out of order is followed by later ones
+        goes_on = len(after) == RESTART_FRAMES and (np.diff(after) > 0).all()
+        if times[k] < before - PASS or (goes_on and after[-1] < before):
+            passes[k:] += 1
+    order: Stamps = recorded[np.lexsort((times, passes))]
+    return order
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from .coasting import coast, turn_on
 from .environment import Environment
 from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
+from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
 from .noise_estimate import MAX_DIFFERENCES, NoiseEstimate, third_differences
-from .usable_frames import measured
 from .velocity import estimate_motion
 from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame

@@ -17,12 +17,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
+from .lost_spheres import check_seen, measured, why_lost
+from .rejected_frame import RejectedFrame as RejectedFrame
+from .repeats import REPEATS, Repeats
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 
 # this many consecutive frames with unusable but rising stamps are a tracker that restarted
 RESTART_FRAMES = 5
+# this many late frames in a row, whose stamps rise, are those of a clock that was set back
+LATE_FRAMES = 4
 # a stamp may run ahead of earlier ones, relative to the arrival time, by at most this [ns]
 MAX_AHEAD_NS = 1_000_000_000
 # a position further out than this many radii is not in metres
@@ -41,14 +45,6 @@ _UNTURNED = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 Stamps = NDArray[np.int64]
 
 
-class RejectedFrame(UserError):
-    """A tracked frame cannot be used. `kind` names the check that failed."""
-
-    def __init__(self, kind: str, message: str) -> None:
-        super().__init__(message)
-        self.kind = kind
-
-
 class FrameOrder:
     """Checks frames on arrival: their content, and whether their stamp can be used.
 
@@ -60,6 +56,7 @@ class FrameOrder:
     def __init__(self, frame_id: str, radius: float) -> None:
         self.frame_id, self._far = frame_id, MAX_DISTANCE * radius
         self._refused: list[PoseArrayFrame] = []  # consecutive ones with unusable, rising stamps
+        self._late: list[PoseArrayFrame] = []  # consecutive ones that were inserted
         self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
 
     @property
@@ -70,6 +67,7 @@ class FrameOrder:
     def clear(self) -> None:
         """Forget all frames."""
         self._refused.clear()
+        self._late.clear()
         self._leads.clear()
 
     def check(self, frame: PoseArrayFrame) -> None:
@@ -98,8 +96,8 @@ class FrameOrder:
             full: Whether these are enough to detect a stamp that runs ahead.
 
         Returns:
-            The frame; or several, in the order of their stamps, where the tracker has restarted:
-            the frames in memory are then to be dropped.
+            The frame; or several, in the order of their stamps, where the tracker has restarted or
+            its clock was set back: the frames in memory are then to be dropped.
 
         Raises:
             RejectedFrame: The stamp cannot be used.
@@ -113,7 +111,13 @@ class FrameOrder:
             if len(self._refused) < RESTART_FRAMES:
                 raise
             return self._refused.copy()
-        return [frame]
+        if not known or frame.stamp_ns > known[-1]:
+            self._late.clear()
+            return [frame]
+        if self._late and frame.stamp_ns <= self._late[-1].stamp_ns:
+            self._late.clear()
+        self._late.append(frame)
+        return [frame] if len(self._late) < LATE_FRAMES else self._late.copy()
 
     def accepted(self, stamp_ns: int, now_ns: int, *, late: bool) -> None:
         """Note an accepted frame; `late` ones do not count for the clock of the tracker."""
@@ -164,7 +168,7 @@ def usable_passes(
         Indices of usable frames in the order of their stamps, for each pass: a new one begins
         where the tracker restarted. And the number of other frames, by reason.
     """
-    order = FrameOrder(frame_id, radius)
+    order, repeats = FrameOrder(frame_id, radius), Repeats(radius)
     index = {id(frame): k for k, frame in enumerate(frames)}
     refused: dict[int, str] = {}
     passes: list[list[int]] = []
@@ -186,18 +190,29 @@ def usable_passes(
                 check_seen(frame.poses, mask, before, MEMORY)
             if len(frame.poses) != (count or len(frame.poses)) or not len(frame.poses):
                 raise RejectedFrame('count' if count else 'empty', 'another number of spheres')
+            if known and frame.stamp_ns > known[-1]:
+                repeats.check(frame)
             admitted = order.admit(frame, time, known, full=len(known) == MEMORY)
         except RejectedFrame as error:
             refused[k] = error.kind
             continue
+        if passes and repeats.belie([frames[own] for own in passes[-1][: REPEATS + 2]], frame):
+            refused |= dict.fromkeys(passes[-1][1:], 'content')
+            del passes[-1][1:]
+            known = known[:1]
         if len(admitted) > 1 or not passes:
+            own = {index[id(accepted)] for accepted in admitted}
+            passes[-1:] = [[k for k in passes[-1] if k not in own]] if passes else []
             order.clear()
+            repeats.clear()
             known, places = [], None
             passes.append([])
         for accepted in admitted:
             late = bool(known) and accepted.stamp_ns < known[-1]
             if known and accepted.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
                 known, places = [], None
+            if not late:
+                repeats.took(accepted)
             seen = masks[accepted.stamp_ns] = measured(accepted.poses)
             if places is not None and len(places) == len(seen):
                 there = (accepted.poses[:, :3] == 0.0).all(axis=1)
@@ -248,67 +263,6 @@ def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
         if after - before > 1 and stamps[after] - stamps[before] <= longest
     ]
     return np.concatenate([np.zeros(0, dtype=np.int64), *gaps])
-
-
-def measured(poses: Array) -> NDArray[np.bool_]:
-    """Whether poses, shape (..., 7), are numbers and not all zero, as those of lost markers."""
-    return np.asarray(np.isfinite(poses).all(axis=-1) & (poses != 0.0).any(axis=-1))
-
-
-def lost_at_origin(positions: Array) -> NDArray[np.bool_]:
-    """Whether a sphere was lost, told by a place at exactly the origin, shape (m, n).
-
-    Trackers put a marker that they have lost there; no measurement hits it. A sphere that was
-    there from the first frame on is one.
-
-    Args:
-        positions: Centres in frames in their order [m], shape (m, n, 3).
-    """
-    there = (positions == 0.0).all(axis=-1)
-    elsewhere = np.logical_or.accumulate(~there & np.isfinite(positions).all(axis=-1), axis=0)
-    lost: NDArray[np.bool_] = there & elsewhere
-    return lost
-
-
-def why_lost(poses: Array, seen: NDArray[np.bool_]) -> str:
-    """What is said of the first pose that is no measurement; empty: all are."""
-    if seen.all():
-        return ''
-    sphere = int(np.argmin(seen))
-    values = ', '.join(f'{value:g}' for value in poses[sphere])
-    if np.isfinite(poses[sphere]).all():
-        return (
-            f'the position of sphere {sphere} is exactly the origin, where trackers put a marker '
-            'that they have lost'
-        )
-    advice = ''
-    if np.isfinite(poses[sphere, :3]).all():
-        advice = '; send (0, 0, 0, 1) where a rotation is unknown'
-    return f'the pose of sphere {sphere} is ({values}), expected finite numbers{advice}'
-
-
-def check_seen(
-    poses: Array, seen: NDArray[np.bool_], before: NDArray[np.bool_], length: int
-) -> None:
-    """Check that lost spheres were seen often enough before to be coasted.
-
-    Args:
-        poses: Poses of the frame, shape (n, 7).
-        seen: Whether each is a measurement, shape (n,).
-        before: The same of the last `length` - 1 frames, shape (k, n).
-        length: Number of frames from which motion is estimated.
-
-    Raises:
-        RejectedFrame: One was not; the message says which.
-    """
-    least = min(length - 1, max(2, length // 2))
-    if seen.all() or (least and (seen | (before.sum(axis=0) >= least)).all()):
-        return
-    raise RejectedFrame(
-        'unseen',
-        f'{why_lost(poses, seen)}; expected a sphere in at least {max(least, 1)} of the '
-        f'{max(length - 1, 1)} frames before (with match_spheres they may be missing)',
-    )
 
 
 def _check_poses(poses: Array, far: float) -> None:

@@ -139,8 +139,9 @@ class Simulation:
             self._stop('restart')
             self.warn(
                 'restarted',
-                f'the tracker has restarted: {RESTART_FRAMES} frames in a row have stamps that '
-                'rise, but do not follow the earlier ones; starting again from them',
+                f'the tracker has restarted, or its clock was set: {RESTART_FRAMES} frames in a '
+                'row have stamps that rise, but do not follow the earlier ones; starting again '
+                'from them',
             )
         if self.window.full:
             self._follow(now)

@@ -25,8 +25,9 @@ from ...forecasts.forecaster import scene_of
 from ...scenes.scene import Scene
 from ...scenes.scene_file import load_scene
 from ...scenes.state import Array
+from ...tracking.lost_spheres import lost_at_origin
 from ...tracking.pose_noise import estimate_noise, PoseNoise
-from ...tracking.usable_frames import GAP, lost_at_origin
+from ...tracking.usable_frames import GAP
 
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 # no tracker of moving balls is slower [s]
