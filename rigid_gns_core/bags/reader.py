@@ -27,7 +27,7 @@ __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
 
 # log times that go back by more begin another pass of simulated time; by less, they are unordered
 # [ns]
-_PASS = 1_000_000_000
+PASS = 1_000_000_000
 # log times are unsigned in MCAP; ROS has none that an int64 does not hold [ns]
 _LATEST = 2**63 - 1
 
@@ -122,7 +122,7 @@ def _order(times: NDArray[np.int64]) -> NDArray[np.int64]:
     latest = np.maximum.accumulate(times) if len(times) else times
     passes = np.zeros(len(times), dtype=np.int64)
     start = 0
-    while (cuts := np.flatnonzero(times[start:] < latest[start:] - _PASS)).size:
+    while (cuts := np.flatnonzero(times[start:] < latest[start:] - PASS)).size:
         start += int(cuts[0])
         passes[start:] += 1
         latest[start:] = np.maximum.accumulate(times[start:])

@@ -35,10 +35,9 @@ def _of_bag(report: dict[str, Any]) -> str:
     ]
     lines.append(_shares(report['poses']))
     if report['matched']:
-        lines.append(
-            f'  spheres: matched from frame to frame, {report["matched"]}; '
-            f'{report["filled"]} poses put in where one was not seen'
-        )
+        lines.append(f'  spheres: matched from frame to frame, {report["matched"]}')
+    if report['matched'] or report['filled']:
+        lines.append(f'  filled: {report["filled"]} poses put in where one was not seen')
     for key in ('refused', 'cuts'):
         if report[key]:
             lines.append(f'  {key}: ' + ', '.join(f'{n} {why}' for why, n in report[key].items()))

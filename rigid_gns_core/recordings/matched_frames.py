@@ -12,19 +12,17 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from .replay import replay_starts
-from .resample import resample
+from .short_gaps import complete, fill_short_gaps
 from .tracked_frames import DecodedTopic, Segmentation, split_at_gaps, usual_frame_id
 from ..forecasts.forecaster import Forecaster
 from ..forecasts.starts import Start
 from ..forecasts.window_setup import window_of
 from ..messages.poses import PoseArrayFrame
-from ..scenes.scene import Scene
 from ..scenes.state import Array
-from ..tracking.usable_frames import RejectedFrame, short_gaps, Stamps
+from ..tracking.usable_frames import RejectedFrame
 from ..tracking.window import TrackingWindow
 
 
@@ -101,9 +99,9 @@ def segment_matched_frames(
         stamps = np.array([matched.stamp_ns for matched in run], dtype=np.int64)
         poses = np.stack([matched.poses for matched in run])
         filled += fill_short_gaps(stamps, poses, model.scene, window.noise)
-        complete = _complete(poses)
-        refused['unseen'] += len(run) - len(complete)
-        frames = [PoseArrayFrame(int(stamps[k]), window.frame_id, poses[k]) for k in complete]
+        whole = complete(poses)
+        refused['unseen'] += len(run) - len(whole)
+        frames = [PoseArrayFrame(int(stamps[k]), window.frame_id, poses[k]) for k in whole]
         parts, why = split_at_gaps(frames, max_gap_ns, run[0].ids)
         segments += parts
         cuts += why
@@ -161,10 +159,10 @@ class IdentifiedFrames:
         stamps = np.array([tracked.frames[index].stamp_ns for index in chosen])
         poses = np.stack([self._columns(index, wanted) for index in chosen])
         fill_short_gaps(stamps, poses, self._model.scene, self._window.noise)
-        complete = _complete(poses)
+        whole = complete(poses)
         frame_id = self._window.frame_id
-        frames = [PoseArrayFrame(int(stamps[k]), frame_id, poses[k]) for k in complete]
-        kept = np.array(chosen)[complete]
+        frames = [PoseArrayFrame(int(stamps[k]), frame_id, poses[k]) for k in whole]
+        kept = np.array(chosen)[whole]
         return DecodedTopic(frames, tracked.times[kept], tracked.indices[kept], 0)
 
     def _columns(self, index: int, wanted: tuple[int, ...]) -> Array:
@@ -187,41 +185,3 @@ def assign_poses(positions: Array, poses: Array, radius: float) -> Array:
         near = apart[rows, columns] <= radius
         found[rows[near]] = poses[columns[near]]
     return found
-
-
-def fill_short_gaps(stamps: Stamps, poses: Array, scene: Scene, noise: float) -> int:
-    """Fill gaps of up to two frames in a track, see `resample`.
-
-    Args:
-        stamps: Stamps of the frames [ns], shape (k,).
-        poses: Position [m] and quaternion (x, y, z, w), shape (k, n, 7), NaN where a sphere was
-            not seen; overwritten there.
-        scene: Gives gravity and radii.
-        noise: Standard deviation of each coordinate of a position [m].
-
-    Returns:
-        Number of poses filled in.
-    """
-    times = (stamps - stamps[0]) * 1e-9  # differences first: stamps do not fit into a float64
-    filled = 0
-    for own in np.moveaxis(poses, 1, 0):
-        seen = np.isfinite(own).all(axis=1)
-        missing = short_gaps(stamps, seen)
-        if len(missing):
-            turns = own[seen, None, 3:]
-            found = resample(
-                times[seen],
-                own[seen, None, :3],
-                turns / np.linalg.norm(turns, axis=-1, keepdims=True),
-                times[missing],
-                scene=scene,
-                noise=noise,
-            )
-            own[missing] = np.concatenate([found.positions, found.quaternions], axis=-1)[:, 0]
-            filled += len(missing)
-    return filled
-
-
-def _complete(poses: Array) -> NDArray[np.int64]:
-    """Indices of the frames in which all poses, shape (k, n, 7), are known."""
-    return np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))

@@ -9,16 +9,21 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..bags.reader import BagError, Topic
+from .short_gaps import complete, fill_short_gaps
+from ..bags.reader import BagError, PASS, Topic
 from ..data.tracks import known_rotations, Track
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
+from ..scenes.scene import Scene
 from ..scenes.state import Array, as_unit
+from ..tracking.lost_spheres import lost_at_origin, measured
 from ..tracking.pose_noise import estimate_noise, PoseNoise
+from ..tracking.rejected_frame import RejectedFrame
 from ..tracking.usable_frames import (
     FrameOrder,
     median_interval,
-    RejectedFrame,
+    RESTART_FRAMES,
     seconds,
     Stamps,
     usable_passes,
@@ -99,17 +104,37 @@ class DecodedTopic:
 
 
 def decode_topic(topic: Topic) -> DecodedTopic:
-    """Decode the messages of a topic of poses."""
+    """Decode the messages of a topic of poses, in the order of `arrival`."""
     frames, kept, problem = [], [], ''
-    for index, message in enumerate(topic.messages):
+    for index in arrival(topic).tolist():
         try:
-            frames.append(decode_pose_array(message))
+            frames.append(decode_pose_array(topic.messages[index]))
         except MessageError as error:
             problem = problem or str(error)
             continue
         kept.append(index)
     damaged = len(topic) - len(frames)
     return DecodedTopic(frames, topic.times[kept], topic.indices[kept], damaged, problem)
+
+
+def arrival(topic: Topic) -> Stamps:
+    """Indices of the messages by log time, but for a clock that was set back, shape (messages,).
+
+    A bag holds what came after the step behind what came before, with times that go on from an
+    earlier one; sorted by time, frames of both would be mixed.
+    """
+    recorded = np.argsort(topic.indices, kind='stable')
+    times = topic.times[recorded]
+    passes = np.zeros(len(times), dtype=np.int64)
+    for k in np.flatnonzero(np.diff(times) < 0) + 1:
+        before = times[:k][passes[:k] == passes[k]].max()
+        after = times[k : k + RESTART_FRAMES]
+        # a single one that is out of order is followed by later ones
+        goes_on = len(after) == RESTART_FRAMES and (np.diff(after) > 0).all()
+        if times[k] < before - PASS or (goes_on and after[-1] < before):
+            passes[k:] += 1
+    order: Stamps = recorded[np.lexsort((times, passes))]
+    return order
 
 
 @dataclass(frozen=True)
@@ -133,8 +158,13 @@ class Passes:
             tracked.frames, tracked.times, frame_id=frame_id, radius=radius, count=count
         )
         starts = np.array([tracked.indices[pass_].min() for pass_ in passes[1:]], dtype=np.int64)
-        frames = [[tracked.frames[k] for k in pass_] for pass_ in passes]
-        return cls(frames or [[]], starts, dict(refused))
+        frames = []
+        for pass_ in passes:
+            # a lost sphere cannot be compared; poses are interpolated between the frames around
+            whole = [k for k, seen in zip(pass_, _seen(tracked, pass_), strict=True) if seen]
+            refused['unseen'] += len(pass_) - len(whole)
+            frames.append([tracked.frames[k] for k in whole])
+        return cls(frames or [[]], starts, dict(+refused))
 
     def beside(self, indices: Stamps) -> tuple[list[PoseArrayFrame], dict[str, int]]:
         """Frames of the pass with most of these recording indices; the number of all others."""
@@ -144,6 +174,15 @@ class Passes:
         chosen = self.frames[int(np.argmax(shares))]
         others = sum(map(len, self.frames)) - len(chosen)
         return chosen, {**self.refused, **({'pass': others} if others else {})}
+
+
+def _seen(tracked: DecodedTopic, indices: list[int]) -> NDArray[np.bool_]:
+    """Whether each of these frames, of one number of spheres, shows them all, shape (k,)."""
+    if not indices:
+        return np.zeros(0, dtype=np.bool_)
+    poses = np.stack([tracked.frames[k].poses for k in indices])
+    lost = ~measured(poses) | lost_at_origin(poses[..., :3])
+    return np.asarray(~lost.any(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -175,7 +214,7 @@ class Segmentation:
         segments: Segments in the order of recording; some may have one frame only.
         refused: Number of frames left out, by reason.
         cuts: Number of cuts, by reason: `gap`, `count`, `anew` (restart); of matched poses `set`.
-        filled: Number of poses filled in where a sphere was not seen; of matched poses alone.
+        filled: Number of poses filled in where a sphere was not seen.
     """
 
     segments: list[Segment]
@@ -190,26 +229,50 @@ class Segmentation:
         )
 
 
-def segment_frames(tracked: DecodedTopic, radius: float, max_gap_ns: float) -> Segmentation:
+def segment_frames(tracked: DecodedTopic, scene: Scene, max_gap_ns: float) -> Segmentation:
     """Cut frames into segments.
 
     Frames in an unusual coordinate frame, and those that `usable_passes` refuses, are left out.
+    Spheres that were lost in up to two frames are filled in; frames with longer gaps are left out.
 
     Args:
         tracked: All frames.
-        radius: Radius of the largest sphere [m].
+        scene: Gives gravity and radii.
         max_gap_ns: Longest time between frames of a segment [ns].
     """
     passes, refused = usable_passes(
-        tracked.frames, tracked.times, frame_id=usual_frame_id(tracked), radius=radius
+        tracked.frames,
+        tracked.times,
+        frame_id=usual_frame_id(tracked),
+        radius=float(np.max(scene.radius)),
     )
     cuts = Counter(anew=max(len(passes) - 1, 0))
-    segments = []
+    segments: list[Segment] = []
+    filled = 0
     for pass_ in passes:
         parts, why = split_at_gaps([tracked.frames[k] for k in pass_], max_gap_ns)
-        segments += parts
         cuts += why
-    return Segmentation(segments, dict(refused), dict(+cuts))
+        for part in parts:
+            if np.isfinite(part.poses).all():
+                segments.append(part)
+                continue
+            whole, count = _filled(part, scene)
+            filled += count
+            refused['unseen'] += len(part.stamps) - len(whole)
+            again, why = split_at_gaps(whole, max_gap_ns)
+            segments += again
+            cuts += why
+    return Segmentation(segments, dict(+refused), dict(+cuts), filled)
+
+
+def _filled(part: Segment, scene: Scene) -> tuple[list[PoseArrayFrame], int]:
+    """The frames in which all spheres are known, and the number of poses filled in."""
+    poses = part.poses.copy()
+    known = complete(poses)
+    noise = estimate_noise([(part.times[known], poses[known, :, :3], poses[known, :, 3:])])
+    count = fill_short_gaps(part.stamps, poses, scene, noise.position)
+    frames = [PoseArrayFrame(int(part.stamps[k]), '', poses[k]) for k in complete(poses)]
+    return frames, count
 
 
 def usual_frame_id(tracked: DecodedTopic) -> str:
@@ -242,6 +305,7 @@ def split_at_gaps(
 
 def _segment(run: list[PoseArrayFrame], ids: tuple[int, ...] | None) -> Segment:
     poses = np.stack([frame.poses for frame in run])
+    poses[~measured(poses) | lost_at_origin(poses[..., :3])] = np.nan
     poses[..., 3:] = as_unit(poses[..., 3:])
     return Segment(np.array([frame.stamp_ns for frame in run], dtype=np.int64), poses, ids)
 

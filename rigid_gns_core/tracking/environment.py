@@ -78,6 +78,17 @@ class Environment:
         """Whether the surfaces are known; if not, spheres may be supported anywhere."""
         return self.surfaces.known
 
+    def overlaps_origin(self) -> bool:
+        """Whether a sphere at the origin would reach into a surface by a fifth of its radius."""
+        surfaces = self.surfaces
+        least = 0.8 * float(self.radius.min())
+        for k, point in enumerate(surfaces.points):
+            x, y, height = surfaces.axes[k] @ -point
+            over = (np.abs([x, y]) <= surfaces.half_lengths[k]).all()
+            if over and (abs(height) if surfaces.two_sided[k] else height) < least:
+                return True
+        return False
+
     def radii(self, ids: NDArray[np.int64]) -> Array:
         """Radius of each sphere [m], shape (n,); an id that the scene lacks gets the largest."""
         if self.radius.ndim == 0:

@@ -19,6 +19,7 @@ from .coasting import coast, turn_on
 from .environment import Environment
 from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
+from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
 from .noise_estimate import MAX_DIFFERENCES, NoiseEstimate, third_differences
 from .velocity import estimate_motion
@@ -35,6 +36,8 @@ _COAST_FRAMES = 2.5
 # a track whose frames agree with no motion this many times in a row is a wrong association: it is
 # deleted, and the sphere starts a new one
 _MOST_MISFITS = 5
+# stands in for a pose that was not measured
+_LOST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -122,11 +125,15 @@ class Tracks:
         """Tracks after the next frame, whose stamp is later than all before."""
         step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
         poses = frame.poses.copy()
+        visible = measured(poses)
+        poses[~visible] = _LOST
         poses[:, 3:] = as_unit(poses[:, 3:])
         predicted = self.motion
         if settings.matched:
             predicted = _predict(self, settings, step_ns * 1e-9)
         found = self._associate(poses, predicted, settings, step_ns * 1e-9)
+        if not settings.matched:
+            found[~visible[: len(found)]] = -1
         detected = found >= 0
         row = np.zeros((len(self.ids), 7))
         row[detected] = poses[found[detected]]
@@ -135,6 +142,10 @@ class Tracks:
         since = frame.stamp_ns - np.where(detected, frame.stamp_ns, self.last_seen)
         keep = (self.misfits < _MOST_MISFITS) | (not settings.matched)
         keep &= since <= max(settings.coast_time * 1e9, _COAST_FRAMES * step_ns)
+        keep |= not settings.matched
+        # where the order counts, spheres begin together
+        begins = settings.matched or (visible.all() and not len(self.ids))
+        free = poses[~claimed & visible & begins]
         tail = slice(-(settings.memory - 1), None)
         grown = Tracks(
             stamps=np.append(self.stamps[tail], np.int64(frame.stamp_ns)),
@@ -144,7 +155,7 @@ class Tracks:
             last_seen=np.where(detected, frame.stamp_ns, self.last_seen)[keep],
             motion=predicted.part(keep),
             next_id=self.next_id,
-            unassociated=(*self.unassociated[-(INITIATION_FRAMES - 1) :], poses[~claimed]),
+            unassociated=(*self.unassociated[-(INITIATION_FRAMES - 1) :], free),
             noise_estimate=self.noise_estimate,
             missed=int((~detected & keep).sum()),
             misfits=self.misfits[keep],
@@ -233,6 +244,8 @@ class Tracks:
         window = slice(-frames, None)
         seen = self.seen[window]
         observed = seen[-1] & (seen.sum(axis=0) > 1)
+        if not settings.matched:  # each was seen, see `TrackingWindow`; the others are coasted
+            observed = seen.any(axis=0)
         if not observed.any():
             return self._at_detections(self.motion)
         estimate = estimate_motion(

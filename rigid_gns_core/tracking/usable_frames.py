@@ -17,12 +17,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
+from .lost_spheres import check_seen, measured, why_lost
+from .rejected_frame import RejectedFrame as RejectedFrame
+from .repeats import REPEATS, Repeats
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 
 # this many consecutive frames with unusable but rising stamps are a tracker that restarted
 RESTART_FRAMES = 5
+# this many late frames in a row, whose stamps rise, are those of a clock that was set back
+LATE_FRAMES = 4
 # a stamp may run ahead of earlier ones, relative to the arrival time, by at most this [ns]
 MAX_AHEAD_NS = 1_000_000_000
 # a position further out than this many radii is not in metres
@@ -35,15 +39,10 @@ WINDOW_GAP = 1.25
 # frames among which a late one is inserted in a recording: the node's default window
 MEMORY = 6
 
+# stands in for poses that are not looked at
+_UNTURNED = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
 Stamps = NDArray[np.int64]
-
-
-class RejectedFrame(UserError):
-    """A tracked frame cannot be used. `kind` names the check that failed."""
-
-    def __init__(self, kind: str, message: str) -> None:
-        super().__init__(message)
-        self.kind = kind
 
 
 class FrameOrder:
@@ -57,6 +56,7 @@ class FrameOrder:
     def __init__(self, frame_id: str, radius: float) -> None:
         self.frame_id, self._far = frame_id, MAX_DISTANCE * radius
         self._refused: list[PoseArrayFrame] = []  # consecutive ones with unusable, rising stamps
+        self._late: list[PoseArrayFrame] = []  # consecutive ones that were inserted
         self._leads: deque[int] = deque(maxlen=20)  # stamp minus arrival of the newest frames
 
     @property
@@ -67,6 +67,7 @@ class FrameOrder:
     def clear(self) -> None:
         """Forget all frames."""
         self._refused.clear()
+        self._late.clear()
         self._leads.clear()
 
     def check(self, frame: PoseArrayFrame) -> None:
@@ -95,8 +96,8 @@ class FrameOrder:
             full: Whether these are enough to detect a stamp that runs ahead.
 
         Returns:
-            The frame; or several, in the order of their stamps, where the tracker has restarted:
-            the frames in memory are then to be dropped.
+            The frame; or several, in the order of their stamps, where the tracker has restarted or
+            its clock was set back: the frames in memory are then to be dropped.
 
         Raises:
             RejectedFrame: The stamp cannot be used.
@@ -110,7 +111,13 @@ class FrameOrder:
             if len(self._refused) < RESTART_FRAMES:
                 raise
             return self._refused.copy()
-        return [frame]
+        if not known or frame.stamp_ns > known[-1]:
+            self._late.clear()
+            return [frame]
+        if self._late and frame.stamp_ns <= self._late[-1].stamp_ns:
+            self._late.clear()
+        self._late.append(frame)
+        return [frame] if len(self._late) < LATE_FRAMES else self._late.copy()
 
     def accepted(self, stamp_ns: int, now_ns: int, *, late: bool) -> None:
         """Note an accepted frame; `late` ones do not count for the clock of the tracker."""
@@ -161,28 +168,58 @@ def usable_passes(
         Indices of usable frames in the order of their stamps, for each pass: a new one begins
         where the tracker restarted. And the number of other frames, by reason.
     """
-    order = FrameOrder(frame_id, radius)
+    order, repeats = FrameOrder(frame_id, radius), Repeats(radius)
     index = {id(frame): k for k, frame in enumerate(frames)}
     refused: dict[int, str] = {}
     passes: list[list[int]] = []
     known: list[int] = []
+    masks: dict[int, NDArray[np.bool_]] = {}  # which spheres each frame shows
+    places: Array | None = None  # where each was last [m]
     for k, (frame, time) in enumerate(zip(frames, times.tolist(), strict=True)):
         try:
             order.check(frame)
+            mask = measured(frame.poses)
+            if places is not None and len(places) == len(mask):
+                there = (frame.poses[:, :3] == 0.0).all(axis=1)
+                mask &= ~there | (places == 0.0).all(axis=1)
+            if not mask.all():
+                near = known and frame.stamp_ns - known[-1] <= WINDOW_GAP * 1e9
+                recent = [masks[stamp] for stamp in known[1 - MEMORY :]] if near else []
+                recent = [one for one in recent if len(one) == len(mask)]
+                before = np.array(recent, dtype=np.bool_).reshape(-1, len(mask))
+                check_seen(frame.poses, mask, before, MEMORY)
             if len(frame.poses) != (count or len(frame.poses)) or not len(frame.poses):
                 raise RejectedFrame('count' if count else 'empty', 'another number of spheres')
+            if known and frame.stamp_ns > known[-1]:
+                repeats.check(frame)
             admitted = order.admit(frame, time, known, full=len(known) == MEMORY)
         except RejectedFrame as error:
             refused[k] = error.kind
             continue
+        if passes and repeats.belie([frames[own] for own in passes[-1][: REPEATS + 2]], frame):
+            refused |= dict.fromkeys(passes[-1][1:], 'content')
+            del passes[-1][1:]
+            known = known[:1]
         if len(admitted) > 1 or not passes:
+            own = {index[id(accepted)] for accepted in admitted}
+            passes[-1:] = [[k for k in passes[-1] if k not in own]] if passes else []
             order.clear()
-            known = []
+            repeats.clear()
+            known, places = [], None
             passes.append([])
         for accepted in admitted:
             late = bool(known) and accepted.stamp_ns < known[-1]
             if known and accepted.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
-                known = []
+                known, places = [], None
+            if not late:
+                repeats.took(accepted)
+            seen = masks[accepted.stamp_ns] = measured(accepted.poses)
+            if places is not None and len(places) == len(seen):
+                there = (accepted.poses[:, :3] == 0.0).all(axis=1)
+                seen &= ~there | (places == 0.0).all(axis=1)
+            if not late:
+                before = places if places is not None and len(places) == len(seen) else 0.0
+                places = np.where(seen[:, None], accepted.poses[:, :3], before)
             insort(known, accepted.stamp_ns)
             known = known[-MEMORY:]
             insort(passes[-1], index[id(accepted)], key=lambda other: frames[other].stamp_ns)
@@ -229,18 +266,15 @@ def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _check_poses(poses: Array, far: float) -> None:
-    """Check that poses are measurements: finite, within `far` [m], with usable quaternions.
+    """Check that poses are measurements: some there, within `far` [m], with usable quaternions.
 
     Raises:
         RejectedFrame: A pose cannot be used; the message says which, and why.
     """
-    finite = np.isfinite(poses).all(axis=1)
-    if not finite.all():
-        sphere = int(np.argmin(finite))
-        values = ', '.join(f'{value:g}' for value in poses[sphere])
-        raise RejectedFrame(
-            'not finite', f'the pose of sphere {sphere} is ({values}), expected finite numbers'
-        )
+    seen = measured(poses)
+    if len(poses) and not seen.any():
+        raise RejectedFrame('not finite', why_lost(poses, seen))
+    poses = np.where(seen[:, None], poses, _UNTURNED)
     out = np.abs(poses[:, :3]).max(axis=1, initial=0.0)
     if (out > far).any():
         raise RejectedFrame(

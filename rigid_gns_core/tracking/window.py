@@ -7,22 +7,25 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .environment import Environment
+from .lost_spheres import check_seen, measured, why_lost
+from .rejected_frame import RejectedFrame
+from .repeats import Repeats
 from .tracks import TrackerSettings, Tracks
-from .usable_frames import FrameOrder, RejectedFrame
+from .usable_frames import FrameOrder
 from .warm import warm_up
 from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
-from ..scenes.state import State
+from ..scenes.state import Array, State
 
 # defaults: coast time [sqrt(r / g)] and largest speed of a new track [sqrt(g r)]
 _COAST, _MAX_SPEED = 2.0, 50.0
-# repeated poses are refused this many times in a row, where spheres move by this many radii
-_REPEATS, _STILL = 3, 0.01
 
 _NO_TRACKS = Tracks.empty()
 
@@ -100,7 +103,8 @@ class TrackingWindow:
         self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.memory)
         self._tracks = _NO_TRACKS
         self._state: State | None = None  # at the newest frame, computed on demand
-        self._repeats = 0  # consecutive frames with the same poses
+        self._repeats = Repeats(radius)
+        self.lost = ''  # what is wrong with the first lost pose of the newest frame
         self.arrival_ns = 0  # of the newest frame, by the node's clock
         self.generation = 0  # changes with the set of tracks
         self.counts: Counter[str] = Counter()  # of frames and tracks, by outcome
@@ -149,7 +153,7 @@ class TrackingWindow:
         """Drop all frames and tracks."""
         self._frames.clear()
         self._order.clear()
-        self._repeats = 0
+        self._repeats.clear()
         self._set_tracks(_NO_TRACKS)
 
     def add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
@@ -171,6 +175,20 @@ class TrackingWindow:
 
     def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         self._order.check(frame)
+        seen = self._seen(frame.poses)
+        self.lost = why_lost(frame.poses, seen)
+        if not seen.any() and len(seen):
+            raise RejectedFrame('not finite', self.lost)
+        if self.settings.matched:
+            frame = replace(frame, poses=frame.poses[seen])
+        elif self.lost:
+            tracks = self._tracks
+            before = np.zeros((0, len(seen)), dtype=np.bool_)
+            known = len(tracks.ids) == len(seen)
+            if known and frame.stamp_ns - tracks.stamps[-1] <= self.max_gap_ns:
+                before = tracks.seen[max(len(tracks.seen) - self.length + 1, 0) :]
+            check_seen(frame.poses, seen, before, self.length)
+            frame = replace(frame, poses=np.where(seen[:, None], frame.poses, np.nan))
         self._check_count(len(frame.poses))
         known = [known_frame.stamp_ns for known_frame, _ in self._frames]
         admitted = self._order.admit(frame, now_ns, known, full=self.full)
@@ -178,10 +196,30 @@ class TrackingWindow:
         if restarted:
             self.clear()
         else:
-            self._check_content(frame)
+            self._check_content(frame, now_ns)
+        if self.lost:
+            self.counts['lost'] += int((~seen).sum())
         for admitted_frame in admitted:
             self._take(admitted_frame, now_ns)
         return restarted
+
+    def _seen(self, poses: Array) -> NDArray[np.bool_]:
+        """Whether each pose is a measurement, shape (n,), see `lost_at_origin`."""
+        seen = measured(poses)
+        there = (poses[:, :3] == 0.0).all(axis=1)
+        if not there.any():
+            return seen
+        tracks, matched = self._tracks, self.settings.matched
+        if not len(tracks.ids):
+            new = self._frames[-1][0].poses if self._frames and matched else poses[there]
+            stays = bool((new[:, :3] == 0.0).all(axis=1).any())
+            return seen & ~(there & (self.settings.environment.overlaps_origin() or not stays))
+        last = len(tracks.seen) - 1 - np.argmax(tracks.seen[::-1], axis=0)
+        at_origin = (tracks.poses[last, np.arange(len(last)), :3] == 0.0).all(axis=1)
+        if matched:
+            return seen & ~(there & (not at_origin.any()))
+        # a frame with another number of spheres is refused anyway
+        return seen & ~(there & ~at_origin) if len(last) == len(there) else seen
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
         later: list[PoseArrayFrame] = []
@@ -207,6 +245,7 @@ class TrackingWindow:
         if later:
             self.counts['reordered'] += 1
         else:
+            self._repeats.took(frame)
             self.arrival_ns = now_ns
             self.counts['missed'] += tracks.missed
         # after a late frame the same ids may be of other spheres
@@ -253,22 +292,18 @@ class TrackingWindow:
                 'to start again with another number',
             )
 
-    def _check_content(self, frame: PoseArrayFrame) -> None:
+    def _check_content(self, frame: PoseArrayFrame, now_ns: int) -> None:
         """Refuse the poses of the newest frame with a new stamp, where spheres move."""
-        if not self.settings.matched or not self._frames or not len(frame.poses):
+        if not self._frames or frame.stamp_ns <= self._frames[-1][0].stamp_ns:
             return
-        newest = self._frames[-1][0]
-        same = np.array_equal(newest.poses, frame.poses) and frame.stamp_ns > newest.stamp_ns
-        time = (frame.stamp_ns - newest.stamp_ns) * 1e-9
-        velocities = self._tracks.motion.velocities
-        travel = time * float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
-        # spheres may stop at once: after a few repeats the poses are accepted
-        if not same or self._repeats >= _REPEATS or travel <= _STILL * self.settings.radius:
-            self._repeats = 0
+        alone = self.length == 1  # no motion is taken from a window of one frame
+        if alone and not self.settings.matched:
             return
-        self._repeats += 1
-        raise RejectedFrame(
-            'content',
-            f'its poses are those of the frame {time:.3g} s before, in which spheres moved; '
-            'expected each measurement once',
-        )
+        velocities = self._tracks.motion.velocities if self.settings.matched else np.zeros((1, 3))
+        speed = float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
+        self._repeats.check(frame, speed)
+        if not alone and self._repeats.belie([known for known, _ in self._frames], frame):
+            first = self._frames[0][0]
+            self.counts['content'] += len(self._frames) - 1
+            self.clear()
+            self._take(first, now_ns)

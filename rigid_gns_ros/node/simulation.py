@@ -131,14 +131,17 @@ class Simulation:
                 self.topics.received(earlier, arrival)
         self._refused.clear()
         self.silence.broken()
+        if self.window.lost:
+            self.warn('unseen', f'taken as not seen: {self.window.lost}')
         self.topics.received(cdr, now)
         self.diagnostics.frame_accepted()
         if restarted:
             self._stop('restart')
             self.warn(
                 'restarted',
-                f'the tracker has restarted: {RESTART_FRAMES} frames in a row have stamps that '
-                'rise, but do not follow the earlier ones; starting again from them',
+                f'the tracker has restarted, or its clock was set: {RESTART_FRAMES} frames in a '
+                'row have stamps that rise, but do not follow the earlier ones; starting again '
+                'from them',
             )
         if self.window.full:
             self._follow(now)

@@ -174,7 +174,7 @@ def test_tracked_frames_that_the_node_refuses_are_left_out(tmp_path):
     report = evaluate_bag(write_bag(tmp_path / 'bag', every_period(1, 18), tracked, poses=poses))
     assert report['frames']['tracked_refused'] == 4
     assert any(
-        '1 for their not finite, 1 for their quaternion, 2 for their duplicate' in note
+        '1 for their quaternion, 2 for their duplicate, 1 for their unseen' in note
         for note in report['notes']
     )
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
-from rigid_gns_core.recordings.matched_frames import fill_short_gaps
+from rigid_gns_core.recordings.short_gaps import fill_short_gaps
 from rigid_gns_core.scenes.scene import Scene
 
 SCENE = Scene(surfaces=(), radius=0.02)

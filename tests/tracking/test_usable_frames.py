@@ -47,7 +47,7 @@ def recorded(rng: np.random.Generator) -> tuple[list[PoseArrayFrame], np.ndarray
             stamp, now = stamp + 20 * DT, now + 20 * DT  # a pause
         one = frame(sent, frame_id='other' if trouble > 0.98 else 'world')
         if 0.96 < trouble <= 0.98:
-            one.poses[0, 0] = [np.nan, 1e9][int(rng.integers(2))]
+            one.poses[: int(rng.integers(3)), 0] = [np.nan, 1e9][int(rng.integers(2))]
         frames.append(one)
         times.append(now)
     return frames, np.array(times)

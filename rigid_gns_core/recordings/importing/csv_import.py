@@ -25,6 +25,7 @@ from ...forecasts.forecaster import scene_of
 from ...scenes.scene import Scene
 from ...scenes.scene_file import load_scene
 from ...scenes.state import Array
+from ...tracking.lost_spheres import lost_at_origin
 from ...tracking.pose_noise import estimate_noise, PoseNoise
 from ...tracking.usable_frames import GAP
 
@@ -47,6 +48,7 @@ def import_csv(path: Path, options: ImportOptions) -> Imported:
     scene = load_scene(options.scene)
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     read = read_csv_tracks(path)
+    read = [replace(one, track=without_lost(one.track)) for one in read]
     tracks, clock = on_camera_clock([one.track for one in read])
     tracks = [turned(track, options.scale, options.up) for track in tracks]
     labels = sorted_labels(label for track in tracks for label in track.spheres)
@@ -92,6 +94,19 @@ def _check_interval(tracks: Sequence[Track], path: Path) -> None:
             f'{path}: rows are {usual:.4g} s apart, expected at most {_SLOW:g} s; write times in '
             'seconds, not in milliseconds or nanoseconds'
         )
+
+
+def without_lost(track: Track) -> Track:
+    """The track with NaN where a ball was lost, see `lost_at_origin`."""
+    lost = lost_at_origin(track.positions)
+    if not lost.any():
+        return track
+    turns = track.quaternions
+    return replace(
+        track,
+        positions=np.where(lost[..., None], np.nan, track.positions),
+        quaternions=None if turns is None else np.where(lost[..., None], np.nan, turns),
+    )
 
 
 def noise_of_tracks(tracks: Sequence[Track]) -> float:

@@ -130,7 +130,7 @@ def _segment(
     why = 'as --match asks' if options.match else ''
     why = 'as by the simulator that recorded the bag' if matched else why
     if not why:
-        return segment_frames(decoded, float(np.max(scene.radius)), gap * 1e9), why
+        return segment_frames(decoded, scene, gap * 1e9), why
     # late: the model need not run otherwise
     from ..matched_frames import segment_matched_frames
 

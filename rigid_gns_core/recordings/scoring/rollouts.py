@@ -102,7 +102,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
     parts = (
         segment_matched_frames(decoded, model, {'velocity_window': options.window}, gap)
         if options.matched
-        else segment_frames(decoded, model.radius, gap)
+        else segment_frames(decoded, scene, gap)
     )
     noise = parts.noise().position
     check_units(parts.segments, scene, noise, f'{bag.path}: {topic.name}')

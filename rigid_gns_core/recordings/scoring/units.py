@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from ..importing.units_and_axes import check_fall
 from ..tracked_frames import as_track, DecodedTopic, Segment, segment_frames
 from ...scenes.scene import Scene
@@ -30,5 +28,5 @@ def check_units(segments: Sequence[Segment], scene: Scene, noise: float, where: 
 def check_topic_units(tracked: DecodedTopic, scene: Scene, where: str) -> None:
     """As `check_units`, of all frames of a topic; poses in no fixed order show no fall."""
     gap = GAP * median_interval(tracked.stamps)
-    parts = segment_frames(tracked, float(np.max(scene.radius)), gap)
+    parts = segment_frames(tracked, scene, gap)
     check_units(parts.segments, scene, parts.noise().position, where)
