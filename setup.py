@@ -14,6 +14,8 @@ from typing import Any
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
+from setuptools.command.develop import develop
+from setuptools.command.install_scripts import install_scripts
 
 NAME = 'rigid_gns_ros'
 # Modules that compile their package: package and what its folder of machine code begins with.
@@ -107,6 +109,35 @@ class BuildCompiled(build_py):
         return [*super().get_outputs(include_bytecode), *map(str, made)]
 
 
+def on_path(scripts: str) -> list[str]:
+    """Copy `rigid-gns` to where a shell finds it: setup.cfg puts scripts where `ros2 run` does."""
+    script = Path(scripts, 'rigid-gns')
+    prefix = next((p for p in script.parents if (p / 'lib' / NAME / script.name) == script), None)
+    if prefix is None or not script.is_file():  # a wheel's scripts are in bin/ anyway
+        return []
+    (prefix / 'bin').mkdir(exist_ok=True)
+    return [shutil.copy(script, prefix / 'bin')]
+
+
+class InstallOnPath(install_scripts):
+    """Installs scripts, and `rigid-gns` on the PATH of a workspace."""
+
+    def run(self) -> None:
+        """Install them."""
+        super().run()
+        self.outfiles += on_path(self.install_dir)
+
+
+class DevelopOnPath(develop):
+    """The same for `colcon build --symlink-install`."""
+
+    def run(self) -> None:
+        """Install them."""
+        super().run()
+        if not self.uninstall:
+            on_path(self.script_dir)
+
+
 def shared_files() -> list[tuple[str, list[str]]]:
     """Return what ROS looks for under share/: (folder, files), sub-folders of config/ kept."""
     share = f'share/{NAME}'
@@ -141,7 +172,11 @@ setup(
         'Topic :: Scientific/Engineering :: Physics',
     ],
     python_requires='>=3.11',
-    cmdclass={'build_py': BuildCompiled},
+    cmdclass={
+        'build_py': BuildCompiled,
+        'install_scripts': InstallOnPath,
+        'develop': DevelopOnPath,
+    },
     packages=find_packages(include=['rigid_gns_ros*', 'rigid_gns_core*']),
     package_data={
         '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg'],

@@ -20,6 +20,13 @@ def main() -> int:
 
 
 def _load() -> type[SimulatorNode]:
+    # before ROS begins: what compiles for two minutes must end by a signal, and rclpy's handlers
+    # only ask for it
+    from rigid_gns_core.engine import stepper
+    from rigid_gns_core.tracking import warm
+
+    stepper.warm_up()
+    warm.warm_up()
     from .node.simulator import SimulatorNode
 
     return SimulatorNode

@@ -34,6 +34,8 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / 'README.md'
 PAGES = [README, *sorted((ROOT / 'docs').glob('*.md'))]
+# folder of the shipped files, as the shell finds it
+SHARE = '$(ros2 pkg prefix --share rigid_gns_ros)'
 NODES = {'simulator': SIMULATOR, 'tracker': TRACKER}
 # Ways of others to install and set up, which need a network or an apt ROS.
 FOREIGN = {'python3', 'pip', 'rosdep', 'colcon', '.'}
@@ -260,7 +262,7 @@ def check_ros(words: list[str]) -> None:
             assert isinstance(value, type(spec.default)), word
             assert spec.problem(value) is None, word
         elif flag == '--params-file':
-            assert (ROOT / word).is_file(), word
+            assert Path(word.replace(SHARE, str(ROOT))).is_file(), word
 
 
 def check_options(words: list[str]) -> None:

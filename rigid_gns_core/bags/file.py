@@ -61,7 +61,7 @@ class BagFile:
             'cdr',
             self._schemas[topic.type_name],
             {
-                'offered_qos_profiles': to_yaml(qos_profiles(topic.qos)),
+                'offered_qos_profiles': to_yaml(qos_profiles(topic.qos, topic.depth)),
                 'topic_type_hash': type_hash(topic.type_name),
             },
         )

@@ -26,6 +26,14 @@ Record = Header | Schema | Channel | Message
 
 _MAGIC = b'\x89MCAP0\r\n'
 _HEAD = struct.Struct('<BQ')  # opcode, length of the content
+_CHUNK_HEAD = struct.Struct('<QQQI')  # first and last time, size, checksum
+_SQLITE = b'SQLite format 3\0'
+
+# what helps where a bag is stored in SQLite files
+SQLITE_REMEDY = (
+    'convert it by `ros2 bag convert -i BAG -o OPTIONS`, with `output_bags: [{uri: NEW, '
+    'storage_id: mcap}]` in the file OPTIONS'
+)
 
 
 class BagError(UserError):
@@ -48,7 +56,8 @@ def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
         magic = stream.read(len(_MAGIC))
         if magic != _MAGIC:
             if not _MAGIC.startswith(magic):
-                raise BagError(f'{file}: does not start as an MCAP file')
+                remedy = f'; it holds SQLite: {SQLITE_REMEDY}' if _SQLITE.startswith(magic) else ''
+                raise BagError(f'{file}: does not start as an MCAP file{remedy}')
             warnings.append(f'{file}: is empty, so the recorder did not get to write into it')
             return
         while True:
@@ -59,10 +68,14 @@ def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
             # a damaged length may be huge: compare before reading
             opcode, length = _HEAD.unpack(stream.read(_HEAD.size).ljust(_HEAD.size, b'\xff'))
             if start + _HEAD.size + length > size:
+                saved = _whole_records(stream.read()) if opcode == Opcode.CHUNK else []
+                count = sum(isinstance(record, Message) for record in saved)
                 warnings.append(
                     f'{file}: truncated, so the recorder did not finish; '
                     f'its last {size - start} bytes are lost'
+                    + (f', but for {count} messages at their start' if count else '')
                 )
+                yield from saved
                 return
             content = stream.read(length)
             if opcode == Opcode.FOOTER:
@@ -100,6 +113,41 @@ def _parse(opcode: int, content: bytes) -> list[Record]:
         records = breakup_chunk(Chunk.read(stream), validate_crc=True)
         return [r for r in records if isinstance(r, (Schema, Channel, Message))]
     return []
+
+
+def _whole_records(chunk: bytes) -> list[Record]:
+    """Records of a chunk that was cut short, as far as they are complete."""
+    records: list[Record] = []
+    try:
+        content = _start_of_chunk(chunk)
+        offset = 0
+        while offset + _HEAD.size <= len(content):
+            opcode, length = _HEAD.unpack_from(content, offset)
+            offset += _HEAD.size
+            if offset + length > len(content):
+                break
+            records += _parse(opcode, content[offset : offset + length])
+            offset += length
+    except Exception:  # a decompressor or parser may raise anything: what came before is kept
+        return records
+    return records
+
+
+def _start_of_chunk(chunk: bytes) -> bytes:
+    """Records of a chunk that was cut short, decompressed as far as they are there."""
+    start = _CHUNK_HEAD.size
+    length = int.from_bytes(chunk[start : start + 4], 'little')
+    compression = chunk[start + 4 : start + 4 + length]
+    start += 4 + length
+    size = int.from_bytes(chunk[start : start + 8], 'little')
+    content = chunk[start + 8 : start + 8 + size]
+    if compression == b'zstd':
+        return zstd_decompress(content)
+    if compression == b'lz4':
+        import lz4.frame
+
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(content))
+    return content
 
 
 def zstd_decompress(data: bytes) -> bytes:

@@ -31,6 +31,7 @@ class RecordedTopic:
         name: Resolved name.
         type_name: Type, such as `std_msgs/msg/String`.
         qos: QoS profile of its publisher.
+        depth: Depth of its history; None: that of the profile.
         count: Number of messages in the files, with latched messages counted once per split.
         sequence: Sequence number of the next message, without these repetitions.
     """
@@ -38,6 +39,7 @@ class RecordedTopic:
     name: str
     type_name: str
     qos: Qos
+    depth: int | None = None
     count: int = 0
     sequence: int = 0
 
@@ -60,19 +62,19 @@ class RecordedFile:
         self.count += 1
 
 
-def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
-    """`offered_qos_profiles` of one publisher.
+def qos_profiles(qos: Qos, depth: int | None = None) -> list[dict[str, Any]]:
+    """`offered_qos_profiles` of one publisher, of the profile's depth where none is given.
 
     Raises:
         UserError: The profile is unknown.
     """
     if qos not in _QOS:
         raise UserError(f'qos is {qos!r}, allowed: {", ".join(_QOS)}')
-    depth, reliability, durability = _QOS[qos]
+    usual, reliability, durability = _QOS[qos]
     return [
         {
             'history': 'keep_last',
-            'depth': depth,
+            'depth': usual if depth is None else depth,
             'reliability': reliability,
             'durability': durability,
             'deadline': _infinite(),
@@ -103,7 +105,7 @@ def bag_information(
                     'name': topic.name,
                     'type': topic.type_name,
                     'serialization_format': 'cdr',
-                    'offered_qos_profiles': qos_profiles(topic.qos),
+                    'offered_qos_profiles': qos_profiles(topic.qos, topic.depth),
                     'type_description_hash': type_hash(topic.type_name),
                 },
                 'message_count': topic.count,

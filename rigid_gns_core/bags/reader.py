@@ -5,26 +5,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 import itertools
 from pathlib import Path
 import re
 from typing import Any
 
-from mcap.records import Channel, Header, Schema
+from mcap.records import Channel, Header, Message, Schema
 import numpy as np
 from numpy.typing import NDArray
 import yaml
 
 from .file import LIBRARY
-from .mcap_records import BagError, read_records, zstd_decompress
+from .mcap_records import BagError, read_records, SQLITE_REMEDY, zstd_decompress
+from ..errors import UserError
+from ..messages.definitions import HASHES
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
 
 # log times that go back by more begin another pass of simulated time; by less, they are unordered
 # [ns]
 _PASS = 1_000_000_000
+# log times are unsigned in MCAP; ROS has none that an int64 does not hold [ns]
+_LATEST = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,16 @@ class Bag:
     topics: dict[str, Topic]
     warnings: tuple[str, ...]
 
+    @contextmanager
+    def naming_damage(self) -> Iterator[None]:
+        """Add the warnings to a UserError raised within: they are often the reason for it."""
+        try:
+            yield
+        except UserError as error:
+            if self.warnings:
+                error.args = ('\n'.join([str(error), *self.warnings]),)
+            raise
+
 
 def read_bag(path: str | Path) -> Bag:
     """Read every complete message of a rosbag2 folder or an .mcap file.
@@ -78,13 +93,19 @@ def read_bag(path: str | Path) -> Bag:
     warnings: list[str] = []
     files, information = _files(path, warnings)
     unpack = _message_unpacker(information)
-    gathered: dict[str, _Gathered] = {}
+    gathered: dict[tuple[str, str], _Gathered] = {}
     counter = itertools.count()
-    count = sum(_read_file(file, gathered, counter, warnings) for file in files)
+    types = _declared_types(information)
+    count = sum(_read_file(file, gathered, types, counter, warnings) for file in files)
     topics = {}
-    for name, found in gathered.items():
+    for name, found in _one_type_each(gathered, path, warnings).items():
         if found.missing:
             warnings.append(f'{path}: {found.missing} messages of {name} are missing in between')
+        if found.out_of_range:
+            warnings.append(
+                f'{path}: {found.out_of_range} messages of {name} are left out: their log times '
+                f'are damaged, {_LATEST + 1} ns or more'
+            )
         times = np.array(found.times, dtype=np.int64)
         order = _order(times)
         messages = [unpack(found.messages[index]) for index in order]
@@ -117,6 +138,12 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
     metadata = path / 'metadata.yaml'
     if not metadata.is_file():
         files = sorted(path.glob('*.mcap*'), key=_natural)
+        if not files and (sqlite := sorted(path.glob('*.db3*'), key=_natural)):
+            raise BagError(
+                f'{path}: holds {sqlite[0].name} and no metadata.yaml: a bag in SQLite whose '
+                f'recorder did not finish; `ros2 bag reindex {path.name}` creates metadata.yaml, '
+                f'then {SQLITE_REMEDY}'
+            )
         if not files:
             raise BagError(f'{path}: holds neither metadata.yaml nor an .mcap file; not a bag')
         warnings.append(
@@ -131,10 +158,10 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
         storage = information['storage_identifier']
     except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
         raise BagError(f'{metadata}: not the metadata of a bag: {error!r}') from error
+    if not storage:  # `ros2 bag reindex` leaves it empty
+        storage = 'sqlite3' if any('.db3' in name for name in names) else 'mcap'
     if storage != 'mcap':
-        raise BagError(
-            f'{path}: stored as {storage}, expected mcap; convert it with `ros2 bag convert`'
-        )
+        raise BagError(f'{path}: stored as {storage}, expected mcap; {SQLITE_REMEDY}')
     files = [path / name for name in names]
     for file in [file for file in files if not file.is_file()]:
         warnings.append(f'{file}: named in metadata.yaml, but missing')
@@ -156,6 +183,17 @@ def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
     return zstd_decompress
 
 
+def _declared_types(information: dict[str, Any]) -> dict[str, str]:
+    """Type of each topic by metadata.yaml, for channels without a schema."""
+    types = {}
+    listed = information.get('topics_with_message_count')
+    for entry in listed if isinstance(listed, list) else ():
+        topic = entry.get('topic_metadata') if isinstance(entry, dict) else None
+        if isinstance(topic, dict) and topic.get('name') and topic.get('type'):
+            types[str(topic['name'])] = str(topic['type'])
+    return types
+
+
 @dataclass
 class _Gathered:
     type_name: str
@@ -163,6 +201,7 @@ class _Gathered:
     messages: list[bytes] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
     sequences: list[int] = field(default_factory=list)  # of bags that this package recorded
+    out_of_range: int = 0
 
     @property
     def missing(self) -> int:
@@ -170,9 +209,49 @@ class _Gathered:
         numbers = set(self.sequences)
         return max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
 
+    def take(self, message: Message, index: int) -> None:
+        """Add a message, with its index in the order of recording."""
+        if message.log_time > _LATEST:
+            self.out_of_range += 1
+            return
+        self.times.append(message.log_time)
+        self.messages.append(message.data)
+        self.indices.append(index)
+
+
+def _one_type_each(
+    gathered: Mapping[tuple[str, str], _Gathered], path: Path, warnings: list[str]
+) -> dict[str, _Gathered]:
+    """The type of each topic that this package reads, else that of most messages."""
+    by_name: dict[str, list[_Gathered]] = {}
+    for (name, _), found in gathered.items():
+        by_name.setdefault(name, []).append(found)
+    chosen = {}
+    for name, several in by_name.items():
+        several.sort(
+            key=lambda found: (
+                bool(found.messages),
+                found.type_name in HASHES,
+                len(found.messages),
+            ),
+            reverse=True,
+        )
+        chosen[name] = several[0]
+        warnings += [
+            f'{path}: topic {name} has two types; {len(other.messages)} messages of '
+            f'{other.type_name} are left out, those of {several[0].type_name} are read'
+            for other in several[1:]
+            if other.messages
+        ]
+    return chosen
+
 
 def _read_file(
-    file: Path, gathered: dict[str, _Gathered], counter: Iterator[int], warnings: list[str]
+    file: Path,
+    gathered: dict[tuple[str, str], _Gathered],
+    types: Mapping[str, str],
+    counter: Iterator[int],
+    warnings: list[str],
 ) -> int:
     """Add the messages of one file to `gathered`; their number, with repeated ones."""
     schemas: dict[int, str] = {}
@@ -187,13 +266,9 @@ def _read_file(
         elif isinstance(record, Channel):
             channels[record.id] = None
             if record.message_encoding == 'cdr':
-                type_name = schemas.get(record.schema_id, 'unknown')
-                topic = gathered.setdefault(record.topic, _Gathered(type_name))
-                if topic.type_name != type_name:
-                    raise BagError(
-                        f'{file}: topic {record.topic} is {type_name}, before {topic.type_name}'
-                    )
-                channels[record.id] = topic
+                name = record.topic
+                type_name = schemas.get(record.schema_id) or types.get(name, 'unknown')
+                channels[record.id] = gathered.setdefault((name, type_name), _Gathered(type_name))
         elif record.channel_id not in channels:
             unknown_topic += 1
         elif topic := channels[record.channel_id]:
@@ -202,9 +277,7 @@ def _read_file(
                 if record.sequence in topic.sequences[-1:]:
                     continue  # a latched message, repeated at the start of a file
                 topic.sequences.append(record.sequence)
-            topic.times.append(record.log_time)
-            topic.messages.append(record.data)
-            topic.indices.append(next(counter))
+            topic.take(record, next(counter))
     if unknown_topic:
         warnings.append(
             f'{file}: {unknown_topic} messages are lost, as the record of their topic is damaged'

@@ -98,7 +98,7 @@ class BagWriter:
         """Number of messages recorded so far, by topic."""
         return {name: topic.sequence for name, topic in self._topics.items()}
 
-    def add_topic(self, name: str, type_name: str, qos: Qos) -> None:
+    def add_topic(self, name: str, type_name: str, qos: Qos, depth: int | None = None) -> None:
         """Register a topic.
 
         Args:
@@ -106,6 +106,7 @@ class BagWriter:
             type_name: Type, such as `geometry_msgs/msg/PoseArray`.
             qos: QoS profile of its publisher: `reliable` (depth 10), `sensor_data` (best effort,
                 depth 5) or `latched` (transient local, depth 1).
+            depth: Depth of its history, where it is another.
 
         Raises:
             UserError: The type or profile is unknown, the name lacks its leading slash, or the
@@ -119,7 +120,7 @@ class BagWriter:
         if known and (known.type_name, known.qos) != (type_name, qos):
             raise UserError(f'topic {name} was added before, with {known.type_name}, {known.qos}')
         if not known:
-            self._topics[name] = topic = RecordedTopic(name, type_name, qos)
+            self._topics[name] = topic = RecordedTopic(name, type_name, qos, depth)
             self._queue.put(topic)
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from . import laws
 from .bounces import GRAVITY, Simulate
 from .check import Check, check
-from .runs import AHEAD, EXACT, simulated, velocity_check
+from .runs import AHEAD, EXACT, NEAR, simulated, velocity_check
 from ..scenes.contact_law import ContactLaw, RestitutionCurve
 from ..scenes.plane import Plane
 from ..scenes.state import Array, Trajectory
@@ -83,6 +83,17 @@ def curve_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
         path = _series(curve, height, run.times)
         error = np.abs(run.positions[:, 0, 2] - 1.0 - path).max() / height
         yield check('series of bounces over speed', case, error, 0, EXACT)
+        # friction keeps the angular momentum about the floor: it ends at v / (1 + i)
+        run = simulated(
+            simulate,
+            (Plane(contact=ContactLaw(curve, 0.3)),),
+            [(0.0, 0.0, 1.5)],
+            [(1.0, 0.0, 0.0)],
+            seconds=9.0,
+        )
+        yield velocity_check(
+            'bounces over speed, then rolling', case, run, [(1.0 / 1.4, 0.0, 0.0)], 1.0, NEAR
+        )
 
 
 def _series(curve: RestitutionCurve, height: float, times: Array) -> Array:

@@ -14,8 +14,17 @@ from ..running.workers import BACKENDS, Workers
 
 def positive(text: str) -> int:
     """Option type: a whole number, at least 1."""
-    if not text.isdecimal() or int(text) < 1:
+    if not text.isdecimal() or len(text) > 18 or int(text) < 1:
         raise argparse.ArgumentTypeError(f'{text!r}, expected a whole number, at least 1')
+    return int(text)
+
+
+def seed_number(text: str) -> int:
+    """Option type: a seed, a whole number from 0 that 63 bits hold."""
+    if not text.isdecimal() or len(text) > 19 or int(text) >= 2**63:
+        raise argparse.ArgumentTypeError(
+            f'{text!r}, expected a whole number from 0 to {2**63 - 1}'
+        )
     return int(text)
 
 

@@ -112,10 +112,11 @@ def run(arguments: argparse.Namespace) -> int:
             report['processes'] = _run_processes(repeats, quick)
             print(f'{format_processes(report["processes"])}\n')
     report['load_average']['end'] = load_average()
+    if arguments.json is not None:
+        write_json(arguments.json, report)
     for name, text in peer_set.notes.items():
         print(f'{name}: {text}')
     if arguments.json is not None:
-        write_json(arguments.json, report)
         print(f'numbers: {arguments.json}')
     return 0
 

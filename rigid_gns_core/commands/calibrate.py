@@ -113,15 +113,16 @@ def run(arguments: argparse.Namespace) -> int:
         return calibrate_tracks(arguments)
     simulator = load_simulator(arguments.model)
     records = [record for folder in arguments.data for record in Dataset(folder)]
+    simulator.warm_up()  # else the time that is left would count the compiler
     found = calibrate(
         simulator, records, names=arguments.fit, steps=arguments.steps, most=arguments.windows
     )
     fitted = with_materials(records[0].scene, found.values)
-    print(format_calibration(found, fitted))
     scene = fitted.to_mapping()
     head = f'# Materials fitted by `rigid-gns calibrate` to {arguments.data[0].name}\n'
     arguments.out.write_text(head + yaml.safe_dump({'scene': scene}, sort_keys=False), 'utf-8')
     if arguments.json is not None:
         arguments.json.write_text(json.dumps(asdict(found), indent=1) + '\n', 'utf-8')
+    print(format_calibration(found, fitted))
     print(f'scene: {arguments.out}')
     return 0

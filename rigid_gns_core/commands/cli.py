@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import importlib
+import io
 import os
 import select
 import sys
@@ -82,6 +83,8 @@ CHECK_FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 1, 2, 130, 141
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `rigid-gns COMMAND ...`; the exit code, see `EPILOG`."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # an ASCII terminal has no ± and no m²
+        sys.stdout.reconfigure(errors='replace')
     try:
         try:
             return _run(sys.argv[1:] if argv is None else list(argv))
@@ -162,6 +165,9 @@ def _run(argv: list[str]) -> int:
         return int(arguments.run(arguments) or 0)
     except ModuleNotFoundError as error:
         print(f'{name}: error: {_with_remedy(error)}', file=sys.stderr)
+        return BAD_INPUT
+    except MemoryError as error:
+        print(f'{name}: error: this needs more memory than there is: {error}', file=sys.stderr)
         return BAD_INPUT
     except (UserError, OSError, FloatingPointError) as error:
         if isinstance(error, BrokenPipeError) and _reader_left():

@@ -87,6 +87,8 @@ def run(arguments: argparse.Namespace) -> int:
                         of |= {'measured': np.inf, 'error': np.inf}
                     checks.append(asdict(check) | of)
                 progress.update(model=name, group=group)
+    if arguments.json:  # before it is printed, as the reader of the output may leave
+        write_json(arguments.json, {'quick': arguments.quick, 'models': models})
     failed = 0
     for name, model in models.items():
         lost = sum(not check['passed'] for check in model['checks'])
@@ -95,8 +97,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(f'{len(model["checks"]) - lost} of {len(model["checks"])} checks passed\n')
         for group, reason in model['refused'].items():
             print(f'refused: {group}: {reason}\n')
-    if arguments.json:
-        write_json(arguments.json, {'quick': arguments.quick, 'models': models})
     return int(failed > 0)
 
 
@@ -128,6 +128,7 @@ def _engine(name: str, substeps: int | None) -> tuple[dict[str, Any], Simulate]:
     """Description of an engine for the JSON file, and the engine."""
     if name != TEACHER:
         simulator = load_simulator(name)
+        simulator.warm_up()
         return {'card': simulator.card}, simulator_engine(simulator)
     from ..teacher.bullet import load_pybullet, simulate
     from ..teacher.settings import TeacherSettings

@@ -168,6 +168,7 @@ def _run_data(data: Path, arguments: argparse.Namespace) -> int:
     records = read_records(data)
     reports: dict[str, dict[str, Any]] = {}
     draws = arguments.figure is not None and not arguments.no_figure
+    simulator.warm_up()
     with Progress(len(records), 'evaluate', unit='trajectory') as progress:
         for number, record in enumerate(records):
             start = record.trajectory[0]
@@ -193,12 +194,13 @@ def _run_data(data: Path, arguments: argparse.Namespace) -> int:
                     title=f'{simulator.name} on {name}: {reports[name]["spheres"]} spheres',
                 )
             progress.update(mse=reports[name]['errors']['mse'])
-    print(f'model {simulator.name} on {data}: {len(reports)} trajectories\n')
     one = next(iter(reports.values()))
     summary = summarise(list(reports.values()))
-    print(format_table(one if len(reports) == 1 else summary), end='')
     report = {'model': simulator.name, 'data': str(data), 'summary': summary, 'records': reports}
-    _write_numbers(arguments.json, report)
+    written = _write_numbers(arguments.json, report)
+    print(f'model {simulator.name} on {data}: {len(reports)} trajectories\n')
+    print(format_table(one if len(reports) == 1 else summary), end='')
+    print(written, end='')
     if arguments.figure is not None:
         print(f'figure:  {arguments.figure}')
     return 0
@@ -225,6 +227,7 @@ def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
         starts=20 if arguments.starts is None else arguments.starts,
         match=arguments.match,
     )
+    written = _write_numbers(arguments.json or _beside(bag, '.json'), scored.report)
     if figure is not None:
         from ..show.figure import write_figure
 
@@ -237,7 +240,7 @@ def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
             names=('predicted', 'tracked'),
         )
     print(f'{format_report(scored.report)}\nbag:     {bag}')
-    _write_numbers(arguments.json or _beside(bag, '.json'), scored.report)
+    print(written, end='')
     if figure or missing:
         print(f'figure:  {figure or missing}')
     return 0
@@ -264,10 +267,12 @@ def _reproduce(bag: Path, arguments: argparse.Namespace) -> int:
     from ..recordings.scoring.reproduce import reproduce
 
     recorded = read_bag(bag)
-    topics = find_topics(recorded, arguments.tracked, arguments.predicted)
-    result = reproduce(recorded, topics, arguments.model)
+    with recorded.naming_damage():
+        topics = find_topics(recorded, arguments.tracked, arguments.predicted)
+        result = reproduce(recorded, topics, arguments.model)
+    written = _write_numbers(arguments.json, vars(result))
     print('\n'.join([str(result), *recorded.warnings]))
-    _write_numbers(arguments.json, vars(result))
+    print(written, end='')
     return 1 if result.different else 0
 
 
@@ -277,7 +282,12 @@ def _beside(bag: Path, suffix: str) -> Path:
     return path.with_name(f'{path.stem if path.is_file() else path.name}_evaluation{suffix}')
 
 
-def _write_numbers(path: Path | None, report: dict[str, Any]) -> None:
-    if path is not None:
-        write_json(path, report)
-        print(f'numbers: {path}')
+def _write_numbers(path: Path | None, report: dict[str, Any]) -> str:
+    """Write the numbers where they are wanted, and return a line that says so.
+
+    They are written before anything is printed, as the reader of the output may leave.
+    """
+    if path is None:
+        return ''
+    write_json(path, report)
+    return f'numbers: {path}\n'

@@ -63,12 +63,11 @@ def run_tracks(data: Path, arguments: argparse.Namespace) -> int:
     found = read_tracks(data)
     scene = found.scene if arguments.scene is None else load_scene(arguments.scene)
     simulator = load_simulator(arguments.model)
+    simulator.warm_up()
     with Progress(len(found.tracks), 'evaluate', unit='track') as progress:
         outcomes = track_outcomes(simulator, found, scene, windows, progress.update)
     horizons = report_of(outcomes, windows.horizons)
     starts = len({(one.track, one.start) for one in outcomes})
-    print(f'model {simulator.name} on {data}: {len(found.tracks)} tracks, {starts} starts\n')
-    print(format_horizons(horizons))
     report = {
         'model': simulator.name,
         'data': str(data),
@@ -82,8 +81,11 @@ def run_tracks(data: Path, arguments: argparse.Namespace) -> int:
         'horizons': horizons,
         'outcomes': [vars(one) for one in outcomes],
     }
-    if arguments.json is not None:
+    if arguments.json is not None:  # before it is printed, as the reader of the output may leave
         write_json(arguments.json, report)
+    print(f'model {simulator.name} on {data}: {len(found.tracks)} tracks, {starts} starts\n')
+    print(format_horizons(horizons))
+    if arguments.json is not None:
         print(f'numbers: {arguments.json}')
     return 0
 

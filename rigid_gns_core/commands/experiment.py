@@ -86,8 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     experiments = _chosen(arguments.names)
     seeds = tuple(dict.fromkeys(arguments.seeds or budget.seeds))
-    if min(seeds) < 0:
-        raise UserError(f'--seeds is {min(seeds)}, expected at least 0')
+    for one in seeds:
+        if not 0 <= one < 2**63:
+            raise UserError(f'--seeds is {one}, expected whole numbers from 0 to {2**63 - 1}')
     chosen = {e.name: e.only(arguments.only) for e in experiments}
     cells = {
         cell.key: cell for e in experiments for cell in cells_of(e, budget, chosen[e.name], seeds)

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 import time
 
-from .arguments import completes, positive
+from .arguments import completes, positive, seed_number
 from ..errors import UserError
 from ..files.checkpoint import LAWS
 from ..files.tables import number
@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--seconds', type=positive, metavar='S', help='go on with new cases for so long instead'
     )
-    parser.add_argument('--seed', type=int, default=0, help='seed of all cases (default: 0)')
+    parser.add_argument(
+        '--seed', type=seed_number, default=0, help='seed of all cases (default: 0)'
+    )
     parser.add_argument(
         '--from',
         dest='first',
@@ -91,10 +93,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> None:
     if arguments.cases and arguments.seconds:
         raise UserError('--cases and --seconds are both given; leave one out')
-    for name in ('seed', 'first'):
-        if getattr(arguments, name) < 0:
-            option = {'seed': '--seed', 'first': '--from'}[name]
-            raise UserError(f'{option} is {getattr(arguments, name)}, expected at least 0')
+    if not 0 <= arguments.first < 2**63:
+        raise UserError(f'--from is {arguments.first}, expected at least 0 and under 2^63')
     for kind in arguments.kinds:
         if kind not in KINDS:
             raise UserError(f'--kinds: unknown kind {kind!r}, allowed: {", ".join(KINDS)}')

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .arguments import completes, shipped_models
+from .arguments import completes, seed_number, shipped_models
 from ..files.strict_json import write_json
 from ..installation.versions import PACKAGE, version_of
 from ..running.progress import Progress
@@ -39,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     completes(only, [case.name for case in hard_cases()])
     parser.add_argument('--quick', action='store_true', help='fewer steps in long cases')
-    parser.add_argument('--seed', type=int, default=0, help='seed of random starts (default: 0)')
+    parser.add_argument(
+        '--seed', type=seed_number, default=0, help='seed of random starts (default: 0)'
+    )
     parser.add_argument(
         '--teacher',
         action=argparse.BooleanOptionalAction,
@@ -92,9 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
         for row in run_cases(engines, cases, references):
             rows.append(row)
             progress.update(case=row['case'], model=row['model'])
+    if arguments.json is not None:  # before it is printed, as the reader of the output may leave
+        write_json(arguments.json, _report(arguments, cases, references, settings, rows))
     print(f'{format_table(rows)}\n\n{format_summary(rows)}')
     if arguments.json is not None:
-        write_json(arguments.json, _report(arguments, cases, references, settings, rows))
         print(f'numbers: {arguments.json}')
     return int(any(r['model'] == DEFAULT_MODEL and r['verdict'] == 'FAILED' for r in rows))
 

@@ -111,16 +111,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='associate poses with tracks: they come in any order or are missing (default: only '
         'where the simulator that recorded the bag did so)',
     )
-    table = parser.add_argument_group('options for CSV files')
-    table.add_argument(
+    parser.add_argument(
         '--scale',
         type=float,
         default=1.0,
         help='metres in a unit of x, y and z: 0.001 for millimetres (default 1)',
     )
-    table.add_argument(
+    parser.add_argument(
         '--up', choices=tuple(AXES), default='z', help='axis that points up (default z)'
     )
+    table = parser.add_argument_group('options for CSV files')
     table.add_argument(
         '--skip-bad', action='store_true', help='leave bad tracks out instead of refusing the file'
     )

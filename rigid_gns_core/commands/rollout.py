@@ -18,7 +18,7 @@ import warnings
 
 import numpy as np
 
-from .arguments import completes, configs, positive, shipped_models
+from .arguments import completes, configs, positive, seed_number, shipped_models
 from ..data.records import Record, write_record
 from ..errors import UserError
 from ..files.tables import format_rows, number
@@ -38,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     completes(model, shipped_models)
     completes(scene, configs('scenes'))
     parser.add_argument('--steps', type=int, default=300, help='steps of the model (default 300)')
-    parser.add_argument('--seed', type=int, help="seed of the start instead of the scene's")
+    parser.add_argument(
+        '--seed', type=seed_number, help="seed of the start instead of the scene's"
+    )
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
     parser.add_argument(
         '--samples',
@@ -78,6 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     start = sample_start(scene, replace(recipe, seed=seed))
     starts = [start, *starts_near(start, samples - 1, arguments.spread, seed)]
     lock = threading.Lock()
+    simulator.warm_up()
     with Progress(samples * arguments.steps, 'rollout') as progress:
         # the first step loads machine code, which takes longer than many steps; the rollouts
         # repeat its warnings

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .arguments import completes, configs, positive, shipped_models
+from .arguments import completes, configs, positive, seed_number, shipped_models
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     completes(start, shipped_models)
     parser.add_argument('--steps', type=int, help="optimiser steps instead of the recipe's")
-    parser.add_argument('--seed', type=int, help="seed instead of the recipe's")
+    parser.add_argument('--seed', type=seed_number, help="seed instead of the recipe's")
     parser.add_argument('--threads', type=positive, default=1, help='CPU threads (default 1)')
     parser.add_argument(
         '--device',

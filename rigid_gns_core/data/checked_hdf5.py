@@ -29,21 +29,30 @@ class DatasetError(UserError):
 def write_checked(path: Path, kind: str) -> Iterator[h5py.File]:
     """Write an HDF5 file, whole or not at all; one that exists is replaced.
 
+    It is built in memory, as HDF5 may crash where the disk is full.
+
     Args:
         path: File to write.
         kind: What it holds, one word, part of its first line.
     """
-    with whole_file(path) as partial:
-        # attributes over 64 kB, such as 10 000 radii, need version 1.10
-        with h5py.File(partial, 'w', libver=('v110', 'v110'), userblock_size=HEAD_SIZE) as file:
-            yield file
-        with open(partial, 'r+b') as stream:
-            stream.seek(HEAD_SIZE)
-            checksum = hashlib.file_digest(stream, 'sha256').hexdigest()
-            stream.seek(0)
-            stream.write(f'rigid_gns {kind} sha256 {checksum}\n'.encode())
-            stream.flush()
-            os.fsync(stream.fileno())
+    # attributes over 64 kB, such as 10 000 radii, need version 1.10
+    with h5py.File(
+        path,
+        'w',
+        libver=('v110', 'v110'),
+        userblock_size=HEAD_SIZE,
+        driver='core',
+        backing_store=False,
+    ) as file:
+        yield file
+        file.flush()
+        content = file.id.get_file_image()  # without the user block
+    head = f'rigid_gns {kind} sha256 {hashlib.sha256(content).hexdigest()}\n'.encode()
+    with whole_file(path) as partial, open(partial, 'wb') as stream:
+        stream.write(head.ljust(HEAD_SIZE, b'\0'))
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from .tracks import TRACKS_NAME
 from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, from_mapping, load_yaml
 from ..scenes.scene import Scene
-from ..scenes.state import Array, Trajectory
+from ..scenes.state import Array, as_unit, Trajectory
 
 FORMAT_VERSION = 1
 RECIPE_NAME = 'recipe.yaml'
@@ -233,8 +233,7 @@ def read_recipe(folder: str | Path) -> DataRecipe:
 
 
 def _assemble(attributes: dict[str, Any], arrays: dict[str, Array]) -> Record:
-    quaternions = arrays['quaternions']
-    arrays['quaternions'] = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    arrays['quaternions'] = as_unit(arrays['quaternions'])
     make = Trajectory.from_poses if attributes['contents'] == 'poses' else Trajectory
     return Record(
         trajectory=make(**arrays, dt=float(attributes['dt'])),

@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from .checked_hdf5 import DatasetError, read_checked, write_checked
 from ..errors import UserError
 from ..scenes.scene import Scene
-from ..scenes.state import Array
+from ..scenes.state import Array, rotation_between
 
 TRACKS_NAME = 'tracks.h5'
 
 _KIND, _VERSION, _REMEDY = 'tracks', 1, 'import it again'
+# a sphere that never turns by more has an unknown rotation [rad]
+_UNTURNED = 1e-9
 _UNITS = {'times': 's', 'positions': 'm', 'quaternions': 'x y z w'}
 
 
@@ -84,6 +86,23 @@ class Track:
         """Times [s], shape (k,), and centres [m], shape (k, 3), where the n-th sphere was seen."""
         seen = self.seen[:, sphere]
         return self.times[seen], self.positions[seen, sphere]
+
+
+def known_rotations(quaternions: Array) -> Array | None:
+    """Rotations of the spheres that turn; NaN for those that never do, None where none does.
+
+    Trackers of positions send one rotation throughout. That of a sphere that rolls is then not
+    known, and it would be wrong to take it for one that slides without spin.
+
+    Args:
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where not seen.
+    """
+    found = np.array(quaternions, dtype=np.float64)
+    for own in np.moveaxis(found, 1, 0):
+        seen = own[np.isfinite(own).all(axis=-1)]
+        if np.abs(rotation_between(seen[:1], seen)).max(initial=0.0) <= _UNTURNED:
+            own[:] = np.nan
+    return found if np.isfinite(found).any() else None
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
-from .world import THRESHOLD_TIME, World
+from .restitution import restitution_at
+from .world import given_law, ROLL, SLIDE, SLOPE, SLOW, SPIN, THRESHOLD_TIME, World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
 # restitutions nearer to 1 than this have no geometric series, but flights of one length
 _ELASTIC = 1e-9
+# resistance to rolling of a contact that resists only otherwise
+_NEXT_TO_NOTHING = 1e-300
 # speeds below this are rounding
 _ROUNDING = 1e-12
 
@@ -29,22 +32,15 @@ _ROUNDING = 1e-12
 class Law(NamedTuple):
     """Coefficients of the contacts of one substep, shape (c,) each.
 
-    restitution, restitution_fast, restitution_speed: e_slow, e_fast and u_0 of the pair, see
-    `restitution_at`; friction, tangential_restitution: of the pair; rolling, rolling_slope,
-    spinning: rho r, rho' r and sigma r, 0 between spheres;
+    restitution, friction: of the pair; rolling: rho r [lengths], 0 between spheres;
     inverse_effective_mass: change of separation velocity by a unit of normal impulse,
     1 / m_a + 1 / m_b; arm_a, arm_b: l, from centre to contact point; rotation_a, rotation_b:
     l^2 / I, what rotation adds to it across the normal.
     """
 
     restitution: Array
-    restitution_fast: Array
-    restitution_speed: Array
     friction: Array
-    tangential_restitution: Array
     rolling: Array
-    rolling_slope: Array
-    spinning: Array
     inverse_effective_mass: Array
     arm_a: Array
     arm_b: Array
@@ -73,14 +69,10 @@ class Target(NamedTuple):
 
 
 @compiled
-def law_of(world: World, contacts: Contacts) -> Law:
-    """Coefficients of contacts: those of their contact law, or else products of materials.
-
-    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
-    """
-    size = len(contacts.a)
-    own = np.zeros((13, size))
-    law = Law(
+def new_law(size: int) -> Law:
+    """Coefficients of so many contacts, to be written."""
+    own = np.empty((8, size))
+    return Law(
         restitution=own[0],
         friction=own[1],
         rolling=own[2],
@@ -89,16 +81,20 @@ def law_of(world: World, contacts: Contacts) -> Law:
         arm_b=own[5],
         rotation_a=own[6],
         rotation_b=own[7],
-        restitution_fast=own[8],
-        restitution_speed=own[9],
-        tangential_restitution=own[10],
-        rolling_slope=own[11],
-        spinning=own[12],
     )
-    for k in range(size):
+
+
+@in_place
+def find_law(world: World, contacts: Contacts, law_out: Law) -> None:
+    """Coefficients of contacts: those of their contact law, or else products of materials.
+
+    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
+    """
+    law = law_out
+    for k in range(len(contacts.a)):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
         if plane >= 0:
-            restitution, friction = world.surface_restitution[plane], world.surface_friction[plane]
+            restitution, friction = world.laws[plane, SLOW], world.laws[plane, SLIDE]
             law.rolling[k] = world.rolling_friction[a] * world.radius[a]
             law.arm_a[k], law.arm_b[k] = world.radius[a] + gap, 0.0
         else:
@@ -106,43 +102,36 @@ def law_of(world: World, contacts: Contacts) -> Law:
             law.rolling[k] = 0.0
             law.arm_a[k], law.arm_b[k] = world.radius[a] + 0.5 * gap, world.radius[b] + 0.5 * gap
         law.restitution[k] = world.restitution[a] * restitution
-        law.restitution_fast[k], law.restitution_speed[k] = law.restitution[k], 1.0
         law.friction[k] = world.friction[a] * friction
-        law.spinning[k] = law.rolling[k]
-        given = world.surface_law[plane] if plane >= 0 else world.sphere_law
-        if given[0] > 0:
-            _take(given, k, world.radius[a], law)
+        given = given_law(world, plane)
+        if given >= 0:
+            law.restitution[k], law.friction[k] = world.laws[given, SLOW], world.laws[given, SLIDE]
+            law.rolling[k] = _rolling_of(world, given, world.radius[a])
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]
-    return law
 
 
 @in_place
-def _take(given: Array, k: int, radius: float, law_out: Law) -> None:
-    """Write a contact law, as `world._law_row` orders it, into the coefficients of contact k."""
-    law_out.restitution[k], law_out.restitution_fast[k] = given[1], given[2]
-    law_out.restitution_speed[k], law_out.friction[k] = given[3], given[4]
-    law_out.tangential_restitution[k] = given[5]
-    law_out.rolling[k], law_out.rolling_slope[k] = given[6] * radius, given[7] * radius
-    law_out.spinning[k] = given[8] * radius
+def law_among(law: Law, first: int, last: int) -> Law:
+    """View of the law of some contacts in a row."""
+    return Law(
+        restitution=law.restitution[first:last],
+        friction=law.friction[first:last],
+        rolling=law.rolling[first:last],
+        inverse_effective_mass=law.inverse_effective_mass[first:last],
+        arm_a=law.arm_a[first:last],
+        arm_b=law.arm_b[first:last],
+        rotation_a=law.rotation_a[first:last],
+        rotation_b=law.rotation_b[first:last],
+    )
 
 
 @in_place
-def restitution_at(slow: float, fast: float, middle: float, speed: float) -> float:
-    """Restitution at an approach speed u: e_fast + (e_slow - e_fast) u_0 / (u_0 + u)."""
-    if slow == fast:
-        return slow
-    return fast + (slow - fast) * middle / (middle + max(speed, 0.0))
-
-
-@in_place
-def restitution_on_plane(world: World, i: int, plane: int, speed: float) -> float:
-    """Restitution of a sphere on a plane at an approach speed."""
-    given = world.surface_law[plane]
-    if given[0] > 0:
-        return restitution_at(given[1], given[2], given[3], speed)
-    return world.restitution[i] * world.surface_restitution[plane]
+def _rolling_of(world: World, given: int, radius: float) -> float:
+    """Resistance rho r by a contact law: more than 0 where it has any of rho, rho' and sigma."""
+    others = world.laws[given, SLOPE] + world.laws[given, SPIN]
+    return max(world.laws[given, ROLL] * radius, _NEXT_TO_NOTHING if others > 0 else 0.0)
 
 
 @in_place
@@ -213,8 +202,9 @@ def target_of(
     if leaves or fall <= 0:
         flight_time, bounced = remaining, True
     elif slow != fast:
-        flight_time, speed = _last_flight(slow, fast, middle, closing, fall, remaining)
-        bounced = flight_time >= 0
+        since, speed = _last_flight(slow, fast, middle, closing, fall, remaining)
+        bounced = since >= 0
+        flight_time = since if bounced else 0.0
     elif closing > THRESHOLD_TIME * fall and e > 1e-3:
         flights, series, damping = _flights(e, speed, fall, remaining)
         # the first flight whose approach is too slow is not begun

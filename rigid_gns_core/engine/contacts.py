@@ -8,15 +8,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from .broad_phase import Candidates, PAD
 from .flight import Paths, position_on_path
 from .impact import impact_of_spheres, impact_with_plane
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
-from .world import weight_of, World
-from ..kernels.jit import compiled, in_place
+from .world import gravity_of, weight_of, World
+from ..kernels.jit import in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
@@ -50,7 +48,7 @@ class Contacts(NamedTuple):
     rest_gap: Array
 
 
-class _Impacts(NamedTuple):
+class Impacts(NamedTuple):
     """Impacts of all candidates, shapes (m,), (m, 3) and (m, 9).
 
     values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed,
@@ -64,67 +62,42 @@ class _Impacts(NamedTuple):
     values: Array
 
 
-@compiled
-def find_contacts(
-    world: World, paths: Paths, candidates: Candidates, chosen: Flags, h: float, lookback: float
-) -> Contacts:
-    """Contacts of the next substep among the `chosen` candidates, on paths in flight.
+@in_place
+def find_impacts(
+    world: World,
+    paths: Paths,
+    candidates: Candidates,
+    pairs: Indices,
+    chosen: Flags,
+    h: float,
+    lookback: float,
+    impacts_out: Impacts,
+) -> None:
+    """Find the impacts of the next substep among candidates, on paths in flight.
 
     Bodies that gravity may bring together within `h`, nearer than g h^2, are speculative contacts.
+
+    Args:
+        world: What does not move.
+        paths: Of all spheres.
+        candidates: All of the frame.
+        pairs: Which of them to consider: with one of a sphere and a plane, all of that sphere.
+        chosen: Those that count, shape (m,).
+        h: Length of the substep.
+        lookback: Bodies that overlap are taken to have met at most so long ago.
+        impacts_out: Those of the pairs are written.
     """
-    size = len(candidates.a)
-    impacts = _Impacts(
-        found=np.zeros(size, np.bool_),
-        edge=np.zeros(size, np.bool_),
-        lasting=np.zeros(size, np.bool_),
-        normal=np.empty((size, 3)),
-        values=np.empty((size, 9)),
-    )
-    edges = False
-    for k in range(size):
+    impacts, edges = impacts_out, False
+    for k in pairs:
+        impacts.found[k] = impacts.edge[k] = impacts.lasting[k] = False
         if chosen[k] and _may_meet(world, paths, candidates, k, h):
-            _find(
-                world, paths, candidates, k, h, lookback, False,
-                impacts,
-            )  # fmt: skip
+            _find(world, paths, candidates, k, h, lookback, False, impacts)
             edges |= impacts.edge[k]
     if edges:
-        for k in range(size):
+        for k in pairs:
             if impacts.found[k] and impacts.edge[k]:
-                _shield(
-                    world, paths, candidates, k, h, lookback,
-                    impacts,
-                )  # fmt: skip
-    _drop_doubles(candidates, impacts)
-    which = np.flatnonzero(impacts.found)
-    count = len(which)
-    index, normal, values = (
-        np.empty((3, count), np.int64),
-        np.empty((count, 3)),
-        np.empty((8, count)),
-    )
-    for c in range(count):
-        k = which[c]
-        index[0, c], index[1, c] = candidates.a[k], candidates.b[k]
-        index[2, c] = candidates.plane[k]
-        put(normal, c, row(impacts.normal, k))
-        for field in range(8):
-            values[field, c] = impacts.values[k, field + 1]
-    return Contacts(
-        candidate=which,
-        a=index[0],
-        b=index[1],
-        plane=index[2],
-        normal=normal,
-        time=values[0],
-        gap=values[1],
-        speculative_gap=values[2],
-        approach_speed=values[3],
-        acceleration=values[4],
-        turning_speed=values[5],
-        crossing_time=values[6],
-        rest_gap=values[7],
-    )
+                _shield(world, paths, candidates, k, h, lookback, impacts)
+    _drop_doubles(candidates, pairs, impacts)
 
 
 @in_place
@@ -159,10 +132,11 @@ def _find(
     h: float,
     lookback: float,
     lasts: bool,
-    impacts_out: _Impacts,
+    impacts_out: Impacts,
 ) -> None:
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-    margin = weight_of(world) * h**2
+    weight = weight_of(world)
+    margin, pressed = weight * h**2, weight > 0
     if plane >= 0:
         impact = impact_with_plane(
             world=world,
@@ -170,22 +144,27 @@ def _find(
             radius=world.radius[a],
             position=row(paths.positions, a),
             velocity=row(paths.velocities, a),
-            acceleration=row(paths.accelerations, a),
+            acceleration=row(paths.accelerations, a) if world.in_air else gravity_of(world),
             h=h,
             lookback=lookback,
             margin=margin,
+            pressed=pressed,
             lasts=lasts,
         )
     else:
+        relative = (0.0, 0.0, 0.0)  # in a vacuum both fall alike
+        if world.in_air:
+            relative = minus(row(paths.accelerations, a), row(paths.accelerations, b))
         impact = impact_of_spheres(
             offset=minus(row(paths.positions, a), row(paths.positions, b)),
             velocity=minus(row(paths.velocities, a), row(paths.velocities, b)),
-            acceleration=minus(row(paths.accelerations, a), row(paths.accelerations, b)),
+            acceleration=relative,
             radius_a=world.radius[a],
             radius_b=world.radius[b],
             h=h,
             lookback=lookback,
             margin=margin,
+            pressed=pressed,
         )
     impacts, values = impacts_out, impacts_out.values
     impacts.found[k], impacts.edge[k] = impact.found, impact.edge
@@ -208,7 +187,7 @@ def _shield(
     k: int,
     h: float,
     lookback: float,
-    impacts_out: _Impacts,
+    impacts_out: Impacts,
 ) -> None:
     """Drop an edge contact that another plane shields.
 
@@ -230,10 +209,12 @@ def _shield(
         if impacts.found[other] and not (impacts.edge[other] or impacts.lasting[other]):
             impacts.found[current] = True
             return  # it meets that face only later, and is held until then
-        _find(
-            world, paths, candidates, other, h, lookback, True,
-            impacts,
-        )  # fmt: skip
+        _find(world, paths, candidates, other, h, lookback, True, impacts)
+        # a sphere that leaves a face within h is on it until then, whose ever its edge is
+        crossing = impacts.values[current, 7]
+        if crossing < h:
+            impacts.values[other, 7] = min(impacts.values[other, 7], crossing)
+            impacts.values[other, 4] = impacts.values[current, 4]
         if not impacts.edge[other]:
             return
         current = other
@@ -248,10 +229,10 @@ def _is_ghost(world: World, candidates: Candidates, k: int, centre: Vector) -> b
 
 
 @in_place
-def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
+def _drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) -> None:
     """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
     impacts = impacts_out
-    for k in range(1, len(candidates.a)):
+    for k in pairs:
         if not impacts.found[k] or candidates.plane[k] < 0:
             continue
         q = k - 1
@@ -265,7 +246,7 @@ def _drop_doubles(candidates: Candidates, impacts_out: _Impacts) -> None:
 
 
 @in_place
-def _is_parallel(impacts: _Impacts, q: int, k: int) -> bool:
+def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
     return dot(row(impacts.normal, q), row(impacts.normal, k)) > 1.0 - _PARALLEL**2
 
 

@@ -1,24 +1,25 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""No centre passes through a plane that has an end, at any speed and whatever presses on it.
+"""No centre passes through a plane, at any speed and whatever presses on it.
 
 Blows are solved on the free paths of a substep; a path that several of them bend may still lead
 through a plane. So the straight way of each centre over a substep is cut where it would, and the
-side of a plane that a sphere is on needs no memory. A plane without end cuts no way: it pushes
-out what is behind it.
+side of a plane that a sphere is on needs no memory. A plane without end, which has one face, cuts
+only ways that begin in front of it: it pushes out what is behind it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from .broad_phase import Candidates, PAD
-from .contact_law import restitution_on_plane
 from .flight import reach_of
 from .rectangle import to_plane
+from .restitution import restitution_on_plane
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
@@ -29,13 +30,29 @@ from ..scenes.state import Array
 _OVERLAP = 1e-9
 
 
+class Cuts(NamedTuple):
+    """Ways that planes cut: the share of each that is left, and which plane, shape (n,)."""
+
+    share: Array
+    plane: Indices
+
+
 @compiled
+def new_cuts(spheres: int) -> Cuts:
+    """Room for the ways of so many spheres."""
+    return Cuts(share=np.empty(spheres), plane=np.empty(spheres, np.int64))
+
+
+@in_place
 def keep_sides(
     world: World,
     candidates: Candidates,
+    members: Indices,
+    pairs: Indices,
     before: Array,
     speeds: Array,
     h: float,
+    cuts_out: Cuts,
     positions_out: Array,
     velocities_out: Array,
 ) -> None:
@@ -43,26 +60,30 @@ def keep_sides(
 
     Args:
         world: What does not move.
-        candidates: All pairs that may touch.
+        candidates: All pairs of the frame.
+        members: The spheres.
+        pairs: Candidates of theirs.
         before: Centres at the start of the substep, shape (n, 3).
         speeds: Speeds there, shape (n,): within what they allow, a sphere meets candidates only.
         h: Length of the substep.
+        cuts_out: Scratch.
         positions_out: At its end; corrected in place.
         velocities_out: At its end, shape (n, 3); corrected in place.
     """
-    first, plane = np.ones(len(before)), np.full(len(before), -1)
-    for k in range(len(candidates.a)):
+    first, plane = cuts_out.share, cuts_out.plane
+    for i in members:
+        first[i], plane[i] = 1.0, -1
+    for k in pairs:
         i, p = candidates.a[k], candidates.plane[k]
-        if p >= 0 and world.two_sided[p]:
+        if p >= 0:
             _cut(world, p, i, before, positions_out, first, plane)
     gravity = weight_of(world)
-    for i in range(len(before)):
+    for i in members:
         way = length(minus(row(positions_out, i), row(before, i)))
         if way > reach_of(speeds[i], gravity, h) + 0.5 * PAD * world.radius[i]:
             for p in range(len(world.point)):  # it was struck, and meets what it could not before
-                if world.two_sided[p]:
-                    _cut(world, p, i, before, positions_out, first, plane)
-    for i in range(len(before)):
+                _cut(world, p, i, before, positions_out, first, plane)
+    for i in members:
         p = plane[i]
         if p < 0:
             continue
@@ -100,9 +121,9 @@ def _share_of_way(world: World, plane: int, i: int, start: Vector, end: Vector) 
     """
     axes, half, point = world.axes[plane], world.half[plane], row(world.point, plane)
     local, there = to_plane(axes, minus(start, point)), to_plane(axes, minus(end, point))
-    side = -1.0 if local[2] < 0 else 1.0
+    side = -1.0 if local[2] < 0 and world.two_sided[plane] else 1.0
     height, depth = side * local[2], -side * there[2]
-    if depth < 0 or height + depth <= 0:
+    if height < 0 or depth < 0 or height + depth <= 0:
         return 1.0
     share = height / (height + depth)
     for axis in range(2):
@@ -110,12 +131,3 @@ def _share_of_way(world: World, plane: int, i: int, start: Vector, end: Vector) 
         if math.fabs(across) > half[axis] * (1.0 + _OVERLAP):
             return 1.0
     return (height - min(height, world.radius[i])) / (height + depth)
-
-
-@compiled
-def speeds_of(velocities: Array) -> Array:
-    """Speeds, shape (n,)."""
-    speeds = np.empty(len(velocities))
-    for i in range(len(speeds)):
-        speeds[i] = length(row(velocities, i))
-    return speeds

@@ -25,17 +25,17 @@ from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import counting_sort, Indices
+from ..kernels.neighbours import Indices
 from ..kernels.vector import dot, row
 from ..scenes.state import Array
 
 
 class Couplings(NamedTuple):
-    """Contacts of a group that share a body, for each contact and each of its bodies.
+    """Contacts of an island that share a body, for each contact and each of its bodies.
 
-    start: where those of side s of contact q begin, at 2 q + s, shape (2 c + 1,); other: index in
-    the group, shape (e,); side: of the other contact that the body is on; normal, friction: size
-    of the coupling, over that with itself; shape (e,).
+    start: where those of side s of contact k begin, at 2 k + s, shape (2 c + 1,); other: contact
+    of the island; side: of it that the body is on; normal, friction: size of the coupling, over
+    that with itself; shape (e,). head, next: scratch, the ends of contacts at each body as a list.
     """
 
     start: Indices
@@ -43,64 +43,79 @@ class Couplings(NamedTuple):
     side: Indices
     normal: Array
     friction: Array
+    head: Indices
+    next: Indices
 
 
 @compiled
+def new_couplings(bodies: int, contacts: int, couplings: int) -> Couplings:
+    """Room for so many, to be written."""
+    sizes = np.empty((2, couplings))
+    places = np.empty((2, couplings), np.int64)
+    return Couplings(
+        start=np.empty(2 * contacts + 1, np.int64),
+        other=places[0],
+        side=places[1],
+        normal=sizes[0],
+        friction=sizes[1],
+        head=np.empty(bodies, np.int64),
+        next=np.empty(2 * contacts, np.int64),
+    )
+
+
+@in_place
 def find_couplings(
-    world: World, contacts: Contacts, law: Law, group: Indices, number: Indices
-) -> Couplings:
-    """Couplings among the contacts of `group`; the fixed body couples none.
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    begin: Indices,
+    islands: int,
+    couplings_out: Couplings,
+) -> None:
+    """Find the couplings among the contacts of each island; the fixed body couples none.
 
     Args:
         world: What does not move.
-        contacts: All contacts of the substep.
+        contacts: All contacts of the substep, by island.
         law: Their coefficients.
-        group: Indices of those to couple.
-        number: Of each body, -1 for all, shape (n + 1,); used, and left as it was.
+        begin: Where island i begins, i = 1, 2, ...; before those are isolated contacts.
+        islands: How many there are.
+        couplings_out: Written.
     """
-    size, fixed = len(group), len(world.restitution)
-    number[fixed] = 0
-    bodies, body = 1, np.empty(2 * size, np.int64)
-    for end in range(2 * size):
-        k = group[end // 2]
-        i = contacts.a[k] if end % 2 == 0 else contacts.b[k]
-        if number[i] < 0:
-            number[i] = bodies
-            bodies += 1
-        body[end] = number[i]
-    for k in group:
-        number[contacts.a[k]] = number[contacts.b[k]] = -1
-    number[fixed] = -1
-    ends, begin = counting_sort(body, bodies)
-    total = 0
-    for i in range(1, bodies):
-        total += (begin[i + 1] - begin[i]) ** 2
-    start = np.zeros(2 * size + 1, np.int64)
-    other, side = np.empty(total, np.int64), np.empty(total, np.int64)
-    normal, friction = np.empty(total), np.empty(total)
-    e = 0
-    for end in range(2 * size):
-        i = body[end]
-        if i > 0:
-            for p in range(begin[i], begin[i + 1]):
-                other[e], side[e] = ends[p] // 2, ends[p] % 2
-                k, m = group[end // 2], group[other[e]]
-                normal[e], friction[e] = _sizes(world, contacts, law, k, end % 2, m, side[e])
-                e += 1
-        start[end + 1] = e
-    return Couplings(start=start, other=other, side=side, normal=normal, friction=friction)
+    fixed, out, e = len(world.restitution), couplings_out, 0
+    for island in range(1, islands + 1):
+        first, last = begin[island], begin[island + 1]
+        for k in range(first, last):
+            out.head[contacts.a[k]] = out.head[contacts.b[k]] = -1
+        for end in range(2 * last - 1, 2 * first - 1, -1):
+            i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
+            if i < fixed:
+                out.next[end], out.head[i] = out.head[i], end
+        for end in range(2 * first, 2 * last):
+            i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
+            out.start[end] = e
+            other = out.head[i] if i < fixed else -1
+            while other >= 0:
+                m, side = other // 2, other % 2
+                out.other[e], out.side[e] = m - first, side
+                out.normal[e], out.friction[e] = _sizes(
+                    world, contacts, law, end // 2, end % 2, m, side
+                )
+                e, other = e + 1, out.next[other]
+        out.start[2 * last] = e
 
 
-@compiled
-def no_couplings(size: int) -> Couplings:
-    """Couplings of contacts that share no body."""
-    none = np.empty(0, np.int64)
+@in_place
+def couplings_among(couplings: Couplings, first: int, last: int) -> Couplings:
+    """View of the couplings of the contacts of an island."""
     return Couplings(
-        start=np.zeros(2 * size + 1, np.int64),
-        other=none,
-        side=none,
-        normal=np.empty(0),
-        friction=np.empty(0),
+        start=couplings.start[2 * first : 2 * last + 1],
+        other=couplings.other,
+        side=couplings.side,
+        normal=couplings.normal,
+        friction=couplings.friction,
+        head=couplings.head,
+        next=couplings.next,
     )
 
 
@@ -122,32 +137,33 @@ def _sizes(
 
 @in_place
 def split_bodies(
-    couplings: Couplings, law: Law, group: Indices, weight: Array, normal_out: Array,
-    friction_out: Array, rolling_out: Array,
-) -> None:  # fmt: skip
-    """Parts into which each body is split for each contact, at least 1.
+    couplings: Couplings,
+    law: Law,
+    weight: Array,
+    normal_out: Array,
+    friction_out: Array,
+    rolling_out: Array,
+) -> None:
+    """Parts into which each body is split for each contact of an island, at least 1.
 
     The torques of rolling friction couple wholly.
 
     Args:
         couplings: Of the contacts.
-        law: Coefficients of all contacts.
-        group: Which of them these are, shape (c,).
+        law: Their coefficients.
         weight: How much each counts at its two bodies, 0 to 1, shape (c, 2).
         normal_out: For normal impulses, shape (c, 2); written.
         friction_out: For friction impulses, shape (c, 2); written.
         rolling_out: Of body a for rolling friction, shape (c,); written.
     """
-    for q in range(len(group)):
+    for k in range(len(weight)):
         for own in range(2):
             normal, friction, rolling = 0.0, 0.0, 0.0
-            for e in range(couplings.start[2 * q + own], couplings.start[2 * q + own + 1]):
+            for e in range(couplings.start[2 * k + own], couplings.start[2 * k + own + 1]):
                 share = weight[couplings.other[e], couplings.side[e]]
                 normal += share * couplings.normal[e]
                 friction += share * couplings.friction[e]
-                m = group[couplings.other[e]]
-                resists = law.rolling[m] + law.rolling_slope[m] + law.spinning[m] > 0
-                rolling += share if resists else 0.0
-            normal_out[q, own], friction_out[q, own] = max(normal, 1.0), max(friction, 1.0)
+                rolling += share if law.rolling[couplings.other[e]] > 0 else 0.0
+            normal_out[k, own], friction_out[k, own] = max(normal, 1.0), max(friction, 1.0)
             if own == 0:
-                rolling_out[q] = max(rolling, 1.0)
+                rolling_out[k] = max(rolling, 1.0)

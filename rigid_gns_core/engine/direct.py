@@ -36,31 +36,13 @@ _ROUNDING = 1e-12
 _PATIENCE = 3
 
 
-@compiled
-def normal_matrix(world: World, contacts: Contacts, group: Indices) -> Array:
-    """A of the contacts of `group`: n_k . n_l over the mass of each body they share."""
-    size = len(group)
-    matrix = np.zeros((size, size))
-    for q in range(size):
-        k = group[q]
-        for p in range(q + 1):
-            m = group[p]
-            same = world.inverse_mass[contacts.a[k]] * (contacts.a[k] == contacts.a[m])
-            same += world.inverse_mass[contacts.b[k]] * (contacts.b[k] == contacts.b[m])
-            same -= world.inverse_mass[contacts.a[k]] * (contacts.a[k] == contacts.b[m])
-            same -= world.inverse_mass[contacts.b[k]] * (contacts.b[k] == contacts.a[m])
-            if same != 0:
-                value = same * dot(row(contacts.normal, k), row(contacts.normal, m))
-                matrix[q, p] = matrix[p, q] = value
-    return matrix
-
-
 class Pivots(NamedTuple):
-    """Scratch of `solve_normals`, kept from one solution to the next; c contacts.
+    """Scratch of `solve_normals`, kept from one solution to the next; c contacts, m the most.
 
-    matrix: A, shape (c, c); lower: its Cholesky factor among the contacts that push, shape (c, c);
-    among: these, shape (c,); pushes: which they are, shape (c,); pushing: how many, -1 where
-    nothing is factorised, shape (1,); goal, impulse, opening: b, x and y, shape (c,).
+    matrix: A, in its first c rows and columns, shape (m, m); lower: its Cholesky factor among the
+    contacts that push, likewise; among: these, shape (c,); pushes: which they are, shape (c,);
+    pushing: how many, -1 where nothing is factorised, shape (1,); goal, impulse, opening: b, x and
+    y, shape (c,).
     """
 
     matrix: Array
@@ -74,30 +56,44 @@ class Pivots(NamedTuple):
 
 
 @compiled
-def no_pivots() -> Pivots:
-    """Scratch for contacts that are not solved directly."""
-    return _pivots(np.empty((0, 0)))
-
-
-@compiled
-def new_pivots(world: World, contacts: Contacts, group: Indices) -> Pivots:
-    """Scratch for the contacts of `group`."""
-    return _pivots(normal_matrix(world, contacts, group))
-
-
-@compiled
-def _pivots(matrix: Array) -> Pivots:
-    size = len(matrix)
-    numbers = np.zeros((3, size))
+def new_pivots() -> Pivots:
+    """Scratch for as many contacts as are solved so."""
+    numbers = np.zeros((3, MOST_CONTACTS))
     return Pivots(
-        matrix=matrix,
-        lower=np.empty((size, size)),
-        among=np.empty(size, np.int64),
-        pushes=np.zeros(size, np.bool_),
+        matrix=np.empty((MOST_CONTACTS, MOST_CONTACTS)),
+        lower=np.empty((MOST_CONTACTS, MOST_CONTACTS)),
+        among=np.empty(MOST_CONTACTS, np.int64),
+        pushes=np.zeros(MOST_CONTACTS, np.bool_),
         pushing=np.full(1, -1),
         goal=numbers[0],
         impulse=numbers[1],
         opening=numbers[2],
+    )
+
+
+@in_place
+def pivots_of(world: World, contacts: Contacts, scratch_out: Pivots) -> Pivots:
+    """View of the scratch for these contacts, A = n_k . n_l over the mass of each shared body."""
+    size, a, b, mass = len(contacts.a), contacts.a, contacts.b, world.inverse_mass
+    matrix = scratch_out.matrix
+    for k in range(size):
+        for m in range(k + 1):
+            same = mass[a[k]] * (a[k] == a[m]) + mass[b[k]] * (b[k] == b[m])
+            same -= mass[a[k]] * (a[k] == b[m]) + mass[b[k]] * (b[k] == a[m])
+            value = 0.0
+            if same != 0:
+                value = same * dot(row(contacts.normal, k), row(contacts.normal, m))
+            matrix[k, m] = matrix[m, k] = value
+    scratch_out.pushing[0] = -1
+    return Pivots(
+        matrix=matrix,
+        lower=scratch_out.lower,
+        among=scratch_out.among[:size],
+        pushes=scratch_out.pushes[:size],
+        pushing=scratch_out.pushing,
+        goal=scratch_out.goal[:size],
+        impulse=scratch_out.impulse[:size],
+        opening=scratch_out.opening[:size],
     )
 
 

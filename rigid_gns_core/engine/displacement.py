@@ -31,15 +31,15 @@ def displace_by_blows(
     to it is spread over the rest of the substep after the impact, with t half of that. Contacts
     that rest close their gaps if `closes`, which those of a body with others could not.
     """
-    _clear(contacts, state, bodies_out)
-    for q, k in enumerate(state.group):
+    _clear(contacts, bodies_out)
+    for k in range(len(contacts.a)):
         a, b, normal = contacts.a[k], contacts.b[k], impulses.normal[k]
-        if closes and normal > 0 and state.end_gap[q] == 0:
+        if closes and normal > 0 and state.end_gap[k] == 0:
             mass = law.inverse_effective_mass[k]
             close = times(-contacts.rest_gap[k] / mass, row(contacts.normal, k))
             add_to(bodies_out.displacement, a, times(world.inverse_mass[a], close))
             add_to(bodies_out.displacement, b, times(-world.inverse_mass[b], close))
-        alone, time, remaining = row(state.target, q)
+        alone, time, remaining = row(state.target, k)
         share = min(normal, alone / law.inverse_effective_mass[k]) / max(normal, 1e-30)
         time = share * time + (1.0 - share) * 0.5 * remaining
         impulse = plus(times(normal, row(contacts.normal, k)), row(impulses.tangential, k))
@@ -63,31 +63,31 @@ def displace_directly(
     gap is smaller, and each equal where P > 0. A force that passes through light bodies moves
     them no farther than their contacts allow. False where there are none.
     """
-    _clear(contacts, state, bodies_out)
-    for q, k in enumerate(state.group):  # friction acts with the impulse of the contact alone
+    _clear(contacts, bodies_out)
+    for k in range(len(contacts.a)):  # friction acts with the impulse of the contact alone
         a, b = contacts.a[k], contacts.b[k]
-        time = min(max(state.target[q, 1], 0.0), h)
+        time = min(max(state.target[k, 1], 0.0), h)
         across = times(time, row(impulses.tangential, k))
         add_to(bodies_out.displacement, a, times(world.inverse_mass[a], across))
         add_to(bodies_out.displacement, b, times(-world.inverse_mass[b], across))
-    for q, k in enumerate(state.group):
+    for k in range(len(contacts.a)):
         a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
-        state.active[q] = impulses.normal[k] > 0
-        pivots.impulse[q] = impulses.normal[k]
+        state.active[k] = impulses.normal[k] > 0
+        pivots.impulse[k] = impulses.normal[k]
         left = h - max(contacts.time[k], 0.0)
         opened = contacts.speculative_gap[k] - contacts.approach_speed[k] * left
         opened += 0.5 * contacts.acceleration[k] * left * left
         shift = minus(row(bodies_out.displacement, a), row(bodies_out.displacement, b))
-        pivots.goal[q] = state.end_gap[q] - opened - dot(normal, shift)
-        if state.end_gap[q] == 0:
-            pivots.goal[q] -= contacts.rest_gap[k]
+        pivots.goal[k] = state.end_gap[k] - opened - dot(normal, shift)
+        if state.end_gap[k] == 0:
+            pivots.goal[k] -= contacts.rest_gap[k]
     if not solve_normals(state.active, pivots):
         return False
-    for q, k in enumerate(state.group):
+    for k in range(len(contacts.a)):
         a, b, along = (
             contacts.a[k],
             contacts.b[k],
-            times(pivots.impulse[q], row(contacts.normal, k)),
+            times(pivots.impulse[k], row(contacts.normal, k)),
         )
         add_to(bodies_out.displacement, a, times(world.inverse_mass[a], along))
         add_to(bodies_out.displacement, b, times(-world.inverse_mass[b], along))
@@ -95,7 +95,7 @@ def displace_directly(
 
 
 @in_place
-def _clear(contacts: Contacts, state: SolverState, bodies_out: Bodies) -> None:
-    for k in state.group:
+def _clear(contacts: Contacts, bodies_out: Bodies) -> None:
+    for k in range(len(contacts.a)):
         put(bodies_out.displacement, contacts.a[k], (0.0, 0.0, 0.0))
         put(bodies_out.displacement, contacts.b[k], (0.0, 0.0, 0.0))

@@ -9,13 +9,14 @@ import math
 
 from .contact_law import Law
 from .contacts import Contacts
+from .impact import TOUCH
 from .impulses import Bodies, separation_velocity
 from .world import weight_of, World
 from ..kernels.jit import in_place
 
 # most contacts of an island that is advanced from event to event
 MOST_OF_EVENTS = 6
-# events nearer to the start or end of a substep than this share of it are at its start or end
+# edges crossed nearer to the start or end of a substep than this share of it are crossed there
 NEAR = 1e-4
 # blows faster than this [g h] are events: others are those of bodies that lie on each other
 _BLOW = 1.0
@@ -90,7 +91,10 @@ def next_event(world: World, contacts: Contacts, h: float, nominal_h: float) -> 
     first, blow = math.inf, False
     for k in range(len(contacts.a)):
         if is_blow(world, contacts, k, nominal_h):
-            time = contacts.time[k] if contacts.time[k] > NEAR * nominal_h else 0.0
+            # what a step of length 0 takes for a touch, which is what solves a blow
+            rounding = 0.5 * TOUCH * world.radius[contacts.a[k]]
+            closing = contacts.time[k] * contacts.approach_speed[k]
+            time = contacts.time[k] if closing > rounding else 0.0
             if time <= first:
                 first, blow = time, True
         crossing = contacts.crossing_time[k]

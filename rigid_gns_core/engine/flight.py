@@ -13,13 +13,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from .spheres import Spheres
 from .world import World
 from ..kernels.flight import flight_at, mean_accelerations, spin_after
-from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import Flags
+from ..kernels.jit import in_place
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.quaternions import turn
 from ..kernels.vector import dot, length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
@@ -45,51 +43,59 @@ def velocity_on_path(velocity: Vector, acceleration: Vector, time: float) -> Vec
     return plus(velocity, times(time, acceleration))
 
 
-@compiled
-def accelerations_of(
-    world: World, velocities: Array, spins: Array, h: float, path_h: float
-) -> tuple[Array, Array]:
-    """Accelerations of the path over a time `path_h`, and of the velocity over `h`.
+@in_place
+def find_accelerations(
+    world: World,
+    velocities: Array,
+    spins: Array,
+    members: Indices,
+    h: float,
+    path_h: float,
+    path_out: Array,
+    mean_out: Array,
+) -> None:
+    """Accelerations in air of the path over a time `path_h`, and of the velocity over `h`.
 
-    A step that ends at an event keeps the path on which the event was found. In a vacuum both are
-    gravity, and nothing is computed. Shape (n, 3) each.
+    A step that ends at an event keeps the path on which the event was found.
     """
-    if not world.in_air:
-        return world.pull, world.pull
-    path, mean = np.empty_like(velocities), np.empty_like(velocities)
-    for i in range(len(velocities)):
+    for i in members:
         v, w, flight = row(velocities, i), row(spins, i), flight_at(world.flight, i)
         along, change = mean_accelerations(v, w, flight, path_h)
         if h != path_h:
             _, change = mean_accelerations(v, w, flight, h)
-        put(path, i, along)
-        put(mean, i, change)
-    return path, mean
+        put(path_out, i, along)
+        put(mean_out, i, change)
 
 
 @in_place
-def slow_spins(world: World, h: float, spins_out: Array) -> None:
+def slow_spins(world: World, members: Indices, h: float, spins_out: Array) -> None:
     """Let air slow spins down over a substep."""
-    if world.in_air:
-        for i in range(len(spins_out)):
-            put(spins_out, i, spin_after(row(spins_out, i), flight_at(world.flight, i), h))
+    for i in members:
+        put(spins_out, i, spin_after(row(spins_out, i), flight_at(world.flight, i), h))
 
 
 @in_place
 def fly_in_place(
-    path: Array, mean: Array, awake: Flags, h: float, positions_out: Array, velocities_out: Array
+    path: Array,
+    mean: Array,
+    awake: Flags,
+    members: Indices,
+    h: float,
+    positions_out: Array,
+    velocities_out: Array,
 ) -> None:
-    """Flight of all spheres over a substep; sleepers keep their velocity.
+    """Flight of spheres over a substep; sleepers keep their velocity.
 
     Args:
         path: Accelerations of the paths, shape (n, 3).
         mean: Accelerations of the velocities, shape (n, 3).
         awake: Shape (n,).
+        members: Which spheres.
         h: Length of the substep.
-        positions_out: Shape (n, 3); written.
-        velocities_out: Shape (n, 3); written.
+        positions_out: Shape (n, 3); those of the members are written.
+        velocities_out: Shape (n, 3); likewise.
     """
-    for i in range(len(positions_out)):
+    for i in members:
         for axis in range(3):
             bend, fall = h * path[i, axis], h * mean[i, axis]
             if not awake[i]:

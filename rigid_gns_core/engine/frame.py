@@ -8,17 +8,18 @@ from __future__ import annotations
 import numpy as np
 
 from .broad_phase import Candidates, find_candidates, PAD
-from .contacts import find_contacts
-from .containment import keep_sides
+from .contacts import find_impacts
 from .flight import fly, Paths, reach_in_wind, reach_of
+from .groups import contacts_by_island
 from .impulses import no_impulses
 from .islands import Islands, join, no_islands
-from .overlap import push_out
+from .motion import copy_motion, Motion, Settings
+from .separation import separate_once
 from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
-from .step import copy_motion, Motion, Settings
 from .substep import substep
 from .warm_start import active_impulses, impulses_of, WarmStart, with_sleepers
+from .workspace import new_workspace, Workspace
 from .world import UNIT_GRAVITY, weight_of, World, world_among
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
@@ -28,6 +29,8 @@ from ..scenes.state import Array
 
 # most corrections after the last substep, of collisions on paths that contacts bent within it
 _CORRECTIONS = 3
+# overlaps [radii] that are pushed out at the end of a frame, among all candidates
+_DEEP = 2e-3
 # iterations of the solver that find the impulses of a start, where there is no warm start
 _COLD_ITERATIONS = 60
 
@@ -70,15 +73,16 @@ def advance(
             awake=awake[members],
         )
         impulses, quaternions = impulses_of(warm_start, candidates.key), now.quaternions[members]
-        every = np.ones(len(local.a), np.bool_)
+        work = new_workspace(len(members), local)
         if not warm_start.known:  # at a start: a substep of a copy, for its impulses
             substep(
                 world=members_world,
                 candidates=local,
-                chosen=every,
+                chosen=work.every,
                 h=h,
                 nominal_h=h,
                 iterations=_COLD_ITERATIONS,
+                work_out=work,
                 motion_out=copy_motion(motion),
                 impulses_out=impulses,
                 islands_out=no_islands(len(members)),
@@ -90,10 +94,11 @@ def advance(
             substep(
                 world=members_world,
                 candidates=local,
-                chosen=every,
+                chosen=work.every,
                 h=h,
                 nominal_h=h,
                 iterations=settings.iterations,
+                work_out=work,
                 motion_out=motion,
                 impulses_out=impulses,
                 islands_out=members_islands,
@@ -103,21 +108,23 @@ def advance(
             done += 1
         outran = _outrun(members_world, motion, start, reach, dt - done * h)
         for _ in range(0 if outran else _CORRECTIONS):
-            missed = _missed_contacts(members_world, motion, local, h)
-            if not missed.any():
+            missed, deep = _find_missed(members_world, motion, local, h, work)
+            if not (missed or deep):
                 break
-            substep(
-                world=members_world,
-                candidates=local,
-                chosen=missed,
-                h=0.0,
-                nominal_h=h,
-                iterations=settings.iterations,
-                motion_out=motion,
-                impulses_out=no_impulses(len(missed)),
-                islands_out=members_islands,
-            )
-            _separate(members_world, motion, local, every)
+            if missed:
+                substep(
+                    world=members_world,
+                    candidates=local,
+                    chosen=work.missed,
+                    h=0.0,
+                    nominal_h=h,
+                    iterations=settings.iterations,
+                    work_out=work,
+                    motion_out=motion,
+                    impulses_out=no_impulses(len(local.a)),
+                    islands_out=members_islands,
+                )
+            separate_once(members_world, motion.positions, motion.velocities, local, work)
         _scatter(motion, quaternions, members_islands, members, after, islands)
         if not outran and started == 0:
             break
@@ -182,32 +189,32 @@ def _outrun(world: World, motion: Motion, start: Array, reach: Array, left: floa
     return False
 
 
-@compiled
-def _missed_contacts(world: World, motion: Motion, candidates: Candidates, h: float) -> Flags:
-    """Candidates of bodies that overlap and approach, since contacts bent their paths."""
-    count, size = len(motion.awake), len(candidates.a)
-    every, missed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
-    paths = Paths(motion.positions, motion.velocities, world.pull)
-    contacts = find_contacts(world, paths, candidates, every, 0.0, h)
-    hit = np.zeros(count + 1, np.bool_)
-    for k in range(len(contacts.a)):
-        if contacts.time[k] < 0 and contacts.approach_speed[k] > UNIT_GRAVITY * h:
-            hit[contacts.a[k]] = hit[contacts.b[k]] = True
-    hit[count] = False
+@in_place
+def _find_missed(
+    world: World, motion: Motion, candidates: Candidates, h: float, work_out: Workspace
+) -> tuple[bool, bool]:
+    """Mark candidates of bodies that overlap and approach, since contacts bent their paths.
+
+    Returns whether there are any, and whether any overlap is deep.
+    """
+    work, order = work_out, work_out.order
+    paths = Paths(motion.positions, motion.velocities, world.flight)
+    find_impacts(world, paths, candidates, work.every_pair, work.every, 0.0, h, work.impacts)
+    size, _ = contacts_by_island(
+        candidates, work.everyone, work.every_pair, work.impacts, order, work.contacts
+    )
+    contacts, hit, fixed = work.contacts, order.number, len(motion.awake)
+    any_missed, deep = False, False
+    hit[: fixed + 1] = 0
     for k in range(size):
-        missed[k] = hit[candidates.a[k]] or hit[candidates.b[k]]
-    return missed
-
-
-@compiled
-def _separate(world: World, motion: Motion, candidates: Candidates, every: Flags) -> None:
-    """Push out overlaps among all candidates, also those that a correction left out."""
-    paths = Paths(motion.positions, motion.velocities, world.pull)
-    contacts = find_contacts(world, paths, candidates, every, 0.0, 0.0)
-    before = motion.positions.copy()
-    push_out(world, contacts, motion.positions)
-    still = np.zeros(len(before))
-    keep_sides(world, candidates, before, still, 0.0, motion.positions, motion.velocities)
+        deep |= contacts.gap[k] < -_DEEP * world.radius[contacts.a[k]]
+        if contacts.time[k] < 0 and contacts.approach_speed[k] > UNIT_GRAVITY * h:
+            hit[contacts.a[k]] = hit[contacts.b[k]] = 1
+    hit[fixed] = 0
+    for k in work.every_pair:
+        work.missed[k] = hit[candidates.a[k]] + hit[candidates.b[k]] > 0
+        any_missed |= work.missed[k]
+    return any_missed, deep
 
 
 @in_place

@@ -81,7 +81,7 @@ def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
     """Kinetic and potential energy of a sphere."""
     v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
     mass, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
-    potential = -mass * dot(row(spheres.positions, i), row(world.pull, i))
+    potential = -mass * dot(row(spheres.positions, i), row(world.flight, i))
     return 0.5 * mass * dot(v, v) + 0.5 * inertia * dot(w, w), potential
 
 

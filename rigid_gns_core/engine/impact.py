@@ -101,15 +101,14 @@ def _missed_time(gap: float, approach_speed: float, lookback: float) -> float:
 def _lasts(
     gap: float,
     radius: float,
-    margin: float,
+    pressed: bool,
     approach_speed: float,
     velocity: Vector,
     distance: float,
     h: float,
 ) -> bool:
     """Whether bodies are so near, and so slow along the normal, that they stay in contact."""
-    # without gravity, nothing presses bodies together
-    if gap > _LASTING_GAP * radius or margin <= 0:
+    if gap > _LASTING_GAP * radius or not pressed:
         return False
     tangential = math.sqrt(max(dot(velocity, velocity) - approach_speed**2, 0.0))
     slow = math.fabs(approach_speed) <= _LASTING_SPEED
@@ -126,6 +125,7 @@ def impact_of_spheres(
     h: float,
     lookback: float,
     margin: float,
+    pressed: bool,
 ) -> Impact:
     """Contact of two spheres that touch or meet within h.
 
@@ -143,6 +143,7 @@ def impact_of_spheres(
         h: Length of the substep.
         lookback: Spheres that overlap are taken to have met at most so long ago.
         margin: Gap up to which spheres that do not meet are speculative contacts.
+        pressed: Whether gravity may press bodies together, so that contacts last.
     """
     touching, distance = radius_a + radius_b, length(offset)
     gap = distance - touching
@@ -158,7 +159,7 @@ def impact_of_spheres(
             hits = time <= h
     approach_speed = -along / max(distance, 1e-30)
     smaller = min(radius_a, radius_b)
-    lasting = _lasts(gap, smaller, margin, approach_speed, velocity, distance, h)
+    lasting = _lasts(gap, smaller, pressed, approach_speed, velocity, distance, h)
     touches = lasting or gap <= TOUCH * smaller
     if not (hits or touches or gap <= margin):
         return _no_impact()
@@ -206,6 +207,7 @@ def impact_with_plane(
     h: float,
     lookback: float,
     margin: float,
+    pressed: bool,
     lasts: bool,
 ) -> Impact:
     """Contact of a sphere that touches or meets a bounded plane within h, on its parabola.
@@ -224,6 +226,7 @@ def impact_with_plane(
         h: Length of the substep.
         lookback: Bodies that overlap are taken to have met at most so long ago.
         margin: Gap up to which bodies that do not meet are speculative contacts.
+        pressed: Whether gravity may press bodies together, so that contacts last.
         lasts: The sphere rolls onto this plane from one that it touches: the contact lasts.
     """
     axes, half = world.axes[plane], world.half[plane]
@@ -248,7 +251,7 @@ def impact_with_plane(
     if not inside:
         normal = times(1.0 / max(distance, 1e-30), start)
     approach_speed = -dot(normal, moving)
-    lasting = lasts or _lasts(gap, radius, margin, approach_speed, moving, radius, h)
+    lasting = lasts or _lasts(gap, radius, pressed, approach_speed, moving, radius, h)
     hits = hits and not lasts
     touches = lasting or gap <= TOUCH * radius
     if not (hits or touches or gap <= margin):

@@ -33,19 +33,18 @@ class Impulses(NamedTuple):
 class Bodies(NamedTuple):
     """Moving bodies in a substep, and the fixed one last.
 
-    free_velocity: at the end of the substep, without contacts; angular_velocity: at its start;
-    velocity_change, angular_change: what impulses add to them; displacement: beyond that of free
+    free_velocity, free_angular_velocity: at the end of the substep, without contacts; velocity,
+    angular_velocity: with the impulses so far; displacement: by them, beyond that of free
     flight; shape (n + 1, 3) each. strongest: force of the strongest active contact of each body,
-    as a speed; number: scratch of `find_couplings`; shape (n + 1,).
+    as a speed, shape (n + 1,).
     """
 
     free_velocity: Array
+    free_angular_velocity: Array
+    velocity: Array
     angular_velocity: Array
-    velocity_change: Array
-    angular_change: Array
     displacement: Array
     strongest: Array
-    number: Indices
 
 
 @compiled
@@ -56,13 +55,13 @@ def no_impulses(count: int) -> Impulses:
     )
 
 
-@compiled
-def copy_impulses(impulses: Impulses) -> Impulses:
-    """Impulses in arrays of their own."""
+@in_place
+def impulses_among(impulses: Impulses, first: int, last: int) -> Impulses:
+    """View of the impulses of some contacts in a row."""
     return Impulses(
-        normal=impulses.normal.copy(),
-        tangential=impulses.tangential.copy(),
-        rolling=impulses.rolling.copy(),
+        normal=impulses.normal[first:last],
+        tangential=impulses.tangential[first:last],
+        rolling=impulses.rolling[first:last],
     )
 
 
@@ -75,13 +74,38 @@ def copy_impulse(impulses: Impulses, i: int, target_out: Impulses, k: int) -> No
 
 
 @in_place
+def copy_impulses(impulses: Impulses, pairs: Indices, target_out: Impulses) -> None:
+    """Copy the impulses of some contacts."""
+    for k in pairs:
+        copy_impulse(impulses, k, target_out, k)
+
+
+@in_place
+def clear_impulses(pairs: Indices, impulses_out: Impulses) -> None:
+    """Take away the impulses of some contacts."""
+    for k in pairs:
+        impulses_out.normal[k] = 0.0
+        put(impulses_out.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses_out.rolling, k, (0.0, 0.0, 0.0))
+
+
+@in_place
+def scale_impulses(factor: float, pairs: Indices, impulses_out: Impulses) -> None:
+    """Impulses of forces that last, for a step of another length."""
+    for k in pairs:
+        impulses_out.normal[k] *= factor
+        put(impulses_out.tangential, k, times(factor, row(impulses_out.tangential, k)))
+        put(impulses_out.rolling, k, times(factor, row(impulses_out.rolling, k)))
+
+
+@in_place
 def apply_linear(
     world: World, contacts: Contacts, bodies_out: Bodies, k: int, impulse: Vector
 ) -> None:
     """Apply an impulse J at contact k to velocities: v_a += J / m_a, v_b -= J / m_b."""
     a, b = contacts.a[k], contacts.b[k]
-    add_to(bodies_out.velocity_change, a, times(world.inverse_mass[a], impulse))
-    add_to(bodies_out.velocity_change, b, times(-world.inverse_mass[b], impulse))
+    add_to(bodies_out.velocity, a, times(world.inverse_mass[a], impulse))
+    add_to(bodies_out.velocity, b, times(-world.inverse_mass[b], impulse))
 
 
 @in_place
@@ -91,8 +115,8 @@ def apply_angular(
     """Apply the torque of an impulse J at contact k: w -= l n x J / I, for both bodies."""
     a, b = contacts.a[k], contacts.b[k]
     torque = cross(row(contacts.normal, k), impulse)
-    add_to(bodies_out.angular_change, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
-    add_to(bodies_out.angular_change, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
+    add_to(bodies_out.angular_velocity, a, times(-law.arm_a[k] * world.inverse_inertia[a], torque))
+    add_to(bodies_out.angular_velocity, b, times(-law.arm_b[k] * world.inverse_inertia[b], torque))
 
 
 @in_place
@@ -102,12 +126,12 @@ def slip_velocity(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vecto
     u = (v_a - v_b) across n - (l_a w_a + l_b w_b) x n, l from the centre to the contact point.
     """
     a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
-    v_a = plus(row(bodies.free_velocity, a), row(bodies.velocity_change, a))
-    v_b = plus(row(bodies.free_velocity, b), row(bodies.velocity_change, b))
-    w_a = plus(row(bodies.angular_velocity, a), row(bodies.angular_change, a))
-    w_b = plus(row(bodies.angular_velocity, b), row(bodies.angular_change, b))
-    turning = plus(times(law.arm_a[k], w_a), times(law.arm_b[k], w_b))
-    return minus(across(minus(v_a, v_b), normal), cross(turning, normal))
+    turning = plus(
+        times(law.arm_a[k], row(bodies.angular_velocity, a)),
+        times(law.arm_b[k], row(bodies.angular_velocity, b)),
+    )
+    moving = minus(row(bodies.velocity, a), row(bodies.velocity, b))
+    return minus(across(moving, normal), cross(turning, normal))
 
 
 @in_place
@@ -116,8 +140,8 @@ def free_slip(contacts: Contacts, law: Law, bodies: Bodies, k: int) -> Vector:
     a, b, normal = contacts.a[k], contacts.b[k], row(contacts.normal, k)
     moving = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
     turning = plus(
-        times(law.arm_a[k], row(bodies.angular_velocity, a)),
-        times(law.arm_b[k], row(bodies.angular_velocity, b)),
+        times(law.arm_a[k], row(bodies.free_angular_velocity, a)),
+        times(law.arm_b[k], row(bodies.free_angular_velocity, b)),
     )
     return minus(across(moving, normal), cross(turning, normal))
 
@@ -129,9 +153,8 @@ def separation_velocity(contacts: Contacts, bodies: Bodies, k: int) -> float:
     n . (v_a - v_b), and what the turn of the normal until then adds.
     """
     a, b = contacts.a[k], contacts.b[k]
-    free = minus(row(bodies.free_velocity, a), row(bodies.free_velocity, b))
-    change = minus(row(bodies.velocity_change, a), row(bodies.velocity_change, b))
-    return dot(row(contacts.normal, k), plus(free, change)) + contacts.turning_speed[k]
+    moving = minus(row(bodies.velocity, a), row(bodies.velocity, b))
+    return dot(row(contacts.normal, k), moving) + contacts.turning_speed[k]
 
 
 @in_place
@@ -139,17 +162,16 @@ def start_from(
     world: World,
     contacts: Contacts,
     law: Law,
-    group: Indices,
     initial: Impulses,
     bodies_out: Bodies,
     impulses_out: Impulses,
 ) -> None:
     """Warm start: set the impulses so far to `initial`, and the bodies' changes to theirs."""
-    for k in group:
+    for k in range(len(contacts.a)):
         for body in (contacts.a[k], contacts.b[k]):
-            put(bodies_out.velocity_change, body, (0.0, 0.0, 0.0))
-            put(bodies_out.angular_change, body, (0.0, 0.0, 0.0))
-    for k in group:
+            put(bodies_out.velocity, body, row(bodies_out.free_velocity, body))
+            put(bodies_out.angular_velocity, body, row(bodies_out.free_angular_velocity, body))
+    for k in range(len(contacts.a)):
         normal = row(contacts.normal, k)
         # the normal has turned since the last substep
         tangential = across(row(initial.tangential, k), normal)
@@ -161,4 +183,4 @@ def start_from(
         apply_angular(world, contacts, law, bodies_out, k, tangential)
         a = contacts.a[k]
         rolling = times(world.inverse_inertia[a], row(initial.rolling, k))
-        add_to(bodies_out.angular_change, a, rolling)
+        add_to(bodies_out.angular_velocity, a, rolling)

@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from .broad_phase import find_candidates
-from .contacts import Contacts, find_contacts, gap_of
-from .containment import keep_sides
-from .flight import Paths
+from .contacts import Contacts, gap_of
 from .world import World
-from ..kernels.jit import compiled, entry
+from ..kernels.jit import compiled, in_place
 from ..kernels.vector import add_to, put, row, times
 from ..scenes.state import Array
 
@@ -20,22 +19,43 @@ from ..scenes.state import Array
 _SWEEPS = 4
 # overlaps [radii] up to which they are rounding
 ROUNDING = 1e-12
-# most passes over a start, and overlaps [radii] up to which it is left as it is
-_PASSES, _CLOSE = 500, 1e-6
+
+
+class Overlaps(NamedTuple):
+    """Scratch of `push_out`; c contacts, n spheres.
+
+    depth: of each contact, shape (c,); normal: its direction now, shape (c, 3); deepest, load: of
+    each body, shape (n + 1,).
+    """
+
+    depth: Array
+    normal: Array
+    deepest: Array
+    load: Array
 
 
 @compiled
-def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
+def new_overlaps(spheres: int, contacts: int) -> Overlaps:
+    """Room for so many, to be written."""
+    bodies = np.empty((2, spheres + 1))
+    return Overlaps(
+        depth=np.empty(contacts), normal=np.empty((contacts, 3)), deepest=bodies[0], load=bodies[1]
+    )
+
+
+@in_place
+def push_out(
+    world: World, contacts: Contacts, overlaps_out: Overlaps, positions_out: Array
+) -> None:
     """Move overlapping bodies apart along their normals; the centre of mass of a pair stays.
 
     Each contact of depth d moves body a by d w_a / (n_a w_a + n_b w_b), and b by as much with w_b,
     with w the inverse masses, and n the number of contacts of a body, weighted by depth.
     """
-    positions = positions_out
-    count, bodies = len(contacts.a), len(positions) + 1
-    inverse = world.inverse_mass
-    depth, normal = np.empty(count), np.empty((count, 3))
-    deepest, load = np.empty(bodies), np.empty(bodies)
+    positions, fixed = positions_out, len(positions_out)
+    count, inverse = len(contacts.a), world.inverse_mass
+    depth, normal = overlaps_out.depth, overlaps_out.normal
+    deepest, load = overlaps_out.deepest, overlaps_out.load
     for _ in range(_SWEEPS):
         any_deep = False
         for k in range(count):
@@ -47,7 +67,9 @@ def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
                 put(normal, k, direction)
         if not any_deep:
             return
-        deepest[:], load[:] = 1e-30, 0.0
+        for k in range(count):
+            for body in (contacts.a[k], contacts.b[k]):
+                deepest[body], load[body] = 1e-30, 0.0
         for k in range(count):
             a, b = contacts.a[k], contacts.b[k]
             deepest[a], deepest[b] = max(deepest[a], depth[k]), max(deepest[b], depth[k])
@@ -63,35 +85,5 @@ def push_out(world: World, contacts: Contacts, positions_out: Array) -> None:
                 push = depth[k] / (load[a] * inverse[a] + load[b] * inverse[b])
                 way = row(normal, k)
                 add_to(positions, a, times(push * inverse[a], way))
-                if b < bodies - 1:
+                if b < fixed:
                     add_to(positions, b, times(-push * inverse[b], way))
-
-
-@entry
-def separate(world: World, dt: float, positions_out: Array) -> None:
-    """Undo the overlaps of a start, however deep.
-
-    Args:
-        world: What does not move.
-        dt: Length of a frame.
-        positions_out: Centres, shape (n, 3); moved.
-    """
-    positions = positions_out
-    still, everyone = np.zeros_like(positions), np.ones(len(positions), np.bool_)
-    for _ in range(_PASSES):
-        candidates = find_candidates(world, positions, still, dt, everyone)
-        if len(candidates.a) == 0:
-            return
-        chosen = np.ones(len(candidates.a), np.bool_)
-        contacts = find_contacts(
-            world, Paths(positions, still, world.pull), candidates, chosen, 0.0, 0.0
-        )
-        deep = False
-        for k in range(len(contacts.a)):
-            gap, _ = gap_of(world, positions, contacts, k)
-            deep = deep or gap < -_CLOSE * world.radius[contacts.a[k]]
-        if not deep:
-            return
-        before = positions.copy()
-        push_out(world, contacts, positions)
-        keep_sides(world, candidates, before, np.zeros(len(before)), 0.0, positions, still)

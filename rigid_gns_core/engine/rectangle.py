@@ -143,8 +143,13 @@ def crossing_of_edge(half: float, place: float, velocity: float, acceleration: f
     if half == math.inf:
         return math.inf
     beyond = math.fabs(place) - half
-    outwards = math.copysign(1.0, place) * math.copysign(1.0, beyond)
-    return first_touch_of_plane(math.fabs(beyond), outwards * velocity, outwards * acceleration)
+    if beyond > 0:
+        outwards = math.copysign(1.0, place)
+        return first_touch_of_plane(beyond, outwards * velocity, outwards * acceleration)
+    return min(
+        first_touch_of_plane(half - place, -velocity, -acceleration),
+        first_touch_of_plane(half + place, velocity, acceleration),
+    )
 
 
 @in_place

@@ -10,7 +10,7 @@ edge that lies on another plane is none if that plane, which is convex, is neare
 from __future__ import annotations
 
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
-from .world import World
+from .world import SLIDE, SLOW, World
 from ..kernels.jit import in_place
 from ..kernels.vector import length, minus, row, Vector
 
@@ -46,9 +46,10 @@ def is_shielded(world: World, edge_of: int, other: int, centre: Vector) -> bool:
 
 @in_place
 def _precedes(world: World, one: int, other: int) -> bool:
-    restitution, friction = world.surface_restitution, world.surface_friction
-    if restitution[one] != restitution[other]:
-        return restitution[one] > restitution[other]
-    if friction[one] != friction[other]:
-        return friction[one] < friction[other]
+    restitution = world.laws[one, SLOW] - world.laws[other, SLOW]
+    if restitution != 0:
+        return restitution > 0
+    friction = world.laws[one, SLIDE] - world.laws[other, SLIDE]
+    if friction != 0:
+        return friction < 0
     return one < other

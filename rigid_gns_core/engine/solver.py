@@ -18,107 +18,227 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from .contact_law import Law
+from .contact_law import Law, law_among
 from .contacts import Contacts
-from .couplings import find_couplings, no_couplings, split_bodies
-from .direct import MOST_CONTACTS, new_pivots, no_pivots, Pivots, solve_normals
+from .couplings import Couplings, couplings_among, split_bodies
+from .direct import MOST_CONTACTS, Pivots, pivots_of, solve_normals
 from .displacement import displace_by_blows, displace_directly
-from .impulses import apply_linear, Bodies, Impulses, start_from
-from .residuals import find_free_motion, find_residuals, new_state, SolverState
+from .groups import contacts_among
+from .impulses import apply_linear, Bodies, Impulses, impulses_among, start_from
+from .residuals import find_free_motion, find_residuals, reset_state, SolverState, state_among
 from .steps import step_friction, step_normal, step_rolling
-from .world import World
-from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import Indices
+from .world import UNIT_GRAVITY, weight_of, World
+from ..kernels.jit import in_place
 from ..kernels.vector import length, put, row, times
 from ..scenes.state import Array
 
 # largest momentum, the share of a step that the next one repeats: halves the iterations of piles
 MOMENTUM = 0.5
+# few contacts are solved until an iteration changes none by more than this [g h, and approach
+# speed]; blows need it, and resting contacts have it after the first iteration
+_EXACT, _MOST_ITERATIONS = 3e-4, 16
+# few whose last iteration changed one by more than this [g h, and approach speed] have friction
+# that does not converge, as between masses of a ratio of 1e6
+_LOST = 30.0
+# many, whose last iteration changed a contact by more than this [g h], have not converged, as
+# after a blow; they get at most so many more, until one changes none by more than that [g h]
+_UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
+# bodies are split anew in the first iterations, and then in every so many
+_FIRST, _EVERY = 3, 4
 
 
-@compiled
+@in_place
+def solve_isolated(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    last: int,
+    accelerations: Array,
+    h: float,
+    nominal_h: float,
+    state_out: SolverState,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+) -> None:
+    """Solve contacts that share no moving body with any other: one step is exact.
+
+    Args:
+        world: What does not move.
+        contacts: All contacts of the substep, these first.
+        law: Their coefficients.
+        last: Where they end.
+        accelerations: Of the spheres in flight, shape (n, 3).
+        h: Length of the substep; 0 for a correction of collisions that the last one missed.
+        nominal_h: Length of a regular substep, for thresholds of speed.
+        state_out: Reset, and written.
+        bodies_out: Changes of their bodies are written.
+        impulses_out: Written.
+    """
+    contacts, law = contacts_among(contacts, 0, last), law_among(law, 0, last)
+    state = state_among(state_out, 0, last)
+    bodies, impulses = bodies_out, impulses_among(impulses_out, 0, last)
+    reset_state(state)
+    for k in range(last):  # no warm start: one step is exact
+        impulses.normal[k] = 0.0
+        put(impulses.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses.rolling, k, (0.0, 0.0, 0.0))
+    find_free_motion(contacts, law, bodies, impulses, state)
+    find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
+    step_normal(world, contacts, bodies, impulses, state)
+    step_rolling(world, contacts, law, bodies, impulses, state)
+    step_friction(world, contacts, law, bodies, impulses, state)
+    displace_by_blows(world, contacts, law, impulses, state, True, bodies)
+
+
+@in_place
 def solve(
     world: World,
     contacts: Contacts,
     law: Law,
-    group: Indices,
+    couplings: Couplings,
     start: Impulses,
-    lasting: Impulses,
+    first: int,
+    last: int,
     accelerations: Array,
     h: float,
     nominal_h: float,
     iterations: int,
-    tolerance: float,
-    shared: bool,
+    scratch_out: Pivots,
+    state_out: SolverState,
     bodies_out: Bodies,
     impulses_out: Impulses,
-) -> Array:
-    """Solve a group of contacts; returns the speed by which the last step changed each.
+) -> float:
+    """Solve the contacts of an island; returns the speed by which the last step changed one most.
 
     Args:
         world: What does not move.
         contacts: All contacts of the substep.
         law: Their coefficients.
-        group: Indices of those to solve; no other contact may share a moving body with them.
-        start: Impulses of the first iteration.
-        lasting: Impulses of the last substep, from which forces that last are told from blows.
+        couplings: Among them.
+        start: Impulses of the last substep, from which forces that last are told from blows.
+        first: Where the island begins; no other contact shares a moving body with it.
+        last: Where it ends.
         accelerations: Of the spheres in flight, shape (n, 3).
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
-        iterations: Most iterations.
-        tolerance: An iteration that changes every contact by less than this speed is the last; 0:
-            all are made.
-        shared: Whether contacts of the group share moving bodies.
-        bodies_out: Changes of the bodies of the group are written.
-        impulses_out: Impulses of the group are written.
+        iterations: Iterations, unless more are needed.
+        scratch_out: Of the direct solution.
+        state_out: Reset, and written.
+        bodies_out: Changes of their bodies are written.
+        impulses_out: Written.
     """
-    if len(group) == 0:
-        return np.empty(0)
-    bodies, impulses, state = bodies_out, impulses_out, new_state(group)
-    start_from(world, contacts, law, group, lasting, bodies, impulses)
+    contacts, law = contacts_among(contacts, first, last), law_among(law, first, last)
+    couplings, start = couplings_among(couplings, first, last), impulses_among(start, first, last)
+    bodies, impulses = bodies_out, impulses_among(impulses_out, first, last)
+    state = state_among(state_out, first, last)
+    reset_state(state)
+    start_from(world, contacts, law, start, bodies, impulses)
     find_free_motion(contacts, law, bodies, impulses, state)
-    start_from(world, contacts, law, group, start, bodies, impulses)
-    for q, k in enumerate(group):
-        state.previous_normal[q] = impulses.normal[k]
-        put(state.previous_tangential, q, row(impulses.tangential, k))
-    direct = shared and len(group) <= MOST_CONTACTS
-    couplings, pivots = no_couplings(len(group)), no_pivots()
-    if shared:
-        couplings = find_couplings(world, contacts, law, group, bodies.number)
-    if direct:
-        pivots = new_pivots(world, contacts, group)
-    for _ in range(iterations):
+    for k in range(len(contacts.a)):
+        state.previous_normal[k] = impulses.normal[k]
+        put(state.previous_tangential, k, row(impulses.tangential, k))
+    few, pivots = len(contacts.a) <= MOST_CONTACTS, scratch_out
+    most, tolerance, fastest = iterations, 0.0, 0.0
+    if few:
+        pivots = pivots_of(world, contacts, scratch_out)
+        for k in range(len(contacts.a)):
+            fastest = max(fastest, contacts.approach_speed[k])
+        most = max(iterations, _MOST_ITERATIONS)
+        tolerance = _EXACT * (weight_of(world) * nominal_h + fastest)
+    change = _iterate(
+        world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few, pivots,
+        bodies, impulses, state,
+    )  # fmt: skip
+    if few and change > _LOST * (weight_of(world) * nominal_h + fastest):
+        _drop_friction(
+            world, contacts, law, h, nominal_h, pivots, accelerations, state, bodies, impulses
+        )
+    if not few and change > _UNCONVERGED * UNIT_GRAVITY * nominal_h:
+        most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
+        change = _iterate(
+            world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few,
+            pivots, bodies, impulses, state,
+        )  # fmt: skip
+    if not (few and displace_directly(world, contacts, pivots, impulses, state, h, bodies)):
+        displace_by_blows(world, contacts, law, impulses, state, False, bodies)
+    return change
+
+
+@in_place
+def _iterate(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    couplings: Couplings,
+    accelerations: Array,
+    h: float,
+    nominal_h: float,
+    most: int,
+    tolerance: float,
+    direct: bool,
+    pivots: Pivots,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+    state_out: SolverState,
+) -> float:
+    """Iterate until one changes every contact by less than the tolerance; returns its change."""
+    bodies, impulses, state, change = bodies_out, impulses_out, state_out, 0.0
+    for iteration in range(most):
         find_residuals(world, contacts, law, impulses, accelerations, h, nominal_h, bodies, state)
-        if shared:
+        if iteration < _FIRST or iteration % _EVERY == 0:
             split_bodies(
                 couplings,
                 law,
-                group,
                 state.weight,
                 state.split,
                 state.friction_split,
                 state.rolling_split,
             )
-        _set_momentum(state)
+            _set_momentum(state)
         if not (direct and _step_exactly(world, contacts, pivots, bodies, impulses, state)):
             step_normal(world, contacts, bodies, impulses, state)
         step_rolling(world, contacts, law, bodies, impulses, state)
         step_friction(world, contacts, law, bodies, impulses, state)
-        if tolerance > 0 and _last_change(law, impulses, state).max() < tolerance:
-            break
-    if not (direct and displace_directly(world, contacts, pivots, impulses, state, h, bodies)):
-        displace_by_blows(world, contacts, law, impulses, state, not shared, bodies)
-    return _last_change(law, impulses, state)
+        if tolerance > 0 or iteration == most - 1:
+            change = _last_change(law, impulses, state)
+            if change < tolerance:
+                break
+    return change
+
+
+@in_place
+def _drop_friction(
+    world: World,
+    contacts: Contacts,
+    law: Law,
+    h: float,
+    nominal_h: float,
+    pivots: Pivots,
+    accelerations: Array,
+    state_out: SolverState,
+    bodies_out: Bodies,
+    impulses_out: Impulses,
+) -> None:
+    """Solve the contacts without friction, which is exact whatever the masses."""
+    impulses = impulses_out
+    for k in range(len(contacts.a)):
+        put(impulses.tangential, k, (0.0, 0.0, 0.0))
+        put(impulses.rolling, k, (0.0, 0.0, 0.0))
+    for _ in range(2):  # the first finds which contacts carry force
+        start_from(world, contacts, law, impulses, bodies_out, impulses)
+        find_residuals(
+            world, contacts, law, impulses, accelerations, h, nominal_h, bodies_out, state_out
+        )
+        if not _step_exactly(world, contacts, pivots, bodies_out, impulses, state_out):
+            return
 
 
 @in_place
 def _set_momentum(state_out: SolverState) -> None:
-    """Set the momentum, (1 - 1 / split) / 2: none for a contact alone, whose step is exact."""
-    for q in range(len(state_out.group)):
-        split = max(state_out.split[q, 0], state_out.split[q, 1])
-        state_out.momentum[q] = MOMENTUM * (1.0 - 1.0 / split)
+    """Set the momentum, (1 - 1 / split) / 2: none for a contact that shares no force."""
+    for k in range(len(state_out.momentum)):
+        split = max(state_out.split[k, 0], state_out.split[k, 1])
+        state_out.momentum[k] = MOMENTUM * (1.0 - 1.0 / split)
 
 
 @in_place
@@ -131,31 +251,31 @@ def _step_exactly(
     state_out: SolverState,
 ) -> bool:
     """Set all normal impulses to those of the law; False where there are none."""
-    group, size = state_out.group, len(state_out.group)
-    for q in range(size):
-        pivots.impulse[q] = impulses_out.normal[group[q]]
-    for q in range(size):
-        pivots.goal[q] = state_out.residual[q]
-        for p in range(size):
-            pivots.goal[q] += pivots.matrix[q, p] * pivots.impulse[p]
+    size = len(contacts.a)
+    for k in range(size):
+        pivots.impulse[k] = impulses_out.normal[k]
+    for k in range(size):
+        pivots.goal[k] = state_out.residual[k]
+        for m in range(size):
+            pivots.goal[k] += pivots.matrix[k, m] * pivots.impulse[m]
     if not solve_normals(state_out.active, pivots):
         return False
-    for q, k in enumerate(group):
-        step = pivots.impulse[q] - impulses_out.normal[k]
-        state_out.previous_normal[q] = impulses_out.normal[k]
-        impulses_out.normal[k] = pivots.impulse[q]
+    for k in range(size):
+        step = pivots.impulse[k] - impulses_out.normal[k]
+        state_out.previous_normal[k] = impulses_out.normal[k]
+        impulses_out.normal[k] = pivots.impulse[k]
         apply_linear(world, contacts, bodies_out, k, times(step, row(contacts.normal, k)))
     return True
 
 
-@compiled
-def _last_change(law: Law, impulses: Impulses, state: SolverState) -> Array:
-    """Speed by which the last step changed each contact, along and across, shape (c,)."""
-    change = np.empty(len(state.group))
-    for q, k in enumerate(state.group):
-        step = math.fabs(impulses.normal[k] - state.previous_normal[q])
-        slip = length(row(state.step, q))
+@in_place
+def _last_change(law: Law, impulses: Impulses, state: SolverState) -> float:
+    """Largest speed by which the last step changed a contact, along or across its normal."""
+    largest = 0.0
+    for k in range(len(state.step)):
+        step = math.fabs(impulses.normal[k] - state.previous_normal[k])
+        slip = length(row(state.step, k))
         mobility = law.inverse_effective_mass[k]
         turning = mobility + law.rotation_a[k] + law.rotation_b[k]
-        change[q] = max(step * mobility, slip * turning)
-    return change
+        largest = max(largest, step * mobility, slip * turning)
+    return largest

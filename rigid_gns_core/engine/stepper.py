@@ -10,10 +10,10 @@ import numpy as np
 from .frame import advance
 from .guard import limit_energy
 from .islands import Islands
-from .overlap import separate
+from .motion import Settings
+from .separation import separate
 from .sleep import all_awake, put_to_sleep, Sleepers
 from .spheres import is_finite, Spheres, store
-from .step import Settings
 from .warm_start import cold_start, WarmStart
 from .world import World, world_of
 from ..kernels.jit import compiled, compiling, entry, is_compiled

@@ -11,26 +11,26 @@ contacts, where blows follow one another without end, are not.
 
 from __future__ import annotations
 
-import numpy as np
-
 from .broad_phase import Candidates
-from .contacts import find_contacts
-from .containment import speeds_of
+from .contacts import find_impacts
 from .events import is_blow, NEAR, next_event
-from .flight import accelerations_of, Paths
-from .impulses import copy_impulse, copy_impulses, Impulses, no_impulses
-from .islands import Islands, join, no_islands
-from .step import copy_motion, Motion, step
-from .world import World, world_among
-from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import counting_sort, Flags, Indices
-from ..kernels.vector import put, row, times
+from .flight import find_accelerations, Paths
+from .groups import contacts_among, contacts_by_island
+from .impulses import clear_impulses, copy_impulses, Impulses, scale_impulses
+from .islands import Islands
+from .motion import Motion, restore_motion
+from .step import step
+from .workspace import Workspace
+from .world import World
+from ..kernels.jit import in_place
+from ..kernels.neighbours import Flags, Indices
+from ..kernels.vector import length, row
 
 # most events of an island within a substep; what follows is one step
 _MOST_EVENTS = 12
 
 
-@compiled
+@in_place
 def substep(
     world: World,
     candidates: Candidates,
@@ -38,64 +38,101 @@ def substep(
     h: float,
     nominal_h: float,
     iterations: int,
+    work_out: Workspace,
     motion_out: Motion,
     impulses_out: Impulses,
     islands_out: Islands,
 ) -> None:
-    """Advance the motion by `h`; see `step`."""
-    count = len(motion_out.positions)
-    before, warm = copy_motion(motion_out), copy_impulses(impulses_out)
-    label, opening = np.empty(count, np.int64), np.empty(count)
+    """Advance the motion of all spheres by `h`; see `step`."""
+    work = work_out
+    restore_motion(motion_out, work.everyone, work.before)
+    copy_impulses(impulses_out, work.every_pair, work.warm)
+    for i in work.everyone:
+        work.speeds[i] = length(row(motion_out.velocities, i))
     events = step(
         world=world,
         candidates=candidates,
+        members=work.everyone,
+        pairs=work.every_pair,
         chosen=chosen,
         h=h,
         path_h=h,
         last_h=nominal_h,
         nominal_h=nominal_h,
         iterations=iterations,
-        speeds=speeds_of(before.velocities),
+        work_out=work,
         motion_out=motion_out,
         impulses_out=impulses_out,
         islands_out=islands_out,
-        label_out=label,
-        opening_out=opening,
+        label_out=work.label,
+        opening_out=work.opening,
     )
     if events == 0:
         return
-    spheres, first_sphere = counting_sort(label + 1, events + 1)
-    pairs, first_pair = counting_sort(_labels_of_pairs(candidates, chosen, label) + 1, events + 1)
-    for event in range(1, events + 1):
+    _sort_by_label(candidates, chosen, events, work)
+    for event in range(events):
+        spheres, pairs = work.sphere_begin, work.pair_begin
         _advance_by_events(
             world=world,
             candidates=candidates,
-            members=spheres[first_sphere[event] : first_sphere[event + 1]],
-            pairs=pairs[first_pair[event] : first_pair[event + 1]],
-            opening=opening[event - 1],
+            members=work.spheres[spheres[event] : spheres[event + 1]],
+            pairs=work.pairs[pairs[event] : pairs[event + 1]],
+            opening=work.opening[event],
             h=h,
             nominal_h=nominal_h,
             iterations=iterations,
-            before=before,
-            warm=warm,
+            work_out=work,
             motion_out=motion_out,
             impulses_out=impulses_out,
             islands_out=islands_out,
         )
 
 
-@compiled
-def _labels_of_pairs(candidates: Candidates, chosen: Flags, label: Indices) -> Indices:
-    """Number of the island that both bodies of each candidate belong to, else -1."""
-    labels = np.full(len(candidates.a), -1)
-    for k in range(len(labels)):
-        own = label[candidates.a[k]]
-        if chosen[k] and (candidates.plane[k] >= 0 or label[candidates.b[k]] == own):
-            labels[k] = own
-    return labels
+@in_place
+def _sort_by_label(
+    candidates: Candidates, chosen: Flags, events: int, work_out: Workspace
+) -> None:
+    """Spheres of each island with events, and candidates among them and of them and planes."""
+    work, size = work_out, len(candidates.a)
+    begin, place = work.sphere_begin, work.place
+    begin[: events + 1] = 0
+    for i in work.everyone:
+        if work.label[i] >= 0:
+            begin[work.label[i] + 1] += 1
+    for event in range(events):
+        begin[event + 1] += begin[event]
+        place[event] = begin[event]
+    for i in work.everyone:
+        own = work.label[i]
+        if own >= 0:
+            work.spheres[place[own]] = i
+            place[own] += 1
+    begin = work.pair_begin
+    begin[: events + 1] = 0
+    for k in range(size):
+        own = _label_of_pair(candidates, chosen, work.label, k)
+        if own >= 0:
+            begin[own + 1] += 1
+    for event in range(events):
+        begin[event + 1] += begin[event]
+        place[event] = begin[event]
+    for k in range(size):
+        own = _label_of_pair(candidates, chosen, work.label, k)
+        if own >= 0:
+            work.pairs[place[own]] = k
+            place[own] += 1
 
 
-@compiled
+@in_place
+def _label_of_pair(candidates: Candidates, chosen: Flags, label: Indices, k: int) -> int:
+    """Number of the island that both bodies of candidate k belong to, else -1."""
+    own = label[candidates.a[k]]
+    if chosen[k] and (candidates.plane[k] >= 0 or label[candidates.b[k]] == own):
+        return own
+    return -1
+
+
+@in_place
 def _advance_by_events(
     world: World,
     candidates: Candidates,
@@ -105,8 +142,7 @@ def _advance_by_events(
     h: float,
     nominal_h: float,
     iterations: int,
-    before: Motion,
-    warm: Impulses,
+    work_out: Workspace,
     motion_out: Motion,
     impulses_out: Impulses,
     islands_out: Islands,
@@ -122,86 +158,71 @@ def _advance_by_events(
         h: Length of the substep.
         nominal_h: Length of a regular substep.
         iterations: Iterations of the solver.
-        before: Motion of all spheres at the start of the substep.
-        warm: Impulses of the last substep, by candidate.
+        work_out: Scratch, with motion and impulses at the start of the substep.
         motion_out: Motion of all spheres; that of the members is written.
         impulses_out: Impulses by candidate; those of the pairs are written.
         islands_out: Contacts are added.
     """
-    place = np.full(len(before.positions) + 1, len(members))
-    for m in range(len(members)):
-        place[members[m]] = m
-    local = Candidates(
-        a=place[candidates.a[pairs]],
-        b=place[candidates.b[pairs]],
-        plane=candidates.plane[pairs],
-        key=candidates.key[pairs],
-    )
-    here, islands = world_among(world, members), no_islands(len(members))
-    motion = Motion(
-        positions=before.positions[members],
-        velocities=before.velocities[members],
-        angular_velocities=before.angular_velocities[members],
-        awake=before.awake[members],
-    )
-    impulses = Impulses(
-        normal=warm.normal[pairs], tangential=warm.tangential[pairs], rolling=warm.rolling[pairs]
-    )
-    every, label = np.ones(len(pairs), np.bool_), np.empty(len(members), np.int64)
-    opens = np.empty(len(members))
-    left, last, speeds = h, nominal_h, speeds_of(motion.velocities)
+    work, motion, impulses, chosen = work_out, motion_out, impulses_out, work_out.chosen
+    restore_motion(work.before, members, motion)
+    copy_impulses(work.warm, pairs, impulses)
+    left, last = h, nominal_h
     for _ in range(_MOST_EVENTS):
-        path, _ = accelerations_of(here, motion.velocities, motion.angular_velocities, left, left)
-        contacts = find_contacts(
-            here, Paths(motion.positions, motion.velocities, path), local, every, left, nominal_h
+        path = world.flight
+        if world.in_air:
+            path = work.path
+            find_accelerations(
+                world, motion.velocities, motion.angular_velocities, members, left, left, path,
+                work.mean,
+            )  # fmt: skip
+        for k in pairs:
+            chosen[k] = True
+        paths = Paths(motion.positions, motion.velocities, path)
+        find_impacts(world, paths, candidates, pairs, chosen, left, nominal_h, work.impacts)
+        size, _ = contacts_by_island(
+            candidates, members, pairs, work.impacts, work.order, work.contacts
         )
-        time, blow = next_event(here, contacts, left, nominal_h)
+        contacts = contacts_among(work.contacts, 0, size)
+        time, blow = next_event(world, contacts, left, nominal_h)
         if h - left < opening < h - left + time:
             time, blow = opening - (h - left), False
         if time >= left:
             break
         if time > 0:
-            chosen = every.copy()
-            for k in range(len(contacts.a)):
-                if is_blow(here, contacts, k, nominal_h):
-                    chosen[contacts.candidate[k]] = False
-            _scale(impulses, time / last)
+            for k in range(size):
+                chosen[contacts.candidate[k]] = not is_blow(world, contacts, k, nominal_h)
+            # the forces of a tiny step are rounding
+            tiny = time <= NEAR * nominal_h
+            if tiny:
+                copy_impulses(impulses, pairs, work.warm)
+            scale_impulses(time / last, pairs, impulses)
             done = h - left
             found = step(
-                here, local, chosen, time, left, last, nominal_h, iterations, speeds, motion,
-                impulses, islands, label, opens,
+                world, candidates, members, pairs, chosen, time, left, last, nominal_h, iterations,
+                work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
             )  # fmt: skip
-            left, last = left - time, time
-            if found == 1 and done + opens[0] > h - left + NEAR * nominal_h:
-                opening = done + opens[0]
+            if tiny:
+                copy_impulses(work.warm, pairs, impulses)
+            left, last = left - time, last if tiny else time
+            if found == 1 and done + work.inner_opening[0] > h - left + NEAR * nominal_h:
+                opening = done + work.inner_opening[0]
         if blow:
-            nothing = no_impulses(len(pairs))
+            for k in pairs:
+                chosen[k] = True
+            copy_impulses(impulses, pairs, work.warm)
+            clear_impulses(pairs, impulses)
             step(
-                here, local, every, 0.0, 0.0, last, nominal_h, iterations, speeds, motion,
-                nothing, islands, label, opens,
+                world, candidates, members, pairs, chosen, 0.0, 0.0, last, nominal_h, iterations,
+                work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
             )  # fmt: skip
+            copy_impulses(work.warm, pairs, impulses)
     if left > 0:
-        _scale(impulses, left / last)
+        for k in pairs:
+            chosen[k] = True
+        scale_impulses(left / last, pairs, impulses)
         step(
-            here, local, every, left, left, last, nominal_h, iterations, speeds, motion,
-            impulses, islands, label, opens,
+            world, candidates, members, pairs, chosen, left, left, last, nominal_h, iterations,
+            work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
         )  # fmt: skip
         last = left
-    _scale(impulses, nominal_h / last)
-    for m in range(len(members)):
-        i = members[m]
-        put(motion_out.positions, i, row(motion.positions, m))
-        put(motion_out.velocities, i, row(motion.velocities, m))
-        put(motion_out.angular_velocities, i, row(motion.angular_velocities, m))
-    join(islands, members, islands_out)
-    for k in range(len(pairs)):
-        copy_impulse(impulses, k, impulses_out, pairs[k])
-
-
-@in_place
-def _scale(impulses_out: Impulses, factor: float) -> None:
-    """Impulses of forces that last, for a step of another length."""
-    for k in range(len(impulses_out.normal)):
-        impulses_out.normal[k] *= factor
-        put(impulses_out.tangential, k, times(factor, row(impulses_out.tangential, k)))
-        put(impulses_out.rolling, k, times(factor, row(impulses_out.rolling, k)))
+    scale_impulses(nominal_h / last, pairs, impulses)

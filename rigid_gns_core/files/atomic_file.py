@@ -17,11 +17,19 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Where the block raises, or the process is killed in it, the old file stays. The folder is made
     if absent.
+
+    Raises:
+        OSError: The file cannot be written; the message names it, also where the disk is full.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
     try:
         yield partial
         os.replace(partial, path)
+    except OSError as error:
+        if error.filename is not None or error.errno is None:
+            raise
+        # a failed write does not know its file
+        raise OSError(error.errno, f'cannot be written: {error.strerror}', str(path)) from error
     finally:
         partial.unlink(missing_ok=True)

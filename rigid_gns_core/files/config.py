@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import dataclasses
 from pathlib import Path
+import sys
 import types
 import typing
 from typing import Any, TypeVar
@@ -17,6 +18,9 @@ import yaml
 from ..errors import UserError
 
 T = TypeVar('T')
+
+# whole numbers beyond are neither counts nor seeds, and NumPy and HDF5 hold none
+_LARGEST_INT = 2**63 - 1
 
 
 class ConfigError(UserError):
@@ -75,7 +79,9 @@ def load_yaml(path: str | Path) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise ConfigError(f'{path}: no such file') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise ConfigError(f'{path}: not valid YAML: it is nested too deeply') from None
+    except (yaml.YAMLError, ValueError) as error:  # no text, a date or a number that is none
         raise ConfigError(f'{path}: not valid YAML: {error}') from error
     if not isinstance(content, dict):
         raise ConfigError(f'{path}: holds {type(content).__name__}, expected a mapping')
@@ -139,21 +145,26 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if origin in (typing.Union, types.UnionType):
         if value is None and type(None) in arguments:
             return None
-        errors = []
-        for argument in (a for a in arguments if a is not type(None)):
+        errors, given = [], [a for a in arguments if a is not type(None)]
+        # a mapping is meant for a dataclass, and nothing else is: one error tells enough
+        nested = isinstance(value, Mapping) or dataclasses.is_dataclass(value)
+        fitting = [a for a in given if dataclasses.is_dataclass(a) == nested]
+        for argument in fitting or given:
             try:
                 return _convert(argument, value, where)
             except ConfigError as error:
                 errors.append(str(error))
-        raise ConfigError(errors[-1] if len(errors) == 1 else f'{where} is {value!r}: {errors}')
+        raise ConfigError(
+            errors[-1] if len(errors) == 1 else f'{where} is {_shown(value)}: {errors}'
+        )
     if origin is typing.Literal:
         if value not in arguments:
             allowed = ', '.join(str(argument) for argument in arguments)
-            raise ConfigError(f'{where} is {value!r}, allowed: {allowed}')
+            raise ConfigError(f'{where} is {_shown(value)}, allowed: {allowed}')
         return value
     if origin is tuple:
         if isinstance(value, str) or not isinstance(value, (list, tuple)):
-            raise ConfigError(f'{where} is {value!r}, expected a list')
+            raise ConfigError(f'{where} is {_shown(value)}, expected a list')
         if len(arguments) == 2 and arguments[1] is Ellipsis:
             arguments = (arguments[0],) * len(value)
         if len(arguments) != len(value):
@@ -170,10 +181,26 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         if value == 'inf':
             return float('inf')
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return float(value)
+            try:
+                return float(value)
+            except OverflowError:
+                raise ConfigError(f'{where} {_too_large(value, sys.float_info.max)}') from None
         hint_text = ' (YAML reads 1e-3 as text: write 1.0e-3)' if isinstance(value, str) else ''
-        raise ConfigError(f'{where} is {value!r}, expected a number{hint_text}')
+        raise ConfigError(f'{where} is {_shown(value)}, expected a number{hint_text}')
     is_bool = isinstance(value, bool)  # a subclass of int
     if isinstance(hint, type) and (not isinstance(value, hint) or (is_bool and hint is not bool)):
-        raise ConfigError(f'{where} is {value!r}, expected {hint.__name__}')
+        raise ConfigError(f'{where} is {_shown(value)}, expected {hint.__name__}')
+    if hint is int and abs(value) > _LARGEST_INT:
+        raise ConfigError(f'{where} {_too_large(value, _LARGEST_INT)}')
     return value
+
+
+def _shown(value: Any) -> str:
+    """Value for a message, cut in the middle where it is long."""
+    text = repr(value)
+    return text if len(text) <= 100 else f'{text[:40]}...{text[-20:]}'
+
+
+def _too_large(value: float, bound: float) -> str:
+    """What is wrong with a whole number; it may have too many digits to print."""
+    return f'is a whole number of {int(value).bit_length()} bits, expected at most {bound:.4g}'

@@ -102,6 +102,15 @@ SIMULATOR = (
         dynamic=True,
     ),
     ParameterSpec(
+        'tracker_timeout',
+        0.0,
+        'stop predicting where no tracked frame came for so long, until frames come; 0: go on',
+        's',
+        0.0,
+        3600.0,
+        dynamic=True,
+    ),
+    ParameterSpec(
         'horizon',
         0.0,
         'how far ahead a trajectory is predicted from each tracked frame; 0: none',

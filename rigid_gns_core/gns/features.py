@@ -110,10 +110,6 @@ class GraphBatch:
     def _joined(self, graphs: Sequence[Graph]) -> Edges:
         spheres = np.cumsum([0, *self.counts])
         edges = np.cumsum([0, *(len(graph.senders) for graph in graphs)])
-        normals = [
-            np.array([plane.normal for plane in scene.surfaces]).reshape(-1, 3)[g.surface_senders]
-            for g, scene in zip(graphs, self.scenes, strict=True)
-        ]
 
         def shifted(name: str, offsets: np.ndarray) -> np.ndarray:
             parts = [getattr(g, name) + o for g, o in zip(graphs, offsets[:-1], strict=True)]
@@ -125,7 +121,7 @@ class GraphBatch:
             shifted('reverse', edges),
             shifted('surface_receivers', spheres),
             np.concatenate([graph.surface_points for graph in graphs]),
-            np.concatenate(normals),
+            np.concatenate([graph.surface_normals for graph in graphs]),
         )
         return Edges(*(torch.from_numpy(array).to(self.device) for array in arrays))
 

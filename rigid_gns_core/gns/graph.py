@@ -11,6 +11,7 @@ number of neighbours.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import get_args, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..errors import UserError
-from ..scenes.plane import closest_points, Plane
+from ..scenes.plane import closest_points, free_ends, Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -64,6 +65,7 @@ class Graph:
         surface_receivers: Sphere index of each surface edge, shape (surface_edges,).
         surface_senders: Surface index of each surface edge, shape (surface_edges,).
         surface_points: Closest point p_s of the surface [m], shape (surface_edges, 3).
+        surface_normals: Normal n_s of the face on the sphere's side, shape (surface_edges, 3).
     """
 
     senders: Indices
@@ -72,6 +74,7 @@ class Graph:
     surface_receivers: Indices
     surface_senders: Indices
     surface_points: Array
+    surface_normals: Array
 
 
 def build_graph(
@@ -91,6 +94,7 @@ def build_graph(
     pairs = len(low)
     order = np.arange(2 * pairs)
     receivers, senders, points = surface_edges(positions, velocities, radii, scene, dt, reach)
+    normals = _facing_normals(scene.surfaces, senders, points, positions[receivers])
     return Graph(
         senders=np.concatenate([low, high]),
         receivers=np.concatenate([high, low]),
@@ -98,6 +102,7 @@ def build_graph(
         surface_receivers=receivers,
         surface_senders=senders,
         surface_points=points,
+        surface_normals=normals,
     )
 
 
@@ -162,8 +167,8 @@ def surface_edges(
     Returns:
         Shapes (e,), (e,) and (e, 3).
     """
-    points, heights = closest_points(scene.surfaces, positions)
-    gap = _surface_gap(points, heights, positions, scene.surfaces) - radii[:, None]
+    points, distance = _closest(scene.surfaces, positions)
+    gap = distance - radii[:, None]
     travel = np.linalg.norm(velocities, axis=1) * dt
     if reach.connectivity == 'epsilon':
         near = gap <= reach.epsilon
@@ -173,9 +178,8 @@ def surface_edges(
         near = gap <= travel[:, None] + reach.margin
     else:
         ahead = positions + velocities * dt + 0.5 * np.asarray(scene.gravity) * dt**2
-        ahead_points, ahead_heights = closest_points(scene.surfaces, ahead)
-        ahead_gap = _surface_gap(ahead_points, ahead_heights, ahead, scene.surfaces)
-        near = np.minimum(gap, ahead_gap - radii[:, None]) <= reach.margin
+        ahead_gap = _closest(scene.surfaces, ahead)[1] - radii[:, None]
+        near = np.minimum(gap, ahead_gap) <= reach.margin
         near |= _crosses(scene.surfaces, positions, ahead, radii + reach.margin)
     if reach.ground_edge and scene.ground is not None:
         near[:, scene.ground] = True
@@ -194,20 +198,50 @@ def _crosses(
         passes = here[:, 2] * there[:, 2] < 0
         share = here[:, 2] / np.where(passes, here[:, 2] - there[:, 2], 1.0)
         place = here[:, :2] + share[:, None] * (there[:, :2] - here[:, :2])
-        half = np.array([plane.length_x, plane.length_y]) / 2
+        half = plane.half_lengths
         crosses[:, index] = passes & (np.abs(place) <= half + reach[:, None]).all(axis=1)
     return crosses
 
 
-def _surface_gap(
-    points: Array, heights: Array, positions: Array, surfaces: tuple[Plane, ...]
+def _facing_normals(
+    surfaces: tuple[Plane, ...], senders: Indices, points: Array, positions: Array
 ) -> Array:
-    """Distance [m] of centres to bounded planes, shape (n, surfaces).
+    """Normals of surfaces towards the spheres that they act on, shape (edges, 3).
 
-    Behind a plane without end (ground, walls) it is negative, so that a sphere that went through
-    stays connected however deep. A plane with an end on all sides may have spheres behind it that
-    have nothing to do with it (a ramp above the floor), so its distance has no sign.
+    Args:
+        surfaces: The scene's.
+        senders: Index of the surface of each edge, shape (edges,).
+        points: Its closest point [m], shape (edges, 3).
+        positions: Centre of the sphere of each edge [m], shape (edges, 3).
     """
-    distance: Array = np.linalg.norm(positions[:, None] - points, axis=-1)
-    endless = np.array([np.isinf([p.length_x, p.length_y]).any() for p in surfaces], dtype=bool)
-    return np.where(endless & (heights < 0), -distance, distance)
+    normals = np.array([plane.normal for plane in surfaces]).reshape(-1, 3)[senders]
+    behind = np.einsum('ij,ij->i', positions - points, normals) < 0
+    turned = behind & ~_one_faced(surfaces)[senders]
+    return np.where(turned[:, None], -normals, normals)
+
+
+@lru_cache(maxsize=64)
+def _one_faced(surfaces: tuple[Plane, ...]) -> NDArray[np.bool_]:
+    """Half-spaces, and walls without height whose ends are on other surfaces, as in `Plane.box`.
+
+    Behind these is the outside: a sphere that went through one stays connected, however deep.
+    Other strips and plates have two faces, and spheres behind them that have nothing to do with
+    them.
+    """
+    return np.array(
+        [
+            bool(np.isinf(plane.half_lengths).any()) and not free
+            for plane, free in zip(surfaces, free_ends(surfaces), strict=True)
+        ],
+        dtype=bool,
+    )
+
+
+def _closest(surfaces: tuple[Plane, ...], positions: Array) -> tuple[Array, Array]:
+    """Closest points [m], shape (n, surfaces, 3), and distances [m], shape (n, surfaces).
+
+    A distance is negative behind a one-faced surface.
+    """
+    points, heights = closest_points(surfaces, positions)
+    apart: Array = np.linalg.norm(positions[:, None] - points, axis=-1)
+    return points, np.where(_one_faced(surfaces) & (heights < 0), -apart, apart)

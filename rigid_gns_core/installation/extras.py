@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How to install a missing module: by the extra of this package that requires it."""
+"""How to install a missing module, by its own name: this package is on no package index."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from importlib import import_module
 import sys
 from typing import Any
 
-from .versions import PACKAGE
-
-# module: extra of setup.py, which a test compares
+# module: what the extras of setup.py ask for, which a test compares
 EXTRAS = {
-    'torch': 'torch',
-    'pybullet': 'teacher',
-    'matplotlib': 'plot',
-    'mujoco': 'bench',
-    'distributed': 'cluster',
-    'rclpy': 'ros',
+    'torch': ('torch>=2.6',),
+    'pybullet': ('pybullet>=3.2.6',),
+    'matplotlib': ('matplotlib>=3.8',),
+    'mujoco': ('mujoco>=3.2',),
+    'distributed': ('distributed>=2024.1',),
+    'rclpy': ('ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'),
 }
 # module that everything needs: its distribution
 CORE = {
@@ -40,8 +38,8 @@ def remedy(module: str, python: tuple[int, int] = sys.version_info[:2]) -> str |
         return f'pip install {CORE[top]}'
     if top not in EXTRAS:
         return None
-    install = f"pip install '{PACKAGE}[{EXTRAS[top]}]'"
-    if top == 'pybullet' and python >= (3, 12):  # where the extra would install nothing
+    install = f'pip install {" ".join(repr(one) for one in EXTRAS[top])}'
+    if top == 'pybullet' and python >= (3, 12):
         return (
             f'{top} has no wheel for Python 3.12 or newer: use Python 3.11 and {install}, or '
             f'build it, with a C++ compiler: pip install {top}'

@@ -17,13 +17,19 @@ import sys
 from typing import Any, cast, TypeVar
 import uuid
 
-import numba
-from numba.core import caching, compiler, serialize
-from numba.core.registry import cpu_target
+from ..installation.extras import missing
+
+try:
+    import numba
+    from numba.core import caching, compiler, serialize
+    from numba.core.registry import cpu_target
+except ModuleNotFoundError as error:
+    raise missing(error, 'the engine') from error
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 _COMPLETE = 'complete'
+_SUFFIX = '.nbc'
 _dumps: Any = serialize.dumps
 
 
@@ -55,7 +61,7 @@ class MachineCode:
 
     def is_complete(self) -> bool:
         """Whether this or an earlier process has compiled all that a first use needs."""
-        self._complete = self._complete or self._exists(_COMPLETE)
+        self._complete = self._complete or self._is_whole()
         return self._complete
 
     @contextmanager
@@ -66,7 +72,7 @@ class MachineCode:
             what: What is compiled, for the message.
             wait: How long that takes, for the message.
         """
-        if self._exists(_COMPLETE):
+        if self._is_whole():
             yield
             return
         print(f'rigid_gns: compiling {what}, once; {wait}', file=sys.stderr)
@@ -76,7 +82,9 @@ class MachineCode:
         except BaseException:
             self._complete = False
             raise
-        if not self.write(_COMPLETE, b''):
+        # last, and by name: a cache that was copied or cleared in part is not complete
+        files = sorted({p.name for folder in self._readable() for p in folder.glob(f'*{_SUFFIX}')})
+        if not self.write(_COMPLETE, '\n'.join(files).encode()):
             print(
                 f'rigid_gns: {self._writable()[-1].parents[1]} cannot be written, so that each '
                 'process compiles anew: set NUMBA_CACHE_DIR to a folder that can be written',
@@ -121,6 +129,11 @@ class MachineCode:
                 self._remove_old()
             return True
         return False
+
+    def _is_whole(self) -> bool:
+        """Whether the marker is there, and all files that it names."""
+        content = self.read(_COMPLETE)
+        return content is not None and all(map(self._exists, content.decode().split()))
 
     def _exists(self, name: str) -> bool:
         return any((folder / name).exists() for folder in self._readable())
@@ -173,7 +186,7 @@ class _Cache(caching.NullCache):
         self._code.write(self._file(signature), _dumps((signature, compiled._reduce())))
 
     def _file(self, signature: Any) -> str:
-        return f'{self._name}-{_digest(str(signature).encode()).decode()[:16]}.nbc'
+        return f'{self._name}-{_digest(str(signature).encode()).decode()[:16]}{_SUFFIX}'
 
 
 def _users_folder() -> list[Path]:

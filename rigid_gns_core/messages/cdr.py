@@ -81,6 +81,15 @@ class Writer:
         return LITTLE_ENDIAN + bytes(self._body)
 
 
+def _remedy(encapsulation: bytes) -> str:
+    """What helps against an encapsulation that cannot be read."""
+    if encapsulation[0] == 0 and 6 <= encapsulation[1] <= 11:
+        return (
+            '; this is XCDR2: set the publisher to data representation XCDR1, as ROS 2 writes it'
+        )
+    return ''
+
+
 class Reader:
     """Bounds-checked reader of the fields of one message.
 
@@ -101,7 +110,7 @@ class Reader:
         if cdr[0] != 0 or cdr[1] not in (0, 1):
             raise MessageError(
                 f'{kind}: encapsulation is 0x{bytes(cdr[:2]).hex()}, '
-                'expected plain CDR (0x0001 or 0x0000)'
+                'expected plain CDR (0x0001 or 0x0000)' + _remedy(cdr[:2])
             )
         self.order = '<' if cdr[1] else '>'
 

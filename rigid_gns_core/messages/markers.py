@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""visualization_msgs/MarkerArray as CDR bytes: spheres and paths for RViz2 and Foxglove.
+"""visualization_msgs/MarkerArray as CDR bytes: spheres, paths and surfaces for RViz2 and Foxglove.
 
-One list of spheres for each radius and one line strip for each path.
+One list of spheres for each radius, one line strip for each path, two triangles for each surface.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from .cdr import Writer
 from ..scenes.state import Array
 
-LINE_STRIP, SPHERE_LIST = 4, 7  # visualization_msgs/Marker
+LINE_STRIP, SPHERE_LIST, TRIANGLE_LIST = 4, 7, 11  # visualization_msgs/Marker
 Color = tuple[float, float, float, float]  # red, green, blue, opacity; 0 to 1
 
 
@@ -28,8 +28,8 @@ class Marker:
     Args:
         namespace: With `id`, identifies the marker that a later one replaces.
         id: See `namespace`.
-        kind: LINE_STRIP or SPHERE_LIST.
-        scale: Line width, or diameter of the spheres [m].
+        kind: LINE_STRIP, SPHERE_LIST or TRIANGLE_LIST.
+        scale: Line width, diameter of the spheres [m], or 1 for triangles.
         color: Colour of all points.
         points: Positions [m], shape (k, 3).
     """
@@ -63,10 +63,18 @@ def path_markers(
     ]
 
 
+def surface_markers(namespace: str, corners: Sequence[Array], color: Color) -> list[Marker]:
+    """Markers of rectangles by their corners in order [m], shape (4, 3) each."""
+    return [
+        Marker(namespace, index, TRIANGLE_LIST, 1.0, color, four[[0, 1, 2, 2, 3, 0]])
+        for index, four in enumerate(corners)
+    ]
+
+
 def encode_markers(
     stamp_ns: int, frame_id: str, lifetime_ns: int, markers: Sequence[Marker]
 ) -> bytes:
-    """CDR bytes of a message; each marker disappears `lifetime_ns` [ns] after its reception."""
+    """CDR bytes of a message; markers stay for `lifetime_ns` [ns] after reception, 0: for ever."""
     writer = Writer()
     writer.numbers('I', len(markers))
     for marker in markers:
@@ -74,7 +82,7 @@ def encode_markers(
         writer.text('namespace', marker.namespace)
         writer.numbers('iii', marker.id, marker.kind, 0)  # 0: add or modify
         size = marker.scale
-        scale = (size, size, size) if marker.kind == SPHERE_LIST else (size, 0.0, 0.0)
+        scale = (size, 0.0, 0.0) if marker.kind == LINE_STRIP else (size, size, size)
         writer.numbers('d' * 10, 0, 0, 0, 0, 0, 0, 1, *scale)
         writer.numbers('ffff', *marker.color)
         writer.stamp(lifetime_ns)

@@ -45,6 +45,12 @@ class LawsSimulator(Simulator):
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
         """Accept every scene: the laws hold for all."""
 
+    def warm_up(self) -> None:
+        """Compile the engine, or read it from the disk."""
+        from ..engine.stepper import warm_up
+
+        warm_up()
+
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """Stepper that starts from `state`; scene and state are in the model's units."""
         from ..engine.stepper import EngineStepper

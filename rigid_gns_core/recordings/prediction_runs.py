@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,7 +16,7 @@ from ..errors import UserError
 from ..forecasts.interpolation import interpolate
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
-from ..tracking.usable_frames import GAP, median_interval, Stamps
+from ..tracking.usable_frames import covered, GAP, median_interval, Stamps
 
 # a stamp further off the grid belongs to another start [periods]
 RESTART_TOLERANCE = 0.01
@@ -46,10 +47,14 @@ class Run:
     part: slice
 
 
-def longest_run(
-    frames: list[PoseArrayFrame], *, every: bool, starts: Stamps | None = None
-) -> tuple[Run, dict[str, int]]:
-    """Longest run of predictions from one start.
+def ranked_runs(
+    frames: list[PoseArrayFrame], tracked: Stamps, *, every: bool, starts: Stamps | None = None
+) -> tuple[Iterator[Run], dict[str, int]]:
+    """Runs of predictions from one start, those first of which most can be compared.
+
+    These hold the longest parts in which tracked frames are not missing; of several, and where
+    there are no tracked frames, the longest. Of runs without tracked frames only the first is
+    given.
 
     A new start is assumed where a stamp is not one median period after the previous one, or where
     the number of spheres or the coordinate frame changes. One or two missing predictions in a row
@@ -57,13 +62,14 @@ def longest_run(
 
     Args:
         frames: Predictions in the order of recording.
+        tracked: Stamps of the tracked frames in any order [ns], shape (m,).
         every: Whether each prediction has its own start, so that stamps follow the tracker's: then
             only a step that is off by more than half a period ends a run.
         starts: Index of the recorded start of each prediction, or of its set of spheres where each
             has its own start, shape (frames,); None: not recorded.
 
     Returns:
-        The run, and the numbers of `restarts` and `missing` frames of the whole recording.
+        The runs, and the numbers of `restarts` and `missing` frames of the whole recording.
 
     Raises:
             AlignmentError: No two predictions are consecutive.
@@ -77,22 +83,35 @@ def longest_run(
     ends = (changed | (off > 0.5 * period) if every else restart) | (advance > GAP)
     bounds = [0, *(np.flatnonzero(ends) + 1), len(frames)]
     lengths = np.diff(bounds)
-    start = bounds[int(np.argmax(lengths))]
-    part = slice(start, start + int(lengths.max()))
     if lengths.max() < 2:
         raise AlignmentError(
             f'{len(frames)} predictions hold no two in a row that are one period of '
             f'{period * 1e-9:.4g} s apart'
         )
-    run = _bridge(
-        stamps[part],
-        np.stack([frame.poses for frame in frames[part]]),
-        advance[part.start : part.stop - 1],
-        frames[start].frame_id,
-        part,
+    parts = [slice(int(begin), int(end)) for begin, end in pairwise(bounds)]
+    known = np.unique(tracked)
+    beside = covered(stamps, known) if len(known) else np.zeros(len(stamps), dtype=np.bool_)
+    shares = [_longest(beside[part]) for part in parts]
+    order = sorted(range(len(parts)), key=lambda k: (shares[k], lengths[k]), reverse=True)
+    chosen = [parts[k] for k in order if lengths[k] > 1 and (shares[k] > 1 or k == order[0])]
+    runs = (
+        _bridge(
+            stamps[part],
+            np.stack([frame.poses for frame in frames[part]]),
+            advance[part.start : part.stop - 1],
+            frames[part.start].frame_id,
+            part,
+        )
+        for part in chosen or [parts[int(np.argmax(lengths))]]
     )
     missing = int((advance[~restart] - 1).sum())
-    return run, {'restarts': int(restart.sum()), 'missing': missing}
+    return runs, {'restarts': int(restart.sum()), 'missing': missing}
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest part that is true throughout."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _bridge(
@@ -114,7 +133,7 @@ def _bridge(
 
 
 def split_by_start(frames: list[PoseArrayFrame]) -> list[slice]:
-    """Ranges of predictions by start, told from the stamps as in `longest_run`."""
+    """Ranges of predictions by start, told from the stamps as in `ranked_runs`."""
     if len(frames) < 2:
         return [slice(0, len(frames))]
     _, _, restart, _ = _steps(frames)

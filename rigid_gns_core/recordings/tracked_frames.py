@@ -11,10 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..bags.reader import BagError, Topic
+from ..data.tracks import known_rotations, Track
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
-from ..scenes.state import Array
+from ..scenes.state import Array, as_unit
 from ..tracking.pose_noise import estimate_noise, PoseNoise
-from ..tracking.usable_frames import median_interval, Stamps, usable_passes
+from ..tracking.usable_frames import (
+    FrameOrder,
+    median_interval,
+    RejectedFrame,
+    seconds,
+    Stamps,
+    usable_passes,
+)
 
 # advice where the number of spheres changes
 MATCH_REMEDY = '--match follows spheres that are missing now and then'
@@ -29,12 +37,14 @@ class DecodedTopic:
         times: Log times [ns], shape (frames,).
         indices: Index of each in the order of recording, shape (frames,).
         damaged: Number of damaged messages.
+        problem: What is wrong with the first of them; empty: nothing.
     """
 
     frames: list[PoseArrayFrame]
     times: Stamps
     indices: Stamps
     damaged: int
+    problem: str = ''
 
     @property
     def stamps(self) -> Stamps:
@@ -49,22 +59,57 @@ class DecodedTopic:
         """
         if found := median_interval(self.stamps):
             return found * 1e-9
-        raise BagError(
-            f'{where} holds {len(self.frames)} frames, no two of which follow each other; record '
-            'for longer'
+        raise BagError(f'{where} {self._why_no_interval()}')
+
+    def _why_no_interval(self) -> str:
+        """Why no two frames follow each other."""
+        count = len(self.frames)
+        if self.damaged:
+            return (
+                f'holds {count + self.damaged} messages, of which {self.damaged} cannot be read; '
+                f'the first: {self.problem}'
+            )
+        if count > 1:
+            return (
+                f'holds {count} frames with stamps that do not rise: all are '
+                f'{seconds(self.frames[0].stamp_ns)} s'
+                if len(set(self.stamps.tolist())) == 1
+                else f'holds {count} frames with stamps that do not rise'
+            ) + '; expected the time of each measurement in header.stamp'
+        return f'holds {count} frames, no two of which follow each other; record for longer'
+
+    def refusal(self, radius: float) -> str:
+        """Why frames are refused that hold no poses that can be used, by the first; else empty.
+
+        Args:
+            radius: Radius of the largest sphere [m].
+        """
+        order = FrameOrder(usual_frame_id(self), radius)
+        problems = []
+        for frame in self.frames:
+            try:
+                order.check(frame)
+            except RejectedFrame as error:
+                problems.append(str(error))
+        if not problems:
+            return ''
+        return (
+            f'{len(problems)} of {len(self.frames)} frames are refused; the first: {problems[0]}'
         )
 
 
 def decode_topic(topic: Topic) -> DecodedTopic:
     """Decode the messages of a topic of poses."""
-    frames, kept = [], []
+    frames, kept, problem = [], [], ''
     for index, message in enumerate(topic.messages):
         try:
             frames.append(decode_pose_array(message))
-        except MessageError:
+        except MessageError as error:
+            problem = problem or str(error)
             continue
         kept.append(index)
-    return DecodedTopic(frames, topic.times[kept], topic.indices[kept], len(topic) - len(frames))
+    damaged = len(topic) - len(frames)
+    return DecodedTopic(frames, topic.times[kept], topic.indices[kept], damaged, problem)
 
 
 @dataclass(frozen=True)
@@ -197,5 +242,18 @@ def split_at_gaps(
 
 def _segment(run: list[PoseArrayFrame], ids: tuple[int, ...] | None) -> Segment:
     poses = np.stack([frame.poses for frame in run])
-    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    poses[..., 3:] = as_unit(poses[..., 3:])
     return Segment(np.array([frame.stamp_ns for frame in run], dtype=np.int64), poses, ids)
+
+
+def as_track(part: Segment, name: str) -> Track:
+    """A segment as the tracker gave it; poses that `--match` filled in are among its own."""
+    ids = range(part.poses.shape[1]) if part.ids is None else part.ids
+    return Track(
+        name=name,
+        times=part.times,
+        positions=part.poses[..., :3],
+        quaternions=known_rotations(part.poses[..., 3:]),
+        spheres=tuple(str(sphere) for sphere in ids),
+        begin=int(part.stamps[0]) * 1e-9,
+    )

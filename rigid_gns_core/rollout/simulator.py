@@ -21,6 +21,9 @@ from ..scenes.scene import Scene
 from ..scenes.similarity import in_units, ModelUnits
 from ..scenes.state import State, Trajectory
 
+# steps of a rollout: beyond, arrays have more bytes than can be counted
+_MOST = 10**12
+
 
 class Simulator(ABC):
     """A model, ready to predict.
@@ -55,6 +58,9 @@ class Simulator(ABC):
     @abstractmethod
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """Stepper that starts from `state`; scene and state are in the model's units."""
+
+    def warm_up(self) -> None:  # noqa: B027 - most models have nothing to compile
+        """Compile what the first step would, where that is not done: before times are measured."""
 
     def start(
         self,
@@ -171,8 +177,10 @@ class Simulator(ABC):
 
 
 def _checked(steps: int) -> int:
-    if steps != int(steps) or steps < 0:
-        raise UserError(f'steps is {steps}, expected a whole number, 0 or more')
+    if not 0 <= steps <= _MOST or steps != int(steps):
+        raise UserError(
+            f'steps is {steps}, expected a whole number, 0 or more and at most {_MOST}'
+        )
     return int(steps)
 
 

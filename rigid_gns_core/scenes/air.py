@@ -23,7 +23,7 @@ _AT_LEAST_ZERO = (
 class Air:
     """Air, or another fluid of uniform density and wind, around rigid spheres.
 
-    With u = v - wind, V = 4/3 pi r^3, A = pi r^2 and S = r |w across u| / |u|, the spin ratio:
+    With u = v - wind, V = 4/3 pi r^3, A = pi r^2 and S = r |w across u| / |u|, the spin ratio::
 
         (m + rho V / 2) dv/dt = (m - rho V) g - rho A / 2 C_d |u| u
                                 + rho A / 2 C_l |u|^2 (w x u) / |w x u|
@@ -60,9 +60,13 @@ class Air:
             object.__setattr__(self, name, value)
         object.__setattr__(self, 'wind', checked_vector('wind', self.wind))
 
+    def displaced_mass(self, radius: ArrayLike) -> Array:
+        """Mass of the air that spheres displace, rho V [kg], shape of `radius`."""
+        return self.density * 4.0 / 3.0 * np.pi * np.asarray(radius, np.float64) ** 3
+
     def effective_mass(self, radius: ArrayLike, mass: ArrayLike) -> Array:
         """Mass with added mass, m + rho V / 2 [kg], shape of `mass`."""
-        return np.asarray(mass) + 0.5 * self.density * _volume(radius)
+        return np.asarray(mass) + 0.5 * self.displaced_mass(radius)
 
     def flight(self, radius: ArrayLike, mass: ArrayLike, gravity: ArrayLike) -> Array:
         """Parameters of the flight of spheres, as `kernels.flight` takes them.
@@ -78,7 +82,7 @@ class Air:
         """
         radius, mass = np.asarray(radius, np.float64), np.asarray(mass, np.float64)
         effective = self.effective_mass(radius, mass)
-        weight = (mass - self.density * _volume(radius)) / effective
+        weight = (mass - self.displaced_mass(radius)) / effective
         shared = (
             self.drag_coefficient,
             self.drag_slope,
@@ -95,7 +99,3 @@ class Air:
                 np.tile(shared, (len(radius), 1)),
             ]
         )
-
-
-def _volume(radius: ArrayLike) -> Array:
-    return 4.0 / 3.0 * np.pi * np.asarray(radius, np.float64) ** 3

@@ -65,13 +65,13 @@ class ContactLaw:
     """Law of the contacts of a pair: a surface and spheres, or two spheres. It holds as it stands.
 
     With the normal impulse J_n = (1 + e) m u of a blow at approach speed u, and the slip s of the
-    contact point, m and m_t the effective masses along and across the normal n:
+    contact point, m and m_t the effective masses along and across the normal n::
 
         J_t = min((1 + beta) m_t |s|, mu J_n) against s
 
     so that a contact that grips turns its slip into -beta s, and one that slides obeys Coulomb's
     law: the model of three parameters e, mu, beta of Walton. On a sphere of radius r with normal
-    force N, that rolls at speed v, the surface exerts the torques
+    force N, that rolls at speed v, the surface exerts the torques::
 
         (rho + rho' v) r N against rolling, and sigma r N against spinning about the normal.
 

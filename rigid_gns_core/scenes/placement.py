@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .plane import closest_points
+from .plane import distances
 from .scene import Scene
 from .state import Array
 from ..errors import UserError
@@ -184,11 +184,8 @@ def _nearest(positions: Array, radii: Array, place: Array, radius: float) -> flo
 
 
 def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:
-    """Distance [m] of spheres to surfaces, negative inside or behind; shape (n, surfaces)."""
-    points, heights = closest_points(scene.surfaces, places)
-    endless = np.array([np.isinf([s.length_x, s.length_y]).all() for s in scene.surfaces], bool)
-    distance = np.where(endless, heights, np.linalg.norm(places[:, None] - points, axis=2))
-    return np.asarray(distance - np.reshape(radii, (-1, 1)))
+    """Gap [m] of spheres to surfaces, negative inside or behind; shape (n, surfaces)."""
+    return np.asarray(distances(scene.surfaces, places) - np.reshape(radii, (-1, 1)))
 
 
 def _is_clear(scene: Scene, places: Array, radius: float, gap: float, floor: int) -> bool:
@@ -213,14 +210,7 @@ def _throws(
     batch = 8
     for _ in range(_THROWS // batch):
         places = rng.uniform(low, high, (batch, 3))
-        points, heights = closest_points(scene.surfaces, places)
-        distance = np.linalg.norm(places[:, None] - points, axis=2)
-        # behind a plane without end is outside; behind a bounded one is a place as good as another
-        endless = np.array(
-            [np.isinf([s.length_x, s.length_y]).all() for s in scene.surfaces], bool
-        )
-        free = (distance >= radius + gap) & ((heights > 0) | ~endless)
-        yield from places[free.all(1)]
+        yield from places[(_clearance(scene, places, radius) >= gap).all(1)]
 
 
 def _region(

@@ -6,25 +6,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .contact_law import checked_law, ContactLaw
-from .state import Array
+from .state import Array, as_unit, UNIT
 from ..errors import UserError
+
+# distance up to which an end of a surface is on another one, as part of its length
+_ON = 1e-6
 
 PerSphere = float | tuple[float, ...]
 Vector = tuple[float, float, float]
 
 SOLID = 0.4
 """Inertia factor of a solid sphere."""
+# of what is squared: the square of twice as much is still a number
+LARGEST = 1e100
 
 # name: (lowest, highest, lowest is allowed)
 RANGES = {
-    'radius': (0.0, np.inf, False),
-    'mass': (0.0, np.inf, False),
+    'radius': (0.0, LARGEST, False),
+    'mass': (0.0, LARGEST, False),
     'restitution': (0.0, 1.0, True),
     'friction': (0.0, np.inf, True),
     'rolling_friction': (0.0, np.inf, True),
@@ -34,7 +39,7 @@ RANGES = {
 
 def checked_property(name: str, value: ArrayLike) -> PerSphere:
     """Property as a number, or as a tuple with one per sphere; UserError where out of range."""
-    array = np.asarray(value, dtype=np.float64)
+    array = checked_floats(name, value)
     if array.ndim > 1 or array.size == 0:
         raise UserError(f'{name} has shape {array.shape}, expected a number or one per sphere')
     low, high, closed = RANGES[name]
@@ -47,31 +52,38 @@ def checked_property(name: str, value: ArrayLike) -> PerSphere:
     return float(array) if array.ndim == 0 else tuple(array.tolist())
 
 
+def checked_floats(name: str, value: ArrayLike) -> Array:
+    """Numbers as an array of any shape; UserError where a double does not hold them."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except OverflowError:
+        raise UserError(f'{name} is a number too large for a double, 1.8e308') from None
+
+
 def checked_vector(name: str, value: ArrayLike) -> Vector:
     """Vector of three finite numbers; UserError for anything else."""
-    array = np.asarray(value, dtype=np.float64)
+    array = checked_floats(name, value)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise UserError(f'{name} is {value}, expected three finite numbers')
+    if np.abs(array).max() > LARGEST:
+        raise UserError(f'{name} is {value}, expected numbers of at most {LARGEST:g}')
     return tuple(array.tolist())
 
 
 def _unit(name: str, value: ArrayLike) -> Vector:
     vector = np.asarray(checked_vector(name, value))
-    norm = float(np.linalg.norm(vector))
-    if norm < 1e-9:
+    if np.linalg.norm(vector) < 1e-9:
         raise UserError(f'{name} is {value}, expected a vector that is not zero')
-    if abs(norm - 1.0) > 1e-15:  # else the same bits again, for a scene that is read back
-        vector = vector / norm
-    return tuple(vector.tolist())
+    return tuple(as_unit(vector).tolist())
 
 
 @dataclass(frozen=True)
 class Plane:
     """A static, bounded plane (thesis section 3.1.2).
 
-    With both lengths infinite it bounds a body, and spheres are on the side of its normal. With an
-    end, on one axis (a strip) or on both (a plate), it has two faces: spheres may be on either
-    side, and it does not act beyond its ends.
+    With both lengths infinite it is a half-space: it bounds a body, and spheres are on the side of
+    its normal. With an end, on one axis (a strip) or on both (a plate), it has two faces: spheres
+    may be on either side, and it does not act beyond its ends.
 
     Args:
         point: Centre p_s [m], world frame.
@@ -107,7 +119,7 @@ class Plane:
         if direction is None:
             direction = np.eye(3)[int(np.argmin(np.abs(normal)))]
         direction = np.asarray(_unit('direction of a plane', direction))
-        while abs(along := direction @ normal) > 1e-15:  # else the same bits, see `_unit`
+        while abs(along := direction @ normal) > UNIT:  # else the same bits again, see `as_unit`
             direction = direction - along * normal
             if np.linalg.norm(direction) < 1e-6:
                 raise UserError(
@@ -139,6 +151,18 @@ class Plane:
         axes = np.stack([direction, np.cross(normal, direction), normal])
         axes.setflags(write=False)
         return axes
+
+    @cached_property
+    def half_lengths(self) -> Array:
+        """Half lengths along the first two `axes` [m], shape (2,), read-only."""
+        half = np.array([self.length_x, self.length_y]) / 2
+        half.setflags(write=False)
+        return half
+
+    @property
+    def is_half_space(self) -> bool:
+        """Whether it has no end, and so one face; a strip or a plate has two."""
+        return bool(np.isinf(self.half_lengths).all())
 
     @classmethod
     def box(
@@ -196,7 +220,60 @@ def closest_points(
     for index, plane in enumerate(surfaces):
         local = (positions - plane.point) @ plane.axes.T
         heights[:, index] = local[:, 2]
-        half = np.array([plane.length_x, plane.length_y]) / 2
-        inside = np.clip(local[:, :2], -half, half)
+        inside = np.clip(local[:, :2], -plane.half_lengths, plane.half_lengths)
         points[:, index] = np.asarray(plane.point) + inside @ plane.axes[:2]
     return points, heights
+
+
+def distances(surfaces: tuple[Plane, ...], positions: ArrayLike) -> NDArray[np.float64]:
+    """Distance of positions to surfaces [m], shape (n, surfaces).
+
+    That to the closest point of a strip or a plate, from either side. That to a half-space is the
+    height above it, negative behind it: what went through it is still in it, however deep.
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    points, heights = closest_points(surfaces, positions)
+    half_spaces = np.array([plane.is_half_space for plane in surfaces], dtype=bool)
+    apart = np.linalg.norm(positions[:, None] - points, axis=2)
+    return np.asarray(np.where(half_spaces, heights, apart))
+
+
+@lru_cache(maxsize=64)
+def free_ends(surfaces: tuple[Plane, ...]) -> tuple[bool, ...]:
+    """Whether each surface has an end that spheres in front of it may meet.
+
+    An end is covered where it is on another surface, or within a half-space, to the front of which
+    its own surface is: a wall of `Plane.box` has no free end, a fence has, and so has each face of
+    a box seen from outside.
+    """
+    return tuple(
+        any(not _is_covered(end, plane, surfaces) for end in _ends(plane)) for plane in surfaces
+    )
+
+
+def _ends(plane: Plane) -> list[Array]:
+    """Middles of the edges [m], two for each axis with an end, shape (3,) each."""
+    return [
+        np.asarray(plane.point) + side * half * axis
+        for half, axis in zip(plane.half_lengths, plane.axes[:2], strict=True)
+        for side in (-1.0, 1.0)
+        if np.isfinite(half)
+    ]
+
+
+def _is_covered(end: Array, plane: Plane, surfaces: tuple[Plane, ...]) -> bool:
+    others = tuple(other for other in surfaces if other is not plane)
+    near = _ON * min(plane.length_x, plane.length_y)
+    heights = closest_points(others, [plane.point])[1]
+    return bool(((distances(others, [end]) <= near) & (heights >= -near)).any())
+
+
+def seen_from_behind(surfaces: tuple[Plane, ...], positions: ArrayLike) -> NDArray[np.bool_]:
+    """Strips and plates of which an end or the back may be met, shape (surfaces,).
+
+    They have free ends, or not all centres [m], shape (n, 3), are in front of them. Engines that
+    know only bodies and half-spaces may take any other for the face of one.
+    """
+    half_spaces = np.array([plane.is_half_space for plane in surfaces], dtype=bool)
+    behind = (closest_points(surfaces, positions)[1] <= 0).any(axis=0)
+    return ~half_spaces & (behind | np.array(free_ends(surfaces), dtype=bool))

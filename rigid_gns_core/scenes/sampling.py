@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .placement import place_spheres
@@ -33,17 +35,28 @@ def sample_start(
     radii = scene.per_sphere('radius', recipe.spheres)
     positions = place_spheres(scene, recipe, radii, rng)
     if recipe.speed == recipe.spin == (0.0, 0.0):
-        given = (recipe.velocities, recipe.angular_velocities)
+        still = (0.0, 0.0, 0.0)
         velocities, spins = (
-            np.reshape(v, (-1, 3)) if v else np.zeros((len(radii), 3)) for v in given
+            _given(values, recipe.spheres, still)
+            for values in (recipe.velocities, recipe.angular_velocities)
         )
-        return State(positions=positions, velocities=velocities, angular_velocities=spins)
-    moves = rng.random((recipe.spheres, 1)) < recipe.moving
-    velocities, spins = (
-        moves * _vectors(size, recipe.spheres, rng, level)
-        for size, level in ((recipe.speed, recipe.layout != 'scattered'), (recipe.spin, False))
+    else:
+        moves = rng.random((recipe.spheres, 1)) < recipe.moving
+        velocities, spins = (
+            moves * _vectors(size, recipe.spheres, rng, level)
+            for size, level in ((recipe.speed, recipe.layout != 'scattered'), (recipe.spin, False))
+        )
+    return State(
+        positions=positions,
+        quaternions=_given(recipe.quaternions, recipe.spheres, (0.0, 0.0, 0.0, 1.0)),
+        velocities=velocities,
+        angular_velocities=spins,
     )
-    return State(positions=positions, velocities=velocities, angular_velocities=spins)
+
+
+def _given(values: Sequence[tuple[float, ...]], count: int, default: tuple[float, ...]) -> Array:
+    """Given values, or the default for each of `count` spheres, shape (count, k)."""
+    return np.array(values or [default] * count, dtype=np.float64)
 
 
 def _vectors(

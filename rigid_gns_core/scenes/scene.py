@@ -13,7 +13,15 @@ import numpy as np
 
 from .air import Air
 from .contact_law import checked_law, ContactLaw
-from .plane import checked_property, checked_vector, PerSphere, RANGES, SOLID, Vector
+from .plane import (
+    checked_floats,
+    checked_property,
+    checked_vector,
+    PerSphere,
+    RANGES,
+    SOLID,
+    Vector,
+)
 from .plane import Plane as Plane
 from .state import Array
 from .tracker import Tracker
@@ -87,9 +95,9 @@ class Scene:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
         gravity = self.gravity
         if np.ndim(gravity) == 0:
-            if float(np.asarray(gravity)) < 0:
+            if (size := float(checked_floats('gravity', gravity))) < 0:
                 raise UserError(f'gravity is {gravity:g}, expected at least 0, or a vector')
-            gravity = (0.0, 0.0, -float(np.asarray(gravity)))
+            gravity = (0.0, 0.0, -size)
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
         if self.air is not None and not isinstance(self.air, Air):
             raise UserError(f'air is {self.air!r}, expected Air(...), or None for a vacuum')
@@ -215,7 +223,8 @@ class Scene:
             )
             mapping['surfaces'] = planes
         if isinstance(mapping.get('gravity'), (int, float)):
-            mapping['gravity'] = [0.0, 0.0, -float(mapping['gravity'])]
+            size = float(checked_floats(f'{where}.gravity', mapping['gravity']))
+            mapping['gravity'] = [0.0, 0.0, -size]
         return from_mapping(cls, mapping, where)
 
 

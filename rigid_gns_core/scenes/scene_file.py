@@ -54,14 +54,15 @@ def load_start(name: str | Path) -> tuple[Scene, StartRecipe]:
 
 
 def write_start(path: Path, scene: Scene, start: State, remark: str = '') -> None:
-    """Write a scene and the places and velocities of its spheres, as `load_start` reads them.
+    """Write a scene and the state of its spheres; `load_start` reads back the same bits.
 
-    Rotations are not kept. The lines of `remark` are the comment at the top.
+    The lines of `remark` are the comment at the top.
     """
     names = {
         'at': 'positions',
         'velocities': 'velocities',
         'angular_velocities': 'angular_velocities',
+        'quaternions': 'quaternions',
     }
     content = {
         'scene': scene.to_mapping(),

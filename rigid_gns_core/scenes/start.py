@@ -6,13 +6,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import Literal
 
 import numpy as np
 
-from .plane import Vector
+from .plane import LARGEST, Vector
 from .state import Array
 from ..files.config import ConfigError
+
+# spheres of a start: tens of gigabytes in the engine
+MOST = 10_000_000
 
 Layout = Literal['scattered', 'floor', 'blocks']
 
@@ -84,6 +88,7 @@ class StartRecipe:
         at: Given centres [m].
         velocities: Given velocities [m/s], one per centre in `at`.
         angular_velocities: Given angular velocities [rad/s], one per centre in `at`.
+        quaternions: Given rotations (x, y, z, w), one per centre in `at`.
     """
 
     spheres: int = None  # type: ignore[assignment]
@@ -100,13 +105,16 @@ class StartRecipe:
     at: tuple[Vector, ...] = ()
     velocities: tuple[Vector, ...] = ()
     angular_velocities: tuple[Vector, ...] = ()
+    quaternions: tuple[tuple[float, float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        placed = len(self.at) + sum(int(np.prod(block.count)) for block in self.blocks)
+        placed = len(self.at) + sum(math.prod(block.count) for block in self.blocks)
         if self.spheres is None:
             object.__setattr__(self, 'spheres', placed or 1)
-        if self.spheres < 1:
-            raise ConfigError(f'spheres is {self.spheres}, expected at least 1')
+        if not 1 <= self.spheres <= MOST:
+            raise ConfigError(f'spheres is {self.spheres}, expected from 1 to {MOST}')
+        if not 0 <= self.seed < 2**63:  # what a record holds
+            raise ConfigError(f'seed is {self.seed}, expected from 0 to {2**63 - 1}')
         if placed and self.spheres != placed:
             raise ConfigError(
                 f'spheres is {self.spheres}, but blocks and at hold {placed}; leave spheres out'
@@ -115,7 +123,7 @@ class StartRecipe:
             raise ConfigError(
                 f'layout is {self.layout!r}, but blocks or at give the places; leave one out'
             )
-        for name in ('velocities', 'angular_velocities'):
+        for name in ('velocities', 'angular_velocities', 'quaternions'):
             given = getattr(self, name)
             if given and (len(given) != len(self.at) or self.blocks):
                 raise ConfigError(
@@ -124,11 +132,19 @@ class StartRecipe:
                 )
             if not np.isfinite(given).all():
                 raise ConfigError(f'{name} is {given}, expected finite numbers')
-            if given and not self.speed == self.spin == (0.0, 0.0):
+            moving = name != 'quaternions' and not self.speed == self.spin == (0.0, 0.0)
+            if given and moving:
                 raise ConfigError(f'{name} and speed or spin say how spheres move; leave one out')
         check_range('height', self.height, -np.inf)
-        if not self.gap >= 0:
-            raise ConfigError(f'gap is {self.gap:g} m, expected at least 0')
+        for name in ('length_x', 'length_y'):
+            length = getattr(self, name)
+            if length is not None and not 0 <= length <= LARGEST:
+                raise ConfigError(
+                    f'{name} is {length:g} m, expected a length from 0 to {LARGEST:g}; '
+                    'leave it out where walls bound the start'
+                )
+        if not (self.gap >= 0 and np.isfinite(self.gap)):
+            raise ConfigError(f'gap is {self.gap:g} m, expected a finite length, at least 0')
         check_range('speed', self.speed, 0.0)
         check_range('spin', self.spin, 0.0)
         if not 0 <= self.moving <= 1:
@@ -138,6 +154,7 @@ class StartRecipe:
 def check_range(name: str, value: tuple[float, float], least: float) -> None:
     """Raise ConfigError where `value` is not a finite [lowest, highest] with lowest >= `least`."""
     low, high = value
-    if not (least <= low <= high and np.isfinite(high)):
+    if not (least <= low <= high <= LARGEST):
         bound = '' if least == -np.inf else f' with lowest at least {least:g}'
+        bound += '' if not high > LARGEST else f' and highest at most {LARGEST:g}'
         raise ConfigError(f'{name} is [{low:g}, {high:g}], expected [lowest, highest]{bound}')

@@ -20,6 +20,9 @@ from ..errors import UserError
 
 Array = NDArray[np.float64]
 
+# distance of a norm from 1 up to which a vector of float64 is a unit vector: 9 eps / 2
+UNIT = 1e-15
+
 
 def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = np.array(value, dtype=np.float64)
@@ -33,14 +36,25 @@ def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _unit_quaternions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = _field('quaternions', value, shape)
-    norm: Array = np.linalg.norm(array, axis=-1, keepdims=True)
+    norm = np.linalg.norm(array, axis=-1)
     if (norm < 1e-6).any():
-        sphere = int(np.argwhere(norm < 1e-6)[0][-2])
+        sphere = int(np.argwhere(norm < 1e-6)[0][-1])
         raise UserError(
             f'quaternion of sphere {sphere} has norm {norm.min():.2g}, expected 1; '
             'use (0, 0, 0, 1) where a rotation is unknown'
         )
-    return array / norm
+    return as_unit(array)
+
+
+def as_unit(vectors: Array) -> Array:
+    """Vectors over their norms, shape (..., k); the same bits again for what this returned.
+
+    Rounding leaves norms within 4 eps / 2 of 1, in the vector and in the norm computed of it.
+    Divided again, a third of them would be other vectors: what is read back would not be what was
+    written.
+    """
+    norms: Array = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(np.abs(norms - 1.0) > UNIT, vectors / norms, vectors)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,13 @@ from .motion import (
     time_to_rest,
     vertical_spin_drift,
 )
-from .penetration import passed_through, Penetration, sphere_penetration, surface_penetration
+from .penetration import (
+    lost_behind,
+    passed_through,
+    Penetration,
+    sphere_penetration,
+    surface_penetration,
+)
 from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Trajectory
@@ -40,6 +46,7 @@ __all__ = [
     'horizon_metrics',
     'law_metrics',
     'linear_momentum',
+    'lost_behind',
     'passed_through',
     'position_mse',
     'sphere_penetration',
@@ -93,7 +100,7 @@ def law_metrics(trajectory: Trajectory, scene: Scene) -> dict[str, float]:
     spheres = sphere_penetration(positions, radius)
     on_ground = surface_penetration(positions, radius, ground, limit=np.inf)
     on_static = surface_penetration(positions, radius, static)
-    through = passed_through(positions, radius, scene.surfaces)
+    through = passed_through(positions, scene.surfaces)
     speed = np.linalg.norm(trajectory.velocities[-1], axis=1)
     start = energies.with_rotation[0]
     return {

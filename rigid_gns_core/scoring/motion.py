@@ -18,8 +18,9 @@ class Energy:
     """Energy of all spheres together at each time, each array of shape (steps + 1,).
 
     Args:
-        kinetic: Of translation, sum of 1/2 m v.v [J].
-        potential: Sum of m g h [J]; h is the height of the centre above the ground.
+        kinetic: Of translation, sum of 1/2 m v.v [J]; m with the added mass of air.
+        potential: Sum of m g h [J]; h is the height of the centre above the ground, m less the air
+            that the sphere displaces.
         rotational: Sum of 1/2 I w.w [J], I = i m r^2.
     """
 
@@ -45,7 +46,11 @@ def energy(trajectory: Trajectory, scene: Scene) -> Energy:
     above the lowest point of any sphere at the start, so that no sphere starts below zero.
     """
     mass = scene.per_sphere('mass', trajectory.count)
-    inertia = _inertia(trajectory, scene)
+    inertia, moving, heavy = _inertia(trajectory, scene), mass, mass
+    if scene.air is not None:
+        radius = scene.per_sphere('radius', trajectory.count)
+        moving = scene.air.effective_mass(radius, mass)
+        heavy = mass - scene.air.displaced_mass(radius)
     heights = trajectory.positions @ scene.up
     if scene.ground is not None:
         datum = float(np.asarray(scene.surfaces[scene.ground].point) @ scene.up)
@@ -54,8 +59,8 @@ def energy(trajectory: Trajectory, scene: Scene) -> Energy:
         datum = float(np.min(heights[0] - radius))
     v, w = trajectory.velocities, trajectory.angular_velocities
     return Energy(
-        kinetic=0.5 * np.einsum('knc,knc,n->k', v, v, mass),
-        potential=float(np.linalg.norm(scene.gravity)) * ((heights - datum) @ mass),
+        kinetic=0.5 * np.einsum('knc,knc,n->k', v, v, moving),
+        potential=float(np.linalg.norm(scene.gravity)) * ((heights - datum) @ heavy),
         rotational=0.5 * np.einsum('knc,knc,n->k', w, w, inertia),
     )
 

@@ -79,83 +79,95 @@ def surface_penetration(
     """Intersections of spheres with bounded planes.
 
     The depth is r minus the distance to the closest point of the rectangle, over the sphere's own
-    diameter. A sphere whose centre went through the rectangle from the front is still inside it:
-    its distance is negative, its depth over 0.5. Deeper than `limit` it has left the surface
-    behind and counts no more (`passed_through` counts it). A sphere that came behind a surface
-    around an edge has not gone through it: its distance stays positive.
+    diameter. A sphere whose centre went through a face is still inside the surface: its distance
+    is negative, its depth over 0.5. All centres behind a half-space are. A strip or a plate has
+    two faces: a sphere is on its right side at the start, and may go through from either. One
+    that came to the other side around an edge has not gone through: its distance stays positive.
 
     Args:
         positions: Centres [m], shape (frames, n, 3).
         radius: Radii [m], one or shape (n,).
         surfaces: Planes, scored together.
         tolerance: Depths up to this, in diameters, do not count.
-        limit: Largest depth that counts, in diameters; infinite for a ground, which has no other
-            side. A plane without bounds has no limit either.
+        limit: Largest depth in a strip or a plate that counts, in diameters: a deeper sphere has
+            left it behind (`passed_through` counts it). A half-space has no other side.
     """
     count = positions.shape[1]
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))
     touched = np.zeros(count, dtype=bool)
     depths = [np.zeros(0)]
     for plane in surfaces:
-        unbounded = np.isinf(plane.length_x) and np.isinf(plane.length_y)
-        deepest = np.inf if unbounded else limit
         distance = np.empty(positions.shape[:2])
         for part in _sphere_blocks(positions):
-            distance[:, part], _ = _signed_distance(
-                positions[:, part], radii[part], plane, deepest
-            )
+            distance[:, part] = _signed_distance(positions[:, part], plane)
         depth = 0.5 * (1.0 - distance / radii)
-        hit = (depth > tolerance) & (depth <= deepest)
+        hit = (depth > tolerance) & (depth <= (np.inf if plane.is_half_space else limit))
         touched |= hit.any(axis=0)
         depths.append(depth[hit])
     return _summary(depths, touched)
 
 
-def passed_through(
-    positions: Array, radius: ArrayLike, surfaces: tuple[Plane, ...]
-) -> NDArray[np.bool_]:
-    """Whether each sphere's centre ever went through a rectangle, front to back, shape (n,)."""
-    count = positions.shape[1]
-    radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))
-    through = np.zeros(count, dtype=bool)
+def passed_through(positions: Array, surfaces: tuple[Plane, ...]) -> NDArray[np.bool_]:
+    """Whether each sphere's centre ever went through a face, shape (n,)."""
+    through = np.zeros(positions.shape[1], dtype=bool)
     for plane in surfaces:
         for part in _sphere_blocks(positions):
-            _, passes = _signed_distance(positions[:, part], radii[part], plane, np.inf)
-            through[part] |= passes
+            through[part] |= _passages(_local(positions[:, part], plane), plane)[0].any(axis=0)
     return through
 
 
-def _signed_distance(
-    positions: Array, radii: Array, plane: Plane, limit: float
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Distance of each centre to the rectangle [m], negative: it went through; and which did."""
-    local = (positions - plane.point) @ plane.axes.T
-    height = local[..., 2]
-    half = np.array([plane.length_x, plane.length_y]) / 2
-    within: NDArray[np.bool_] = np.all(np.abs(local[..., :2]) <= half, axis=-1)
-    outside = local[..., :2] - np.clip(local[..., :2], -half, half)
-    distance = np.sqrt(np.sum(outside**2, axis=-1) + height**2)
+def lost_behind(positions: Array, surfaces: tuple[Plane, ...]) -> NDArray[np.bool_]:
+    """Whether each sphere's centre went through a face and is beyond it at the end, shape (n,)."""
+    lost = np.zeros(positions.shape[1], dtype=bool)
+    for plane in surfaces:
+        for part in _sphere_blocks(positions):
+            through, beyond = _passages(_local(positions[:, part], plane), plane)
+            lost[part] |= through.any(axis=0) & beyond[-1]
+    return lost
 
-    # a centre behind the plane is inside the surface if its last way there led through the
-    # rectangle; at the start, if it lies behind the rectangle and no deeper than the limit
-    behind = height < 0
-    entered = np.zeros(behind.shape, dtype=bool)
-    shallow: NDArray[np.bool_] = radii - height[0] <= 2.0 * radii * limit
-    entered[0] = behind[0] & within[0] & shallow
-    crossed = ~behind[:-1] & behind[1:]
-    frame, sphere = np.nonzero(crossed)
-    before, after = local[frame, sphere], local[frame + 1, sphere]
-    share = before[:, 2] / (before[:, 2] - after[:, 2])
-    crossing = before[:, :2] + share[:, None] * (after[:, :2] - before[:, :2])
-    passes = (np.abs(crossing) <= half).all(axis=-1)
-    entered[frame[passes] + 1, sphere[passes]] = True
-    last = np.zeros(behind.shape, dtype=np.int64)
-    last[1:] = np.where(crossed, np.arange(1, len(positions))[:, None], 0)
-    np.maximum.accumulate(last, axis=0, out=last)
-    inside = behind & within & np.take_along_axis(entered, last, axis=0)
-    went_through = np.zeros(positions.shape[1], dtype=bool)
-    went_through[sphere[passes]] = True
-    return np.where(inside, -distance, distance), went_through
+
+def _local(positions: Array, plane: Plane) -> Array:
+    """Positions in the plane's axes, from its middle [m], shape (frames, n, 3)."""
+    local: Array = (positions - plane.point) @ plane.axes.T
+    return local
+
+
+def _signed_distance(positions: Array, plane: Plane) -> Array:
+    """Distance of each centre to the rectangle [m], negative: it went through; (frames, n)."""
+    local = _local(positions, plane)
+    outside = local[..., :2] - np.clip(local[..., :2], -plane.half_lengths, plane.half_lengths)
+    distance: Array = np.sqrt(np.sum(outside**2, axis=-1) + local[..., 2] ** 2)
+    inside = _passages(local, plane)[1] & (outside == 0).all(axis=-1)
+    return np.where(inside, -distance, distance)
+
+
+def _passages(local: Array, plane: Plane) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Passages of centres through a surface.
+
+    Args:
+        local: Centres in the plane's axes [m], shape (frames, n, 3).
+        plane: The surface.
+
+    Returns:
+        Whether each went through a face on its way to each frame but the first, shape
+        (frames - 1, n), and whether it is on the wrong side for that, shape (frames, n).
+    """
+    behind: NDArray[np.bool_] = local[..., 2] < 0
+    if plane.is_half_space:
+        return behind[1:] & ~behind[:-1], behind
+    crosses = behind[1:] != behind[:-1]
+    before, after = local[:-1], local[1:]
+    share = before[..., 2] / np.where(crosses, before[..., 2] - after[..., 2], 1.0)
+    place = before[..., :2] + share[..., None] * (after[..., :2] - before[..., :2])
+    through = crosses & (np.abs(place) <= plane.half_lengths).all(axis=-1)
+    # a way around an edge leads to the right side, each way through a face to the other one
+    passages = np.zeros(behind.shape, dtype=np.int64)
+    np.cumsum(through, axis=0, out=passages[1:])
+    frames = np.arange(1, len(local))[:, None]
+    around = np.zeros(behind.shape, dtype=np.int64)  # frame after the last way around
+    np.maximum.accumulate(np.where(crosses & ~through, frames, 0), axis=0, out=around[1:])
+    since = passages - np.take_along_axis(passages, around, axis=0)
+    return through, since % 2 == 1
 
 
 def _sphere_blocks(positions: Array) -> Iterator[slice]:

@@ -31,7 +31,7 @@ from ..teacher.settings import TeacherError, TeacherSettings
 LEAST_FLOOR = 0.25
 """Least floor of squared errors [r^2], half a radius squared."""
 _LESS_IS_WORSE = ('predictability_time', 'predictable_to_end', 'rest_share')
-_FORMAT = 1  # version of the files in the cache
+_FORMAT = 2  # version of the files in the cache: 1 had slabs behind all plates
 _ARRAYS = ('positions', 'quaternions', 'velocities', 'angular_velocities')
 
 Values = Mapping[str, float | None]

@@ -21,14 +21,20 @@ import numpy as np
 from .rolling import RollingFriction
 from .settings import TeacherError, TeacherSettings
 from ..installation.extras import missing
-from ..scenes.plane import Plane, SOLID
+from ..scenes.plane import Plane, seen_from_behind, SOLID
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State, Trajectory
 
 # Rolling friction acts with at most one unit of impulse in Bullet: light bodies never reach it
 _MASS = 1e-6
-# A slab stands for a plane with an edge; a side that is infinite is this long, in radii
+# A slab stands for a strip or a plate; a side that is infinite is this long, in radii
 _ENDLESS = 1e4
+# Spheres must not get past the middle of the slab in one substep: behind a wall whose back is out
+# of reach it is this thick, in largest radii
+_THICK = 4.0
+# The back of one that is seen from behind is this far behind its front, in smallest radii: with
+# less, Bullet's normals lean in digits that matter
+_THIN = 1e-3
 
 
 def load_pybullet() -> ModuleType:
@@ -92,7 +98,7 @@ class Teacher:
             raise TeacherError('Bullet has no free client left; close teachers that are not used')
         try:
             self._configure()
-            self._add_surfaces(float(self._radius.max()))
+            self._add_surfaces(start)
             self._bodies, self._rolling = self._add_spheres(start)
         except BaseException:
             self.close()
@@ -189,24 +195,26 @@ class Teacher:
             raise TeacherError('Bullet refused a body; it may hold too many already')
         return body
 
-    def _add_surfaces(self, largest: float) -> None:
+    def _add_surfaces(self, start: State) -> None:
         restitution = self.scene.surface_values('restitution')
         friction = self.scene.surface_values('friction')
+        sheets = seen_from_behind(self.scene.surfaces, start.positions)
         for index, plane in enumerate(self.scene.surfaces):
-            body = self._add_surface(plane, largest)
+            body = self._add_surface(plane, bool(sheets[index]))
             self._material(body, restitution[index], friction[index], 0.0)
 
-    def _add_surface(self, plane: Plane, largest: float) -> int:
+    def _add_surface(self, plane: Plane, sheet: bool) -> int:
         bullet, client = self._bullet, self._client
         point = np.asarray(plane.point) / self._length
-        if np.isinf(plane.length_x) and np.isinf(plane.length_y):
+        if plane.is_half_space:
             shape = bullet.createCollisionShape(
                 bullet.GEOM_PLANE, planeNormal=list(plane.normal), physicsClientId=client
             )
             return self._add_body(shape, 0.0, point, (0.0, 0.0, 0.0, 1.0))
-        # spheres must not get past the middle of the slab in one substep: it is 4 radii thick
-        sides = np.array([plane.length_x, plane.length_y, 4.0 * largest * self._length])
-        half = np.minimum(sides / self._length, _ENDLESS) / 2.0
+        thickness = _THIN * self._radius.min() if sheet else _THICK * self._radius.max()
+        half = np.append(
+            np.minimum(plane.half_lengths / self._length, _ENDLESS / 2.0), thickness / 2
+        )
         shape = bullet.createCollisionShape(
             bullet.GEOM_BOX, halfExtents=half.tolist(), physicsClientId=client
         )
@@ -234,10 +242,10 @@ class Teacher:
             self._material(
                 body, restitution[i], friction[i], rolling.bullets_own[i] if bullets_own else 0.0
             )
-            if inertia[i] != SOLID:  # Bullet's own
-                moment = inertia[i] * self._mass[i] * self._radius[i] ** 2
+            if inertia[i] != SOLID:  # Bullet's own; it takes an inertia only with its mass
+                mass, moment = self._mass[i], inertia[i] * self._mass[i] * self._radius[i] ** 2
                 bullet.changeDynamics(
-                    body, -1, localInertiaDiagonal=3 * [moment], physicsClientId=client
+                    body, -1, mass=mass, localInertiaDiagonal=3 * [moment], physicsClientId=client
                 )
             # Bullet's velocities live half a substep before its positions: see `_read`
             velocity = start.velocities[i] / self._length - 0.5 * self._substep * self._gravity

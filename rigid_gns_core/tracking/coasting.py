@@ -89,7 +89,9 @@ def _coast(
             continue
         position, velocity = row(positions, i), row(velocities, i)
         # noise may have put a sphere behind the surface that it is about to meet
-        hit = first_impact(surfaces, position, velocity, radii[i], -_BEHIND * time[i], time[i])
+        hit = first_impact(
+            surfaces, position, velocity, radii[i], 0.0, -_BEHIND * time[i], time[i]
+        )
         if hit.time < math.inf:
             impact_times[i] = max(hit.time, 0.0)
             incoming = plus(velocity, times(impact_times[i], surfaces.gravity))

@@ -37,9 +37,8 @@ class Environment:
             gravity=(x, y, z),
             points=np.array([plane.point for plane in planes]).reshape(-1, 3),
             axes=np.array([plane.axes for plane in planes]).reshape(-1, 3, 3),
-            half_lengths=np.array([(p.length_x / 2, p.length_y / 2) for p in planes]).reshape(
-                -1, 2
-            ),
+            half_lengths=np.array([plane.half_lengths for plane in planes]).reshape(-1, 2),
+            two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
             restitution=scene.surface_values('restitution') * float(np.mean(scene.restitution)),
             friction=scene.surface_values('friction') * float(np.mean(scene.friction)),
             rolling_friction=float(np.mean(scene.rolling_friction)),
@@ -59,6 +58,7 @@ class Environment:
             points=no_points,
             axes=np.zeros((0, 3, 3)),
             half_lengths=np.zeros((0, 2)),
+            two_sided=np.zeros(0, dtype=bool),
             restitution=np.zeros(0),
             friction=np.zeros(0),
             rolling_friction=0.0,

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 from .jit import in_place
+from ..kernels.neighbours import Flags
 from ..kernels.vector import across, cross, dot, length, minus, plus, row, times, Vector
 from ..scenes.state import Array
 
@@ -21,6 +22,7 @@ class Surfaces(NamedTuple):
         points: A point of each surface [m], shape (k, 3).
         axes: First and second tangent and normal of each surface, shape (k, 3, 3).
         half_lengths: Half lengths along the two tangents [m], shape (k, 2).
+        two_sided: Strips and plates, which have two faces, shape (k,).
         restitution: Restitution of a sphere on each surface, shape (k,).
         friction: Friction of a sphere on each surface, shape (k,).
         rolling_friction: Rolling friction of a sphere.
@@ -33,6 +35,7 @@ class Surfaces(NamedTuple):
     points: Array
     axes: Array
     half_lengths: Array
+    two_sided: Flags
     restitution: Array
     friction: Array
     rolling_friction: float
@@ -46,7 +49,7 @@ class Impact(NamedTuple):
 
     Args:
         time: Time of the contact [s], infinite where there is none.
-        normal: Normal of the surface.
+        normal: Normal of the surface, out of the face that is met.
         restitution: Restitution of the pair.
         friction: Friction of the pair.
     """
@@ -59,14 +62,25 @@ class Impact(NamedTuple):
 
 @in_place
 def nearest_surface(surfaces: Surfaces, position: Vector, radius: float) -> tuple[int, float]:
-    """Index of the surface nearest above or below a sphere, and its distance [m], or infinity."""
+    """Index of the surface whose face is nearest to a sphere over it, and their gap [m].
+
+    The gap is infinite where the sphere is over none.
+    """
     index, least = 0, math.inf
     for k in range(len(surfaces.points)):
         offset = minus(position, row(surfaces.points, k))
-        gap = abs(dot(offset, row(surfaces.axes[k], 2)) - radius)
+        gap = abs(dot(offset, normal_towards(surfaces, k, position)) - radius)
         if gap < least and _is_over(surfaces, k, offset):
             index, least = k, gap
     return index, least
+
+
+@in_place
+def normal_towards(surfaces: Surfaces, k: int, position: Vector) -> Vector:
+    """Normal of surface k, out of the face on whose side a position is [m]."""
+    normal = row(surfaces.axes[k], 2)
+    height = dot(minus(position, row(surfaces.points, k)), normal)
+    return times(-1.0, normal) if surfaces.two_sided[k] and height < 0 else normal
 
 
 @in_place
@@ -87,7 +101,13 @@ def position_after(
 
 @in_place
 def first_impact(
-    surfaces: Surfaces, position: Vector, velocity: Vector, radius: float, begin: float, end: float
+    surfaces: Surfaces,
+    position: Vector,
+    velocity: Vector,
+    radius: float,
+    before: float,
+    begin: float,
+    end: float,
 ) -> Impact:
     """First impact of a flight on a surface.
 
@@ -96,31 +116,31 @@ def first_impact(
         position: Centre at time 0 [m].
         velocity: Velocity at time 0 [m/s].
         radius: Radius [m].
+        before: Time at which it is on the side of the faces that it may meet [s].
         begin: Earliest time [s].
         end: Latest time [s].
     """
-    index, first = -1, math.inf
+    found = Impact(math.inf, (0.0, 0.0, 0.0), 0.0, 0.0)
     for k in range(len(surfaces.points)):
         normal, point = row(surfaces.axes[k], 2), row(surfaces.points, k)
         a = 0.5 * dot(normal, surfaces.gravity)
         b = dot(velocity, normal)
-        c = dot(minus(position, point), normal) - radius
+        height = dot(minus(position, point), normal)
+        if surfaces.two_sided[k] and height + before * (b + before * a) < 0:
+            normal, a, b, height = times(-1.0, normal), -a, -b, -height
+        c = height - radius
         discriminant = b * b - 4.0 * a * c
         if not discriminant > 0:
             continue
         root = math.sqrt(discriminant)
         # one root in two forms, each where its terms do not cancel
         when = (-b - root) / (2.0 * a) if b > 0 else 2.0 * c / (root - b)
-        if not (when >= begin and when <= end and when < first):
+        if not (when >= begin and when <= end and when < found.time):
             continue
         at = position_after(position, velocity, surfaces.gravity, when)
         if _is_over(surfaces, k, minus(at, point)):
-            index, first = k, when
-    if index < 0:
-        return Impact(math.inf, (0.0, 0.0, 0.0), 0.0, 0.0)
-    return Impact(
-        first, row(surfaces.axes[index], 2), surfaces.restitution[index], surfaces.friction[index]
-    )
+            found = Impact(when, normal, surfaces.restitution[k], surfaces.friction[k])
+    return found
 
 
 @in_place

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the filter is compiled: like the engine, but its own sums are not fused."""
+"""How the filter is compiled: like the engine, no sum is fused or reordered."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ compiling = partial(_CODE.compiling, 'the tracking filter', 'about 15 s')
 def in_place(function: Function) -> Function:
     """Compile a function that only compiled code calls.
 
-    It allocates no array, so no references are counted. Its own sums are not fused, those of
-    `kernels` may be: between hypotheses of equal cost rounding decides, the same on one machine.
+    It allocates no array, so no references are counted.
     """
     return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 

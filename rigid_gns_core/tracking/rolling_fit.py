@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from .impacts import Surfaces
+from .impacts import normal_towards, Surfaces
 from .jit import in_place
 from .line_fit import accumulate, fit_line
 from .motion_models import Hypotheses, ROLLING, try_tail
@@ -40,7 +40,7 @@ def try_rolling(
     """
     stamps, seen, offsets = window.stamps, window.seen[i], window.offsets[i]
     radius, sigma = window.radii[i], window.sigma[i]
-    normal = row(surfaces.axes[index], 2)
+    normal = normal_towards(surfaces, index, row(window.origin, i))
     height = dot(minus(row(window.origin, i), row(surfaces.points, index)), normal) - radius
     # it rolls down a slope at 1 / (1 + i) of the pull; rolling friction opposes its velocity
     share = 1.0 / (1.0 + surfaces.inertia)

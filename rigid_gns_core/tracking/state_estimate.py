@@ -14,7 +14,7 @@ from .environment import Environment
 from .jit import compiling
 from .known_laws import states_by_laws
 from .motion_models import Motion, ROLLING
-from .pose_noise import estimate_noise
+from .pose_noise import estimate_noise, rotates
 from .velocity import estimate_motion
 from ..errors import UserError
 from ..scenes.scene import Scene
@@ -55,7 +55,8 @@ def estimate_state(
         scene: Surfaces, radii and gravity.
         times: Rising times of the frames [s], shape (m,).
         positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
-        quaternions: Rotations (x, y, z, w), shape (m, n, 4); None: not tracked.
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where unknown; None: not
+            tracked. Those of a sphere that never change are unknown, too.
         noise: Standard deviation of each coordinate of a position [m]; None: that of the scene's
             tracker, or estimated from these frames.
 
@@ -74,21 +75,28 @@ def estimate_state(
         lost = int(np.argmin(seen.any(axis=0)))
         raise UserError(f'sphere {lost} is seen in no frame; leave it out')
     turns = np.broadcast_to(_UNTURNED, (*seen.shape, 4)).copy()
+    turned = np.zeros(centres.shape[1], dtype=np.bool_)
     if quaternions is not None:
         given = np.asarray(quaternions, dtype=np.float64)
         if given.shape != turns.shape:
             raise UserError(f'quaternions have shape {given.shape}, expected {turns.shape}')
-        turns[seen] = given[seen]
+        known = np.asarray(np.isfinite(given).all(axis=-1))
+        turns[seen & known] = given[seen & known]
+        for sphere, own in enumerate(seen.T):
+            # one that was never told, or never changes, tells nothing of the spin
+            turned[sphere] = bool(known[own, sphere].all()) and rotates(turns[own, sphere])
+            if not turned[sphere]:
+                turns[:, sphere] = _UNTURNED
     centres[~seen] = 0.0  # not read
     if scene.air is None and scene.tracker is None:
-        return _by_window(scene, stamps, centres, turns, seen, noise, quaternions is not None)
+        return _by_window(scene, stamps, centres, turns, seen, noise, turned)
     if not (np.diff(stamps) > 0).all():
         raise UserError('times do not rise, expected increasing ones; sort the frames')
     if noise is None and scene.tracker is None:
         noise = _noise(stamps, centres, seen)
     with compiling():
         states, covariances, found = states_by_laws(scene, stamps, centres, seen, noise)
-    if found.all() and quaternions is None:
+    if found.all() and not turned.any():
         state = State(
             positions=states[:, :3],
             quaternions=np.tile(_UNTURNED, (len(states), 1)),
@@ -97,9 +105,10 @@ def estimate_state(
         )
         return StateEstimate(state, covariances)
     # of balls with few frames, and rotations where they are tracked
-    base = _by_window(scene, stamps, centres, turns, seen, noise, quaternions is not None)
+    base = _by_window(scene, stamps, centres, turns, seen, noise, turned)
     own = found[:, None]
-    spins = np.where(own & (quaternions is None), states[:, 6:], base.state.angular_velocities)
+    by_laws = own & ~turned[:, None]
+    spins = np.where(by_laws, states[:, 6:], base.state.angular_velocities)
     mixed = State(
         positions=np.where(own, states[:, :3], base.state.positions),
         quaternions=base.state.quaternions,
@@ -116,7 +125,7 @@ def _by_window(
     turns: Array,
     seen: NDArray[np.bool_],
     noise: float | None,
-    turned: bool,
+    turned: NDArray[np.bool_],
 ) -> StateEstimate:
     """The node's fit to its window of frames."""
     radii = scene.per_sphere('radius', centres.shape[1])
@@ -148,7 +157,7 @@ def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
     return estimate_noise(parts).position
 
 
-def _covariance(motion: Motion, radii: Array, noise: float, turned: bool) -> Array:
+def _covariance(motion: Motion, radii: Array, noise: float, turned: NDArray[np.bool_]) -> Array:
     """Covariance of a line through N frames at equal intervals h, at the last of them.
 
         var p = 2 (2N - 1) / (N (N + 1)) s^2

@@ -108,7 +108,9 @@ def try_surface_impacts(
         doubt = SLACK * sigma * math.sqrt(variance_at(before, middle)) / max(speed, 1e-300)
         slack = min(doubt, MOST_SLACK * (end - begin))
         position = plus(origin, before.origin)
-        hit = first_impact(surfaces, position, before.slope, radius, begin - slack, end + slack)
+        hit = first_impact(
+            surfaces, position, before.slope, radius, begin, begin - slack, end + slack
+        )
         if hit.time == math.inf:
             continue
         when = min(max(hit.time, begin), end)
@@ -217,14 +219,24 @@ def _since(sums: Array, frame: int, column: int) -> Vector:
 
 
 @in_place
-def spin_since(best: Hypotheses, i: int, window: Observations) -> Vector:
-    """Spin of sphere i where one frame follows its last contact [rad/s]."""
-    stamps, angles = window.stamps, window.angles[i]
+def never_turns(angles: Array) -> bool:
+    """Whether a sphere has one rotation throughout, which tells nothing of its spin.
+
+    Args:
+        angles: Rotation vectors since the first frame [rad], shape (frames, 3).
+    """
     largest = 0.0
     for frame in range(len(angles)):
         for axis in range(3):
             largest = max(largest, abs(angles[frame, axis]))
-    if largest <= 1e-9:  # rotations are not tracked
+    return largest <= 1e-9
+
+
+@in_place
+def spin_since(best: Hypotheses, i: int, window: Observations) -> Vector:
+    """Spin of sphere i where one frame follows its last contact [rad/s]."""
+    stamps, angles = window.stamps, window.angles[i]
+    if never_turns(angles):
         return 0.0, 0.0, 0.0
     last, frame = window.last[i], best.begin[i]
     since = stamps[last] - best.contact_times[i]

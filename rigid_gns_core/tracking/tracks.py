@@ -24,7 +24,7 @@ from .noise_estimate import MAX_DIFFERENCES, NoiseEstimate, third_differences
 from .velocity import estimate_motion
 from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
-from ..scenes.state import Array
+from ..scenes.state import Array, as_unit
 
 # frames of one third difference
 _NOISE_FRAMES = 4
@@ -122,7 +122,7 @@ class Tracks:
         """Tracks after the next frame, whose stamp is later than all before."""
         step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
         poses = frame.poses.copy()
-        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        poses[:, 3:] = as_unit(poses[:, 3:])
         predicted = self.motion
         if settings.matched:
             predicted = _predict(self, settings, step_ns * 1e-9)

@@ -89,7 +89,7 @@ def estimate_motion(
         fit(best, window, surfaces, pairs, held, Encounters.none(n), sums, level)
     end_positions, end_velocities, spins = np.empty((3, n, 3))
     quaternions = rotations[window.last, np.arange(n)]
-    finish(best, window, surfaces.gravity, end_positions, end_velocities, spins, quaternions, sums)
+    finish(best, window, surfaces, end_positions, end_velocities, spins, quaternions, sums)
     missing = -stamps[window.last]
     if missing.any():
         end_positions, end_velocities = coast(

@@ -6,16 +6,16 @@
 from __future__ import annotations
 
 from .collisions import Pairs, within
-from .impacts import nearest_surface, position_after, Surfaces
+from .impacts import nearest_surface, normal_towards, position_after, Surfaces
 from .jit import entry, in_place
 from .line_fit import accumulate, fit_line
-from .motion_models import FLIGHT, Hypotheses, try_tail, UNIFORM
+from .motion_models import FLIGHT, Hypotheses, ROLLING, try_tail, UNIFORM
 from .observations import Observations
 from .rolling_fit import try_rolling
 from .sphere_impact_fit import Encounters, try_sphere_impacts
-from .surface_impact_fit import spin_since, try_surface_impacts
+from .surface_impact_fit import never_turns, spin_since, try_surface_impacts
 from ..kernels.quaternions import turn
-from ..kernels.vector import plus, put, row, times, Vector
+from ..kernels.vector import cross, plus, put, row, times, Vector
 from ..scenes.state import Array
 
 # cost of flight beside a surface: it has two more unknowns than rolling
@@ -97,7 +97,7 @@ def _try_alone(
 def finish(
     best: Hypotheses,
     window: Observations,
-    gravity: Vector,
+    surfaces: Surfaces,
     positions: Array,
     velocities: Array,
     spins: Array,
@@ -109,7 +109,7 @@ def finish(
     Args:
         best: The hypotheses.
         window: Observations of the frames.
-        gravity: Acceleration of free flight [m/s^2].
+        surfaces: Surfaces and gravity.
         positions: Overwritten [m], shape (n, 3).
         velocities: Overwritten [m/s], shape (n, 3).
         spins: Overwritten [rad/s], shape (n, 3).
@@ -118,15 +118,27 @@ def finish(
     """
     for i in range(len(positions)):
         at, slope = window.stamps[window.last[i]], row(best.slopes, i)
-        g = gravity if best.kinds[i] == FLIGHT else _NONE
+        g = surfaces.gravity if best.kinds[i] == FLIGHT else _NONE
         origin = plus(row(window.origin, i), row(best.origins, i))
         put(positions, i, position_after(origin, slope, g, at))
         put(velocities, i, plus(slope, times(at, g)) if best.frames[i] > 1 else _NONE)
         # from the frames since the last contact
         begin = best.begin[i]
         accumulate(sums, window.stamps, window.angles[i], window.seen[i], begin)
-        if best.struck[i] and sums[-1, 0] < 1.5:
+        if best.kinds[i] == ROLLING and never_turns(window.angles[i]):
+            put(spins, i, _rolling_spin(surfaces, origin, row(velocities, i), window.radii[i]))
+        elif best.struck[i] and sums[-1, 0] < 1.5:
             put(spins, i, spin_since(best, i, window))
         else:
             put(spins, i, fit_line(sums, begin, len(window.stamps)).slope)
         turn(quaternions, i, row(spins, i), -at)
+
+
+@in_place
+def _rolling_spin(surfaces: Surfaces, origin: Vector, velocity: Vector, radius: float) -> Vector:
+    """Spin of a sphere that rolls without sliding, w = n x v / r [rad/s].
+
+    Many trackers always send the same rotation: that of a sphere that rolls is then not known.
+    """
+    index, _ = nearest_surface(surfaces, origin, radius)
+    return times(1.0 / radius, cross(normal_towards(surfaces, index, origin), velocity))

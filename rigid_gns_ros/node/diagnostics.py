@@ -41,7 +41,8 @@ class Diagnostics:
         self.rejected = 0
         self._last_rejection = ''
         self._starts = 0
-        self._frames, self._rejections = Recent(), Recent()
+        self.lost = 0
+        self._frames, self._rejections, self._losses = Recent(), Recent(), Recent()
         self._lateness, self._late, self._steps = Recent(), Recent(), Recent()
         self._futures, self._superseded, self._failed = Recent(), Recent(), Recent()
         self._shortened = self._failure = ''
@@ -55,6 +56,11 @@ class Diagnostics:
         self.rejected += 1
         self._last_rejection = why
         self._rejections.add()
+
+    def frames_lost(self, count: int) -> None:
+        """Count tracked messages that were lost before the node took them."""
+        self.lost += count
+        self._losses.add(count)
 
     def started(self) -> None:
         """Count a start of a forecast."""
@@ -113,11 +119,16 @@ class Diagnostics:
         elif len(self._rejections):
             level = WARN
             message = f'{len(self._rejections)} tracked messages rejected in the last {SPAN:g} s'
+        elif len(self._losses):
+            level = WARN
+            lost = self._losses.sum
+            message = f'{lost:g} tracked messages were lost in the last {SPAN:g} s'
         values = {
             'rate [Hz]': f'{self._frames.rate:.3g}',
             'since the newest frame [s]': f'{silence:.3g}',
             'spheres': str(self._window.count or 0),
             'noise [m]': f'{self._window.noise:.3g}',
+            'lost': str(self.lost),
             'rejected': str(self.rejected),
             'last rejection': self._last_rejection,
             **{name: str(count) for name, count in self._window.counts.items()},

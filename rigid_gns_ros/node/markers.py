@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Markers of tracked and predicted spheres and of predicted paths, published while subscribed."""
+"""Markers of surfaces, of tracked and predicted spheres, and of predicted paths."""
 
 from __future__ import annotations
 
@@ -15,25 +15,39 @@ from rigid_gns_core.messages.markers import (
     Marker,
     path_markers,
     sphere_markers,
+    surface_markers,
 )
 from rigid_gns_core.scenes.state import Array
+from rigid_gns_core.show.surfaces import visible_quads
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rigid_gns_core.forecasts.forecaster import Forecaster
     from rigid_gns_core.forecasts.horizon import Future
+    from rigid_gns_core.scenes.scene import Scene
     from rigid_gns_core.tracking.window import TrackingWindow
 
 
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)
 PATH: Color = (0.20, 0.45, 0.85, 0.9)
+SURFACE: Color = (0.60, 0.60, 0.65, 0.4)
 PATH_WIDTH = 0.1  # [radii]
+REACH = 20.0  # of an endless surface around the points of all [radii]
 LIFETIME = 3.0  # [periods]; at least half a second and the longest gap of the tracker
 
 
+def encode_surfaces(scene: Scene, frame_id: str) -> bytes:
+    """CDR bytes of markers of all surfaces, which stay; endless ones are cut."""
+    points = np.array([plane.point for plane in scene.surfaces] or np.zeros((1, 3)))
+    reach = REACH * float(np.max(scene.radius))
+    quads = visible_quads(scene, points.min(axis=0) - reach, points.max(axis=0) + reach)
+    markers = surface_markers('surfaces', [quad.corners for quad in quads], SURFACE)
+    return encode_markers(0, frame_id, 0, markers)
+
+
 class MarkerPublisher:
-    """Publisher of markers; they repeat other topics and are not recorded.
+    """Publisher of markers of spheres, which repeat other topics and are not recorded.
 
     Args:
         publisher: Publisher of visualization_msgs/MarkerArray.

@@ -37,6 +37,12 @@ class Recent:
         return len(self._values)
 
     @property
+    def sum(self) -> float:
+        """Sum of the values."""
+        self._trim()
+        return sum(value for _, value in self._values)
+
+    @property
     def rate(self) -> float:
         """Values per second, over the time since creation where that is shorter [Hz]."""
         return len(self) / min(SPAN, max(self._clock() - self._begun, 1e-9))

@@ -29,6 +29,7 @@ from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
 from .markers import MarkerPublisher
+from .silence import Silence
 from .throttle import Throttle
 from .topics import NodeTopics
 
@@ -73,6 +74,7 @@ class Simulation:
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
+        self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
         self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
         self._reason: Reason = 'first'  # of the next start from an empty window
         self._generation = self.window.generation  # of the tracks of the present forecast
@@ -81,6 +83,7 @@ class Simulation:
         self.topics = NodeTopics(
             node,
             self.on_tracked,
+            self._on_lost,
             str(parameters['record']),
             max_size=float(parameters['record_max_size']),
             max_duration=float(parameters['record_max_duration']),
@@ -127,6 +130,7 @@ class Simulation:
             for earlier, arrival in self._refused:
                 self.topics.received(earlier, arrival)
         self._refused.clear()
+        self.silence.broken()
         self.topics.received(cdr, now)
         self.diagnostics.frame_accepted()
         if restarted:
@@ -140,6 +144,28 @@ class Simulation:
             self._follow(now)
         elif self.window.count is None and self.predictor.forecast is not None:
             self._stop('spheres')
+
+    def _on_lost(self, count: int) -> None:
+        """Note tracked messages that never came to `on_tracked`."""
+        self.diagnostics.frames_lost(count)
+        topics = self.topics
+        self.warn(
+            'lost',
+            f'tracked messages were lost on the way or in the queue, {topics.lost_frames.total} '
+            f'so far; where the node is too busy to take them in time, give it a longer queue '
+            f'than {topics.queue_depth}: -p qos_overrides.{topics.tracked.topic_name}'
+            '.subscription.depth:=50',
+        )
+
+    def _tracker_is_gone(self, now: int) -> bool:
+        """Say that no tracked frames come; whether the predictions were stopped for it."""
+        if self.predictor.forecast is None or self.paused or not now:
+            return False
+        silence = (now - self.window.arrival_ns) * 1e-9
+        gone = self.silence.check(silence, self.window.max_gap_ns * 1e-9)
+        if gone:
+            self.forget('restart')
+        return gone
 
     def _follow(self, now: int) -> None:
         """Start, restart or continue the forecast with the newest frame."""
@@ -230,6 +256,8 @@ class Simulation:
                 self.compute()
             return
         now = self._now()
+        if self._tracker_is_gone(now):
+            return
         self.diagnostics.due((now - predictor.due_ns) * 1e-9)
         prediction = predictor.take_in_time(now)
         if prediction is not None:
@@ -302,6 +330,7 @@ class Simulation:
 
     def report(self) -> None:
         """Publish diagnostics."""
+        self._tracker_is_gone(self._now())
         bag, size = self.topics.bag, self.topics.recorded_bytes
         statuses = self.diagnostics.report(
             paused=self.paused, horizon=self.futures.seconds, bag=bag, size=size

@@ -19,6 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .clock_jumps import on_jump
 from .closing_node import ClosingNode, log_end
+from .markers import encode_surfaces
 from .simulation import Simulation
 from .threads import bound_threads, switch_often
 from ..parameters import declare
@@ -69,6 +70,7 @@ class SimulatorNode(ClosingNode):
         topics, window = self.simulation.topics, self.simulation.window
         description = {**model.description, 'parameters': values, 'topics': topics.names}
         topics.send(topics.scene, encode_string(json.dumps(description)))
+        topics.surfaces.publish(encode_surfaces(model.scene, window.frame_id))
         if not model.level:
             self.get_logger().warning(
                 'no surface is level: none has a normal against gravity '
@@ -123,5 +125,7 @@ class SimulatorNode(ClosingNode):
                 resync.bound = float(parameter.value)
             elif parameter.name == 'resync_over':
                 resync.over = str(parameter.value)
+            elif parameter.name == 'tracker_timeout':
+                self.simulation.silence.timeout = float(parameter.value)
             elif parameter.name == 'horizon':
                 self.simulation.futures.seconds = float(parameter.value)

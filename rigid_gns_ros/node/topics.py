@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from rigid_gns_core.errors import UserError
 from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
+
+from .lost_messages import LostMessages
 
 # QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (
@@ -58,6 +60,7 @@ class NodeTopics:
     Args:
         node: Node of the topics.
         on_tracked: Called with the bytes of each message on tracked_poses.
+        on_lost: Called with the number of messages on it that were lost before one that came.
         record: Folder of the bag to write; empty: no recording.
         max_size: See `BagWriter` [MB].
         max_duration: See `BagWriter` [s].
@@ -71,36 +74,43 @@ class NodeTopics:
         self,
         node: Node,
         on_tracked: Callable[[bytes], None],
+        on_lost: Callable[[int], None],
         record: str,
         *,
         max_size: float = 0.0,
         max_duration: float = 0.0,
     ) -> None:
-        self._node, self._on_tracked = node, on_tracked
+        self._node, self._on_tracked, self._on_lost = node, on_tracked, on_lost
         self.bag: BagWriter | None = None
         self._recorded: list[
-            tuple[str, str, Qos]
-        ] = []  # name, type and QoS of each recorded topic
+            tuple[str, str, Qos, int]
+        ] = []  # name, type, QoS and depth of each recorded topic
         self._early: dict[str, bytes] = {}  # last messages before the first time on /clock
         self.recorded_bytes = 0  # of messages passed to the bag
         self.predicted = self._publisher(PoseArray, 'predicted_poses')
         self.trajectory = self._publisher(MultiDOFJointTrajectory, 'predicted_trajectory', depth=1)
         self.markers = self._publisher(MarkerArray, 'predicted_markers', recorded=False)
         self.scene = self._publisher(String, '~/scene', depth=1, latched=True)
+        self.surfaces = self._publisher(
+            MarkerArray, '~/surfaces', depth=1, latched=True, recorded=False
+        )
         self.start = self._publisher(String, '~/start', depth=1, latched=True)
         self.step_time = self._publisher(Float64, '~/step_time')
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
         profile = sensor_data()
+        heard: Any = self._heard  # rclpy counts its arguments
         with _named_overrides('tracked_poses'):
             self.tracked = node.create_subscription(
                 PoseArray,
                 'tracked_poses',
-                on_tracked,
+                heard,
                 profile,
                 raw=True,
                 qos_overriding_options=overridable(),
             )
         self._register(self.tracked.topic_name, PoseArray, profile)
+        self.lost_frames = LostMessages(self.tracked.get_publisher_count)
+        self.queue_depth = profile.depth
         # last, so that a failing topic leaves no bag; no message was sent or received yet
         if record:
             self.bag = self._new_bag(record, max_size, max_duration)
@@ -133,7 +143,13 @@ class NodeTopics:
                 taken = self.tracked.handle.take_message(self.tracked.msg_type, self.tracked.raw)
             if taken is None:
                 return
-            self._on_tracked(taken[0])
+            self._heard(*taken)
+
+    def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
+        """Take a message on tracked_poses, with what rclpy knows of it."""
+        if lost := self.lost_frames.take(information.get('publication_sequence_number')):
+            self._on_lost(lost)
+        self._on_tracked(cdr)
 
     def close(self) -> str:
         """Finish the bag; a line on the result, empty without a bag."""
@@ -173,14 +189,14 @@ class NodeTopics:
         return publisher
 
     def _register(self, name: str, kind: Any, profile: QoSProfile) -> None:
-        """Register a topic for the bag, with the nearest of its three QoS profiles."""
+        """Register a topic for the bag, with its depth and the nearest of three QoS profiles."""
         package, kind_name = kind.__module__.split('.')[0], kind.__name__
         qos: Qos = 'reliable'
         if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             qos = 'latched'
         elif profile.reliability == ReliabilityPolicy.BEST_EFFORT:
             qos = 'sensor_data'
-        self._recorded.append((name, f'{package}/msg/{kind_name}', qos))
+        self._recorded.append((name, f'{package}/msg/{kind_name}', qos, profile.depth))
 
     def _new_bag(self, record: str, max_size: float, max_duration: float) -> BagWriter:
         try:

@@ -90,7 +90,11 @@ KINDS = {
         'blow of spheres, velocity',
         'blow of spheres, spin',
     ],
-    'curve': ['restitution over speed', 'series of bounces over speed'],
+    'curve': [
+        'restitution over speed',
+        'series of bounces over speed',
+        'bounces over speed, then rolling',
+    ],
     'resistance': ['sliding to rolling, speed', 'rolling to rest, speed', 'spinning to rest'],
 }
 

@@ -100,7 +100,7 @@ def test_what_is_missing_is_told_with_its_remedy(
     assert cli.main(['info']) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
     assert 'missing; for the nodes: source the setup.bash of a ROS 2 Jazzy' in lines['rclpy']
-    advice = "missing; for a peer of benchmark: pip install 'rigid_gns_ros[bench]'"
+    advice = "missing; for a peer of benchmark: pip install 'mujoco>=3.2'"
     assert advice in lines['mujoco']
 
 

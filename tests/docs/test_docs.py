@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
 from collections.abc import Callable
 import json
 from pathlib import Path
@@ -106,3 +108,28 @@ def test_what_was_not_printed_is_found(expected: str) -> None:
     check_printed('a 1 of ...\n...\n0.52 m', printed)
     with pytest.raises(AssertionError, match='not printed'):
         check_printed(expected, printed)
+
+
+def unknown_names(code: str) -> set[str]:
+    """Names that a block reads, but does not make."""
+    nodes = list(ast.walk(ast.parse(code)))
+    made = {
+        node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }
+    made |= {
+        (alias.asname or alias.name).split('.')[0]
+        for node in nodes
+        if isinstance(node, (ast.Import, ast.ImportFrom))
+        for alias in node.names
+    }
+    read = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return read - made - set(dir(builtins))
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
+def test_a_block_that_needs_an_earlier_one_says_so(page: Path) -> None:
+    lines = page.read_text(encoding='utf-8').splitlines()
+    for block in snippets(page):
+        if block.kind == 'python' and (names := unknown_names(block.text)):
+            before = [line for line in lines[: block.line - 1] if line][-1]
+            assert 'session' in before, f'{page.name}:{block.line} needs {sorted(names)}'

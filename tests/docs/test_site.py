@@ -33,7 +33,7 @@ missing = [
     if importlib.util.find_spec(package) is None
 ]
 needs_sphinx = pytest.mark.skipif(
-    bool(missing), reason=f'not installed: {missing}; pip install "rigid_gns_ros[docs]"'
+    bool(missing), reason=f'not installed: {missing}; pip install ".[docs]" in the clone'
 )
 
 

@@ -7,18 +7,22 @@ from __future__ import annotations
 import numba
 import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
-from rigid_gns_core.engine.contact_law import law_of, target_of
-from rigid_gns_core.engine.contacts import find_contacts, gap_of
+from rigid_gns_core.engine.contact_law import find_law, new_law, target_of
+from rigid_gns_core.engine.contacts import Contacts, find_impacts, gap_of
+from rigid_gns_core.engine.couplings import find_couplings
 from rigid_gns_core.engine.flight import Paths
+from rigid_gns_core.engine.groups import contacts_by_island
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
+from rigid_gns_core.engine.motion import Motion
 from rigid_gns_core.engine.overlap import push_out
 from rigid_gns_core.engine.sleep import put_to_sleep, wake
-from rigid_gns_core.engine.solver import solve
+from rigid_gns_core.engine.solver import solve, solve_isolated
 from rigid_gns_core.engine.spheres import copy_spheres
-from rigid_gns_core.engine.step import _bodies, Motion
+from rigid_gns_core.engine.step import _free_motion
 from rigid_gns_core.engine.warm_start import impulses_of, with_sleepers
+from rigid_gns_core.engine.workspace import new_workspace
 
 njit = numba.njit(error_model='numpy')
 
@@ -30,14 +34,44 @@ def candidates(world, positions, velocities, dt, awake):
 
 
 @njit
-def contacts(world, positions, velocities, dt, h, lookback):
-    """Contacts among all candidates of a frame; see `find_contacts`."""
-    everyone = np.ones(len(positions), np.bool_)
-    found = find_candidates(world, positions, velocities, dt, everyone)
-    chosen = np.ones(len(found.a), np.bool_)
-    return find_contacts(
-        world, Paths(positions, velocities, world.pull), found, chosen, h, lookback
+def taken(found, size):
+    """The first contacts of a workspace, in arrays of their own."""
+    return Contacts(
+        candidate=found.candidate[:size].copy(),
+        a=found.a[:size].copy(),
+        b=found.b[:size].copy(),
+        plane=found.plane[:size].copy(),
+        normal=found.normal[:size].copy(),
+        time=found.time[:size].copy(),
+        gap=found.gap[:size].copy(),
+        speculative_gap=found.speculative_gap[:size].copy(),
+        approach_speed=found.approach_speed[:size].copy(),
+        acceleration=found.acceleration[:size].copy(),
+        turning_speed=found.turning_speed[:size].copy(),
+        crossing_time=found.crossing_time[:size].copy(),
+        rest_gap=found.rest_gap[:size].copy(),
     )
+
+
+@njit
+def narrow_phase(world, positions, velocities, dt, h, lookback):
+    """Workspace with the contacts among all candidates of a frame, and how many there are."""
+    everyone = np.ones(len(positions), np.bool_)
+    around = find_candidates(world, positions, velocities, dt, everyone)
+    work = new_workspace(len(positions), around)
+    paths = Paths(positions, velocities, world.flight)
+    find_impacts(world, paths, around, work.every_pair, work.every, h, lookback, work.impacts)
+    size, islands = contacts_by_island(
+        around, work.everyone, work.every_pair, work.impacts, work.order, work.contacts
+    )
+    return work, size, islands
+
+
+@njit
+def contacts(world, positions, velocities, dt, h, lookback):
+    """Contacts among all candidates of a frame."""
+    work, size, _ = narrow_phase(world, positions, velocities, dt, h, lookback)
+    return taken(work.contacts, size)
 
 
 @njit
@@ -51,8 +85,10 @@ def gaps(world, positions, found):
 
 @njit
 def law(world, found):
-    """See `law_of`."""
-    return law_of(world, found)
+    """See `find_law`."""
+    coefficients = new_law(len(found.a))
+    find_law(world, found, coefficients)
+    return coefficients
 
 
 @njit
@@ -64,32 +100,36 @@ def target(e, h, time, gap, approach_speed, acceleration, coupling):
 @njit
 def solved(world, positions, velocities, spins, dt, h, iterations):
     """Contacts of a substep, their law, impulses and bodies, from a cold start."""
-    everyone = np.ones(len(positions), np.bool_)
-    around = find_candidates(world, positions, velocities, dt, everyone)
-    chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(world, Paths(positions, velocities, world.pull), around, chosen, h, h)
-    coefficients = law_of(world, found)
-    motion = Motion(positions, velocities, spins, everyone)
-    bodies = _bodies(motion, world.pull, h)
-    start, impulses = no_impulses(len(found.a)), no_impulses(len(found.a))
-    group = np.arange(len(found.a))
-    change = solve(
-        world=world,
-        contacts=found,
-        law=coefficients,
-        group=group,
-        start=start,
-        lasting=start,
-        accelerations=world.pull,
-        h=h,
-        nominal_h=h,
-        iterations=iterations,
-        tolerance=0.0,
-        shared=True,
-        bodies_out=bodies,
-        impulses_out=impulses,
+    work, size, islands = narrow_phase(world, positions, velocities, dt, h, h)
+    found = taken(work.contacts, size)
+    coefficients, begin = law(world, found), work.order.begin
+    motion = Motion(positions, velocities, spins, np.ones(len(positions), np.bool_))
+    _free_motion(motion, world.flight, work.everyone, h, work.bodies)
+    start, impulses, change = no_impulses(size), no_impulses(size), 0.0
+    solve_isolated(
+        world, found, coefficients, begin[1], world.flight, h, h, work.state, work.bodies, impulses
     )
-    return found, coefficients, impulses, bodies, change
+    find_couplings(world, found, coefficients, begin, islands, work.couplings)
+    for island in range(1, islands + 1):
+        last = solve(
+            world=world,
+            contacts=found,
+            law=coefficients,
+            couplings=work.couplings,
+            start=start,
+            first=begin[island],
+            last=begin[island + 1],
+            accelerations=world.flight,
+            h=h,
+            nominal_h=h,
+            iterations=iterations,
+            scratch_out=work.pivots,
+            state_out=work.state,
+            bodies_out=work.bodies,
+            impulses_out=impulses,
+        )
+        change = max(change, last)
+    return found, coefficients, impulses, work.bodies, change
 
 
 @njit
@@ -118,14 +158,9 @@ def limited(world, before, after, made, dt):
 @njit
 def pushed_out(world, positions, velocities, dt):
     """Positions after overlaps were undone, and gaps of the contacts there."""
-    everyone = np.ones(len(positions), np.bool_)
-    around = find_candidates(world, positions, velocities, dt, everyone)
-    chosen = np.ones(len(around.a), np.bool_)
-    found = find_contacts(
-        world, Paths(positions, velocities, world.pull), around, chosen, 0.0, 0.0
-    )
+    work, size, _ = narrow_phase(world, positions, velocities, dt, 0.0, 0.0)
     moved = positions.copy()
-    push_out(world, found, moved)
+    push_out(world, taken(work.contacts, size), work.overlaps, moved)
     return moved
 
 

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 from rigid_gns_core import Plane, Scene
-from rigid_gns_core.engine.couplings import find_couplings, split_bodies
+from rigid_gns_core.engine.couplings import find_couplings, new_couplings, split_bodies
 from rigid_gns_core.engine.world import world_of
 
 from . import calls
@@ -15,12 +15,11 @@ from . import calls
 @numba.njit(error_model='numpy')
 def splits(world, contacts, law):
     size = len(contacts.a)
-    number = np.full(len(world.radius), -1)
-    group = np.arange(size)
-    couplings = find_couplings(world, contacts, law, group, number)
+    couplings = new_couplings(len(world.radius), size, (2 * size) ** 2)
+    find_couplings(world, contacts, law, np.array([0, 0, size]), 1, couplings)
     normal, friction, rolling = np.empty((size, 2)), np.empty((size, 2)), np.empty(size)
-    split_bodies(couplings, law, group, np.ones((size, 2)), normal, friction, rolling)
-    return normal, friction, number
+    split_bodies(couplings, law, np.ones((size, 2)), normal, friction, rolling)
+    return normal, friction
 
 
 def cluster(seed):
@@ -60,8 +59,7 @@ def test_steps_of_all_contacts_at_once_do_not_overshoot(seed):
     world, contacts, law = cluster(seed)
     size = len(contacts.a)
     assert size > 4
-    normal, friction, number = splits(world, contacts, law)
-    assert (number == -1).all()
+    normal, friction = splits(world, contacts, law)
     inverse = np.repeat(np.r_[world.inverse_mass[:-1], world.inverse_inertia[:-1]], 3)
     mass = world.inverse_mass
     own = np.c_[mass[contacts.a], mass[contacts.b]]
@@ -78,7 +76,7 @@ def test_contacts_at_right_angles_do_not_split_a_body():
     scene = Scene(surfaces=(Plane(), Plane(normal=(1.0, 0, 0))), radius=1.0, friction=0.5)
     world = world_of(scene, 1)
     contacts = calls.contacts(world, np.array([[1.0, 0, 1.0]]), np.zeros((1, 3)), 0.1, 0.01, 0.01)
-    normal, friction, _ = splits(world, contacts, calls.law(world, contacts))
+    normal, friction = splits(world, contacts, calls.law(world, contacts))
     assert normal[:, 0] == pytest.approx(1.0)
     # friction: |c / m + r^2 / I| over 1 / m + r^2 / I, with c = 0
     assert friction[:, 0] == pytest.approx(1.0 + 2.5 / 3.5)

@@ -7,12 +7,23 @@ from itertools import product
 import numba
 import numpy as np
 import pytest
-from rigid_gns_core.engine.direct import _pivots, solve_normals
+from rigid_gns_core.engine.direct import new_pivots, Pivots, solve_normals
 
 
 @numba.njit(error_model='numpy')
 def solved(matrix, goal, active):
-    pivots = _pivots(matrix)
+    size, scratch = len(goal), new_pivots()
+    scratch.matrix[:size, :size] = matrix
+    pivots = Pivots(
+        matrix=scratch.matrix,
+        lower=scratch.lower,
+        among=scratch.among[:size],
+        pushes=scratch.pushes[:size],
+        pushing=scratch.pushing,
+        goal=scratch.goal[:size],
+        impulse=scratch.impulse[:size],
+        opening=scratch.opening[:size],
+    )
     pivots.goal[:] = goal
     return solve_normals(active, pivots), pivots.impulse
 

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
-from rigid_gns_core import Air, load_simulator, Plane, Scene
+from rigid_gns_core import Air, ContactLaw, load_simulator, Plane, RestitutionCurve, Scene
 from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.scoring import energy
 from scipy.integrate import solve_ivp
 
 BALL = Scene(
@@ -114,3 +115,94 @@ def test_bounces_in_air(seed: int) -> None:
     expected = reference(scene, start, velocity, spin, FRAME * np.arange(len(found.positions)))
     assert (np.diff(np.sign(np.diff(expected[:, 2]))) > 0).sum() >= 1  # it bounces
     assert_allclose(found.positions[:, 0], expected, atol=1e-4)
+
+
+def test_two_spheres_meet_in_air_as_one_meets_a_wall() -> None:
+    # mirror images: with lift each is turned towards the other's side; no path is straight
+    scene = replace(BALL, gravity=(0.0, 0.0, 0.0), restitution=0.9)
+    velocity, spin = np.array([-12.0, 2.0, 3.0]), np.array([50.0, 300.0, -400.0])
+    start, steps = np.array([0.11, 0.0, 0.0]), 8
+    mirror = np.array([-1.0, 1.0, 1.0])
+    pair = roll(
+        scene,
+        np.array([start, mirror * start]),
+        np.array([velocity, mirror * velocity]),
+        np.array([spin, -mirror * spin]),  # an axial vector
+        steps=steps,
+    )
+    # of the wall too, so that the pair's restitution is the product
+    wall = Plane(normal=(1.0, 0.0, 0.0), restitution=0.9)
+    alone = roll(replace(scene, surfaces=(wall,)), start, velocity, spin, steps=steps)
+    assert pair.velocities[-1, 0, 0] > 5.0  # it has bounced
+    # measured 3e-9 m: the roots of the two searches
+    assert_allclose(pair.positions[:, 0], alone.positions[:, 0], atol=1e-7)
+    assert_allclose(pair.positions[:, 1], mirror * pair.positions[:, 0], atol=1e-9)
+
+
+def test_calm_air_only_takes_energy_in_a_box_of_balls() -> None:
+    generator = np.random.default_rng(0)
+    grid = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), -1).reshape(-1, 3)
+    law = ContactLaw(RestitutionCurve(0.6, 0.93, 0.5), 0.3, 0.3, 0.01, 0.002, 0.01)
+    scene = replace(
+        BALL,
+        surfaces=Plane.box(0.4, 0.4, contact=law),
+        sphere_contact=ContactLaw(0.9, 0.2, 0.3),
+        air=replace(BALL.air, density=1.2),
+    )
+    rollout = load_simulator('laws').start(
+        scene,
+        0.05 * grid + [-0.08, -0.08, 0.05],
+        generator.normal(size=(64, 3)) * 3.0,
+        generator.normal(size=(64, 3)) * 200.0,
+    )
+    path = rollout.run(200).trajectory
+    total = energy(path, scene).with_rotation
+    assert np.diff(total).max() < 1e-12 * total[0]
+    assert total[-1] < 0.1 * total[0]
+    assert path.positions[..., 2].min() > 0.98 * scene.radius
+
+
+def test_wind_may_give_energy() -> None:
+    scene = replace(BALL, surfaces=(Plane(),), air=replace(BALL.air, wind=(6.0, 0.0, 0.0)))
+    rollout = load_simulator('laws').start(scene, [[0.0, 0.0, 0.02]])
+    path = rollout.run(100).trajectory
+    assert path.velocities[-1, 0, 0] > 2.5
+    assert rollout.stepper.acted == 0
+
+
+def test_what_is_lighter_than_air_rises_to_a_ceiling() -> None:
+    ceiling = Plane((0.0, 0.0, 2.0), (0.0, 0.0, -1.0))
+    scene = Scene(surfaces=(Plane(), ceiling), radius=0.15, mass=0.012, air=Air())
+    path = roll(scene, [0.0, 0.0, 0.5], np.zeros(3), np.zeros(3), steps=200)
+    assert path.positions[-1, 0, 2] == pytest.approx(1.85, abs=1e-6)
+    assert not path.velocities[-1].any()
+
+
+@pytest.mark.parametrize('mirrored', [False, True])
+def test_turned_and_mirrored_scenes_move_alike(mirrored: bool) -> None:
+    generator = np.random.default_rng(3)
+    matrix, _ = np.linalg.qr(generator.normal(size=(3, 3)))
+    if (np.linalg.det(matrix) < 0) != mirrored:
+        matrix = -matrix
+    sign = -1.0 if mirrored else 1.0
+    law = ContactLaw(RestitutionCurve(0.5, 0.9, 1.0), 0.2, 0.3, 0.01, 0.01, 0.02)
+    wind = np.array([3.0, -1.0, 0.5])
+
+    def moved(turn: np.ndarray) -> Scene:
+        return replace(
+            BALL,
+            surfaces=(Plane((0.0, 0.0, 0.0), tuple(turn[:, 2]), contact=law),),
+            sphere_contact=ContactLaw(0.9, 0.1, 0.2),
+            gravity=tuple(turn @ [0.0, 0.0, -9.81]),
+            air=replace(BALL.air, wind=tuple(turn @ wind)),
+        )
+
+    starts = np.array([[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.01, 0.01, 0.3]])
+    velocities, spins = generator.normal(size=(3, 3)) * 3, generator.normal(size=(3, 3)) * 100
+    plain = roll(moved(np.eye(3)), starts, velocities, spins, steps=40)
+    turned = roll(
+        moved(matrix), starts @ matrix.T, velocities @ matrix.T, sign * spins @ matrix.T, steps=40
+    )
+    assert plain.velocities[-1, :, 2].max() != plain.velocities[0, :, 2].max()
+    assert_allclose(turned.positions @ matrix, plain.positions, atol=1e-9)
+    assert_allclose(sign * turned.angular_velocities @ matrix, plain.angular_velocities, atol=1e-6)

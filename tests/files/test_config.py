@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from rigid_gns_core import ContactLaw
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.config import (
     config_folder,
@@ -121,3 +122,13 @@ def test_every_shipped_yaml_is_a_mapping() -> None:
     assert files
     for path in files:
         assert load_yaml(path)
+
+
+def test_a_mapping_in_place_of_a_number_is_told_by_what_it_stands_for() -> None:
+    for given, message in (
+        ({'slow': 1.5, 'fast': 0.9, 'speed': 1.0}, r'^where.restitution: slow of .* is 1.5, ex'),
+        ({'slow': 0.5}, "^where.restitution: missing key 'fast'$"),
+        ('high', "^where.restitution is 'high', expected a number"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            from_mapping(ContactLaw, {'restitution': given}, 'where')

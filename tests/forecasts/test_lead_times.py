@@ -70,7 +70,7 @@ def test_bounces_are_met_between_steps() -> None:
 
 
 def test_the_spread_of_a_flight_is_that_of_its_start() -> None:
-    """p + v t: covariance P + t (C + C^T) + t^2 V, with samples to 1 / sqrt(2 x 400) = 4 %."""
+    """Of p + v t it is P + t (C + C^T) + t^2 V, with samples to 1 / sqrt(2 x 400) = 4 %."""
     covariance = np.zeros((1, 9, 9))
     root = np.random.default_rng(1).normal(size=(6, 6)) * 1e-3
     covariance[0, :6, :6] = root @ root.T

@@ -62,6 +62,9 @@ def test_pairs_equal_brute_force(connectivity, seed):
 
 
 PLATE = Plane((1.0, 0, 4), (0, 0.6, 0.8), length_x=6.0, length_y=4.0)
+STRIP = Plane((0, 0, 3), (0.6, 0, 0.8), (0, 1, 0), length_y=3.0)
+BOX = Plane.box(9.0, 9.0)
+ONE_FACED = BOX  # its walls too: their ends are on other walls
 
 
 def brute_force_surfaces(positions, velocities, radius, scene, reach):
@@ -81,7 +84,7 @@ def brute_force_surfaces(positions, velocities, radius, scene, reach):
             across = sorted([-plane.length_y / 2, across, plane.length_y / 2])[1]
             point = plane.point + along * x + across * y
             gap = np.linalg.norm(p - point)
-            if height < 0 and np.isinf(max(plane.length_x, plane.length_y)):
+            if height < 0 and plane in ONE_FACED:
                 gap = -gap
             if gap - radius <= limit or (reach.ground_edge and s == scene.ground):
                 found[i, s] = point
@@ -92,7 +95,7 @@ def brute_force_surfaces(positions, velocities, radius, scene, reach):
 @pytest.mark.parametrize('connectivity', ['epsilon', 'vmax', 'vi'])
 def test_surface_edges_equal_brute_force(connectivity, ground_edge):
     reach = Reach(connectivity, epsilon=0.6, ground_edge=ground_edge)
-    scene = Scene(surfaces=(*Plane.box(9.0, 9.0, 5.0), PLATE), radius=0.7)
+    scene = Scene(surfaces=(*BOX, PLATE, STRIP), radius=0.7)
     for seed in range(3):
         positions, velocities = random_spheres(seed, side=10.0)
         positions = 1.2 * positions - [0, 0, 2.0]  # some behind walls and below the ground
@@ -101,7 +104,7 @@ def test_surface_edges_equal_brute_force(connectivity, ground_edge):
         edges = zip(graph.surface_receivers.tolist(), graph.surface_senders.tolist(), strict=True)
         found = dict(zip(edges, graph.surface_points, strict=True))
         assert found.keys() == expected.keys()
-        assert len({s for _, s in found}) == 6 and len(found) > 20
+        assert len({s for _, s in found}) == 7 and len(found) > 20
         for edge, point in expected.items():
             np.testing.assert_allclose(found[edge], point, atol=1e-13)  # float64 of order 10
 
@@ -160,6 +163,32 @@ def test_a_sphere_that_went_through_the_ground_stays_connected(connectivity):
     reach = Reach(connectivity, ground_edge=False)
     graph = build_graph(positions, np.array([[0.0, 0, -5.0]]), Scene(), DT, reach)
     assert graph.surface_receivers.tolist() == [0]
+
+
+@pytest.mark.parametrize('connectivity', CONNECTIVITIES)
+def test_a_strip_connects_on_both_sides_and_nothing_far_from_it(connectivity):
+    positions = np.array([[0.0, 70, 6], [0, 0, 4.1], [0, 0, -9], [8, 0, 4.9], [2.7, 0, 4.3]])
+    reach = Reach(connectivity, epsilon=0.1, ground_edge=False)
+    strips = [Plane((0, 0, 5), (0, 0, side), (1, 0, 0), 4.0) for side in (1.0, -1.0)]
+    graphs = [
+        build_graph(positions, np.zeros((5, 3)), Scene(surfaces=strip), DT, reach)
+        for strip in strips
+    ]
+    for graph in graphs:
+        assert graph.surface_receivers.tolist() == [0, 1, 4]
+        # out of the face on the sphere's side, whichever the plane's own normal is
+        np.testing.assert_array_equal(graph.surface_normals[:, 2], [1.0, -1.0, -1.0])
+        np.testing.assert_array_equal(graph.surface_points, graphs[0].surface_points)
+
+
+def test_behind_the_walls_of_a_box_is_outside_and_behind_a_fence_is_not():
+    positions = np.array([[-14.0, 0, 3], [0, 14.0, 3]])
+    fence = Plane((-2.0, 0, 1), (1, 0, 0), (0, 0, 1), length_x=2.0)
+    scene = Scene(surfaces=(*Plane.box(20.0, 20.0), fence))
+    graph = build_graph(positions, np.zeros((2, 3)), scene, DT, Reach(ground_edge=False))
+    edges = list(zip(graph.surface_receivers, graph.surface_senders, strict=True))
+    assert edges == [(0, 1), (1, 4)]
+    np.testing.assert_array_equal(graph.surface_normals, [[1.0, 0, 0], [0, -1.0, 0]])
 
 
 def test_a_ramp_above_the_floor_is_not_connected_to_spheres_far_below():

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
-from rigid_gns_core import load_simulator, Plane, Scene, State
+from rigid_gns_core import Air, ContactLaw, load_simulator, Plane, Scene, State
 from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns.network import GNS
 from rigid_gns_core.gns.stepper import GNSStepper, torch_threads
@@ -169,3 +169,16 @@ def test_on_a_gpu(gns, start):
     found = gpu.rollout(SCENE, start.positions, steps=5)
     expected = gns.rollout(SCENE, start.positions, steps=5)
     np.testing.assert_allclose(found.positions, expected.positions, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ('given', 'what'),
+    [
+        ({'air': Air()}, 'air'),
+        ({'surfaces': Plane(contact=ContactLaw())}, 'a contact law'),
+        ({'inertia_factor': 2 / 3}, 'hollow spheres'),
+    ],
+)
+def test_what_it_was_trained_without_is_told(gns, given: dict, what: str) -> None:
+    with pytest.warns(UserWarning, match=f'the scene has {what}, but model .* trained without'):
+        gns.check(Scene(**{'surfaces': Plane()} | given), 1)

@@ -97,7 +97,21 @@ except ModuleNotFoundError as error:
         ABSENT,
     )
     assert output.startswith("model 'gns' needs torch, which is not installed")
-    assert "pip install 'rigid_gns_ros[torch]'" in output
+    assert "pip install 'torch>=2.6'" in output
+
+
+def test_the_laws_ask_for_numba() -> None:
+    output = run(
+        """
+from rigid_gns_core import load_simulator, Scene
+try:
+    load_simulator().rollout(Scene(), [[0.0, 0.0, 2.0]], steps=1)
+except ModuleNotFoundError as error:
+    print(error)
+""",
+        ('numba',),
+    )
+    assert output == 'the engine needs numba, which is not installed: pip install numba\n'
 
 
 def test_bags_are_read_without_ros() -> None:

@@ -97,6 +97,15 @@ def test_code_is_read_where_it_was_copied_to(place: Path, tmp_path: Path) -> Non
     assert list(kept(installed).values()) == list(before.values())
 
 
+def test_code_that_was_copied_in_part_is_compiled_with_a_word(place: Path) -> None:
+    """The mark alone, as after a copy that was cut off, does not say that all is compiled."""
+    run(place)
+    lost = next(path for path in kept(place) if path.suffix == '.nbc')
+    lost.unlink()
+    assert run(place) == ('4 3.0 1\n', TOLD)
+    assert run(place) == (READ, '')
+
+
 @pytest.mark.parametrize('variable', ['NUMBA_CACHE_DIR', 'XDG_CACHE_HOME', 'HOME'])
 def test_code_is_kept_where_the_user_says(variable: str, place: Path, tmp_path: Path) -> None:
     if variable != 'NUMBA_CACHE_DIR':  # which is chosen even where there is another

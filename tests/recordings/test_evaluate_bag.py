@@ -136,7 +136,7 @@ def test_only_the_longest_stretch_of_one_start_is_compared(tmp_path):
     assert (frames['restarts'], frames['missing'], frames['bridged']) == (1, 1, 1)
     assert (frames['predicted'], frames['compared']) == (16, 12)
     notes = ' '.join(report['notes'])
-    assert 'restarted 1 times; the longest run, 1.1 s' in notes
+    assert 'restarted 1 times; the longest run with tracked poses, 1.1 s' in notes
     assert '1 predictions are missing and were interpolated' in notes
 
 

@@ -20,7 +20,7 @@ from rigid_gns_core.forecasts.interpolation import interpolate
 from rigid_gns_core.messages.poses import encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.importing.import_bags import import_bags
 from rigid_gns_core.recordings.importing.options import ImportOptions
-from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import rotate_quaternions, rotation_between
 import yaml
 
@@ -236,6 +236,17 @@ def test_frames_that_are_no_measurement_are_left_out(tmp_path: Path) -> None:
     assert report['refused'] == {'not finite': 1, 'quaternion': 1}
     (record,) = Dataset(tmp_path / 'data')
     assert record.trajectory.steps == 40
+
+
+@pytest.mark.parametrize('lengths', [(6.0, np.inf), (np.inf, 6.0), (6.0, 6.0)])
+def test_balls_below_a_strip_or_a_plate_are_in_no_surface(
+    tmp_path: Path, lengths: tuple[float, float]
+) -> None:
+    shelf = Plane((0.0, 0.0, 500.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), *lengths)
+    bag = write_bag(tmp_path / 'bag', every(0.1), scene=Scene(surfaces=(Plane(), shelf)))
+    import_bags([bag], tmp_path / 'data')
+    (record,) = Dataset(tmp_path / 'data')
+    assert record.scene.surfaces[1] == shelf
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.window_setup import window_of
 from rigid_gns_core.messages.poses import decode_pose_array, encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.scoring.reproduce import reproduce, Reproduction
+from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.scene_file import load_scene
 
 START = 1_700_000_000_123_456_789
@@ -91,6 +92,23 @@ def write_bag(
 def again(folder: Path) -> Reproduction:
     bag = read_bag(folder)
     return reproduce(bag, find_topics(bag))
+
+
+def test_tilted_planes_of_the_node_are_the_same_in_the_bag_and_in_replay(tmp_path):
+    rng = np.random.default_rng(0)
+    tilted = [
+        Plane(tuple(rng.normal(size=3) - [0, 0, 5]), n, rng.normal(size=3), *rng.uniform(1, 9, 2))
+        for n in rng.normal(size=(50, 3))
+    ]
+    ramp = Plane((0, 0, -5.0), (0.1, 0.2, 1.0), (1.0, 0.3, 0.0))
+    model = Forecaster('', Scene(surfaces=(ramp, *tilted), friction=0.37))
+    folder = write_bag(tmp_path / 'bag', model, start='every')
+    read = Scene.from_mapping(find_topics(read_bag(folder)).recorded['scene'])
+    assert read == model.scene
+    for plane, given in zip(read.surfaces, model.scene.surfaces, strict=True):
+        assert plane.axes.tobytes() == given.axes.tobytes()
+    result = again(folder)
+    assert (result.predictions, result.same, result.different) == (18, 18, 0)
 
 
 @pytest.mark.parametrize('start', ['first', 'every'])

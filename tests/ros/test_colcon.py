@@ -108,6 +108,13 @@ def test_everything_is_installed(install: Path, prefix: Path) -> None:
         assert (share / name).is_file(), name
 
 
+def test_the_command_is_on_the_path(install: Path, prefix: Path) -> None:
+    found = output_in_workspace(install, 'command -v rigid-gns && rigid-gns --version', 60)
+    place, version = found.splitlines()
+    assert Path(place) == prefix / 'bin' / 'rigid-gns'
+    assert version.startswith('rigid-gns ')
+
+
 def test_the_executable_predicts(
     install: Path,
     prefix: Path,

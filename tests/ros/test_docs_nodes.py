@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-import shutil
 import signal
 import sys
 from typing import Any
 
 import pytest
 from rigid_gns_core import Scene
-from snippets import commands, NODES, PAGES, ROOT, snippets
+from snippets import commands, NODES, PAGES, ROOT, SHARE, snippets
 import yaml
 
 
@@ -35,10 +34,11 @@ def nodes() -> dict[str, list[str]]:
 def test_a_node_starts_as_printed(
     printed: str, tmp_path: Path, run_process: Callable[..., Any]
 ) -> None:
-    shutil.copytree(ROOT / 'config', tmp_path / 'config')
     for name in ('my_scene.yaml', 'lab.yaml', 'fitted.yaml'):  # what pages have made before
         (tmp_path / name).write_text(yaml.safe_dump({'scene': Scene().to_mapping()}))
-    script, *arguments = (word.replace('$PWD', str(tmp_path)) for word in nodes()[printed])
+    script, *arguments = (
+        word.replace('$PWD', str(tmp_path)).replace(SHARE, str(ROOT)) for word in nodes()[printed]
+    )
     in_folder = ['env', '-C', str(tmp_path), sys.executable, '-m']
     run = run_process([*in_folder, f'rigid_gns_ros.{script}_node', *arguments])
     run.wait_for('ready: ')

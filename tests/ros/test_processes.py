@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 from pathlib import Path
 import re
 import signal
@@ -112,6 +113,30 @@ def test_a_bad_parameter_ends_the_process(run_process: Run, argument: str, messa
     lines = [line for line in run.output.splitlines() if line.strip()]
     assert len(lines) == 1, run.output
     assert lines[0].startswith('[FATAL]') and message in lines[0]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_node_that_compiles(run_process: Run, tmp_path: Path, number: int) -> None:
+    run = run_process(
+        [sys.executable, '-m', SIMULATOR],
+        environment={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'empty')},
+    )
+    run.wait_for('compiling the engine, once')
+    run.signal(number)
+    assert run.exit_code() == 0, run.output
+    assert not list((tmp_path / 'empty').rglob('complete')), 'it went on to the end'
+    assert 'Traceback' not in run.output
+
+
+def test_a_missing_numba_is_named_with_its_remedy(run_process: Run) -> None:
+    program = (
+        "import sys; sys.modules['numba'] = None; sys.argv = ['simulator']; "
+        'from rigid_gns_ros.simulator_node import main; sys.exit(main())'
+    )
+    run = run_process([sys.executable, '-c', program])
+    assert run.exit_code() == 1
+    (line,) = [line for line in run.output.splitlines() if line.strip()]
+    assert line.endswith('the engine needs numba, which is not installed: pip install numba')
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,7 @@ TOPICS = {
     'tracked_poses': 'PoseArray',
     'predicted_poses': 'PoseArray',
     'predicted_markers': 'MarkerArray',
+    'simulator/surfaces': 'MarkerArray',
 }
 
 

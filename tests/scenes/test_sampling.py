@@ -133,6 +133,10 @@ def test_layouts_that_do_not_fit_the_scene_are_named() -> None:
     ('start', 'message'),
     [
         ({'at': ((0.0, 0.0, 1.0),), 'spheres': 2}, 'spheres is 2, but blocks and at hold 1'),
+        (
+            {'at': ((0.0, 0.0, 1.0),), 'quaternions': ((0.0, 0.0, 0.0, 1.0),) * 2},
+            'quaternions has 2 values for 1 centres',
+        ),
         ({'at': ((0.0, 0.0, 1.0),), 'layout': 'floor'}, "layout is 'floor', but blocks or at"),
         ({'spheres': 0}, 'spheres is 0'),
         ({'speed': (-1.0, 2.0)}, r'speed is \[-1, 2\], expected'),

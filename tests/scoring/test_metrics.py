@@ -21,6 +21,7 @@ from rigid_gns_core.scoring import (
     horizon_metrics,
     law_metrics,
     linear_momentum,
+    lost_behind,
     passed_through,
     position_mse,
     sphere_penetration,
@@ -196,7 +197,42 @@ def test_who_went_through_a_ramp_and_who_went_around():
     through = np.zeros((4, 2, 3))
     through[:, 0, 2] = through[:, 1, 2] = heights
     through[:, 1, 0] = [0, 4, 4, 0]  # the second one goes around the edge
-    np.testing.assert_array_equal(passed_through(through, 1.0, ramp), [True, False])
+    np.testing.assert_array_equal(passed_through(through, ramp), [True, False])
+
+
+STRIP = Plane((0, 0, 5.0), (0, 0, 1), (1, 0, 0), 4.0)  # endless along y
+
+
+@pytest.mark.parametrize('normal', [(0, 0, 1), (0, 0, -1)])
+def test_both_faces_of_a_strip_are_faces(normal):
+    strip = (replace(STRIP, normal=normal),)
+    touching = still([[0, 900.0, 6.0], [0, -900.0, 4.0], [0, 0, 1.0]]).positions
+    assert surface_penetration(touching, 1.0, strip).count == 0
+    deep = still([[0, 0, 5.5], [0, 0, 4.5]]).positions
+    assert surface_penetration(deep, 1.0, strip).depth == pytest.approx(0.25)
+    # from above, from below, from below and back, from below and back around the end
+    x = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 9.0]])
+    z = np.array([[6.0, 4.8, 4.5], [4.0, 5.2, 5.5], [4.0, 5.2, 4.0], [4.0, 5.5, 4.5]])
+    paths = np.stack([x, 0 * x, z], axis=-1).swapaxes(0, 1)
+    np.testing.assert_array_equal(passed_through(paths, strip), True)
+    np.testing.assert_array_equal(lost_behind(paths, strip), [True, True, False, False])
+    deepest = [surface_penetration(paths[:, [k]], 1.0, strip).deepest for k in range(4)]
+    np.testing.assert_allclose(deepest, [0.75, 0.75, 0.6, 0.75])
+
+
+def test_nothing_is_lost_beside_a_strip_or_on_its_back():
+    x = np.array([[3.0, 3.0, 0.0], [0.0, 3.0, 3.0], [0.0, 0.0, 0.0]])
+    z = np.array([[6.0, 4.0, 4.0], [4.0, 4.0, 6.0], [4.0, 3.0, 4.0]])
+    paths = np.stack([x, 0 * x, z], axis=-1).swapaxes(0, 1)
+    assert not passed_through(paths, (STRIP,)).any()
+    assert surface_penetration(paths, 1.0, (STRIP,)).count == 0
+
+
+def test_behind_a_half_space_a_centre_is_lost_if_it_went_through():
+    z = np.array([[1.0, -1.0, -5.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0]])
+    paths = np.stack([0 * z, 0 * z, z], axis=-1).swapaxes(0, 1)
+    np.testing.assert_array_equal(passed_through(paths, (Plane(),)), [True, True, False])
+    np.testing.assert_array_equal(lost_behind(paths, (Plane(),)), [True, False, False])
 
 
 def test_tolerance_hides_rounding():

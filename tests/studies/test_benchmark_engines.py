@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from rigid_gns_core import Air, ContactLaw, UserError
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
@@ -85,8 +86,10 @@ def test_mujoco_refuses_unsupported_scenes() -> None:
     with pytest.raises(ValueError, match='radius differs'):
         mujoco(Scene(radius=(1.0, 2.0)), start)
     shelf = Plane((0.0, 0.0, 2.0), length_x=10.0, length_y=10.0)
-    with pytest.raises(ValueError, match='planes of MuJoCo have no end'):
-        mujoco(Scene(surfaces=(Plane(), shelf)), start)
+    strip = Plane((0.0, 0.0, 2.0), length_x=10.0)
+    for surfaces in ((Plane(), shelf), (Plane(), strip), Plane.box(6.0, 60.0)):
+        with pytest.raises(ValueError, match='planes of MuJoCo have no end'):
+            mujoco(Scene(surfaces=surfaces), start)  # of the box, one sphere is behind a wall
 
 
 def test_bullet_peer_has_no_rolling_friction_in_python() -> None:
@@ -102,4 +105,14 @@ def test_mujoco_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'mujoco', None)
     field = all_peers(['MuJoCo', 'laws'], quick=True)
     assert [peer.family for peer in field.peers] == ['laws']
-    assert 'rigid_gns_ros[bench]' in field.absent['MuJoCo']
+    assert "pip install 'mujoco>=" in field.absent['MuJoCo']
+
+
+@pytest.mark.parametrize(
+    'given',
+    [{'air': Air()}, {'sphere_contact': ContactLaw()}, {'inertia_factor': 2 / 3}],
+    ids=lambda given: next(iter(given)),
+)
+def test_mujoco_refuses_what_it_has_not(given: dict) -> None:
+    with pytest.raises(UserError, match='air, a contact law or spheres that are not solid'):
+        mujoco(Scene(**given), State(positions=np.array([[0.0, 0.0, 2.0]])))

@@ -167,6 +167,17 @@ def test_a_room_and_an_endless_plane_have_no_way_out() -> None:
     assert 'inside' not in names
 
 
+@pytest.mark.parametrize('lengths', [(4.0, np.inf), (np.inf, 4.0)])
+def test_behind_a_strip_is_a_place_and_through_it_is_none(lengths) -> None:
+    strip = Plane((0, 0, 5.0), (0, 0, -1.0), (1, 0, 0), *lengths)
+    still = State(positions=np.array([[0, 0, 6.5]]), velocities=np.zeros((1, 3)))
+    case = Case(0, 0, 'strip', Scene(surfaces=strip, **LOSSLESS), still, 20)
+    path = flight(case.scene, still, 20)
+    assert properties.broken_laws(case, path) == []
+    path.positions[10:, 0, 2] = 3.5
+    assert 'inside' in {failure.name for failure in properties.broken_laws(case, path)}
+
+
 def test_more_substeps_must_agree_where_many_do() -> None:
     def drifts(speed: float):
         def simulate(scene: Scene, start: State, steps: int) -> Trajectory:

@@ -14,7 +14,7 @@ import pytest
 from rigid_gns_core.commands.cli import main
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.strict_json import read_json
-from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.studies.hard_cases import Case, Engine, hard_cases, measure_laws, run_cases
 from rigid_gns_core.studies.hard_cases.cases import QUICK_STEPS
@@ -210,6 +210,15 @@ def test_cases_start_as_described(name: str) -> None:
     assert case.enclosing
     assert case.steps <= QUICK_STEPS
     assert case.text and '\n' not in case.text
+
+
+def test_half_spaces_enclose_and_walls_of_a_room_do_where_the_case_says_so() -> None:
+    strip = Plane((0.0, 0.0, 5.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 4.0)
+    below = State(positions=np.array([[0.0, 0.0, 1.0]]))
+    case = Case('strip', '', Scene(surfaces=(Plane(), strip)), below, 4)
+    assert case.enclosing == (Plane(),)
+    assert measure_laws(case, frozen(case.scene, case.start, 4))['inside']
+    assert len(CASES['tower'].enclosing) == 5
 
 
 def test_cases_are_chosen_by_name_and_seed() -> None:

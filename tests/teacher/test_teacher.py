@@ -10,7 +10,9 @@ import sys
 
 import numpy as np
 import pytest
+from rigid_gns_core import Air, ContactLaw
 from rigid_gns_core.data.records import demo_record
+from rigid_gns_core.scenes.plane import seen_from_behind
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State
 from rigid_gns_core.teacher.bullet import load_pybullet, simulate, Teacher
@@ -140,6 +142,50 @@ def test_strip_of_infinite_length(bullet) -> None:
     assert run.positions[-1, 1, 2] < -10.0  # beside the strip there is nothing
 
 
+@pytest.mark.parametrize('normal', [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_both_faces_of_a_strip_bounce_and_bear(bullet, normal) -> None:
+    strip = Plane((0.0, 0.0, 5.0), normal, (1.0, 0.0, 0.0), 20.0)
+    start = spheres(
+        [[0.0, 0.0, 6.0], [0.0, 50.0, 2.0], [14.0, 0.0, 4.0]],
+        velocities=[[0.0, 0.0, 0.0], [0.0, 0.0, 12.0], [0.0, 0.0, 12.0]],
+    )
+    run = simulate(Scene(surfaces=strip, restitution=1.0), start, 20)
+    # the back is 1e-3 radii behind the front
+    np.testing.assert_allclose(run.positions[:, 0, 2], 6.0, atol=2e-3)
+    under, beside = run.positions[:, 1, 2], run.positions[:, 2, 2]
+    assert under.max() < 4.0 + 0.1  # a substep of 240 at 10 m/s is 0.004 m
+    energy = 0.5 * run.velocities[:, 1, 2] ** 2 + GRAVITY * under
+    # the impact is found a substep late, below a height that it should not reach
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-3)
+    flight = 4.0 + 12.0 * run.times - 0.5 * GRAVITY * run.times**2
+    np.testing.assert_allclose(beside, flight, atol=1e-9)
+
+
+def test_a_strip_below_its_back_is_a_fence_from_both_sides(bullet) -> None:
+    fence = Plane(direction=(0.0, 0.0, 1.0), normal=(1.0, 0.0, 0.0), length_x=4.0)
+    start = spheres(
+        [[3.0, 0.0, 0.0], [-3.0, 9.0, 0.0], [-3.0, 18.0, 3.5]],
+        velocities=[[-30.0, 5.0, 0.0], [30.0, 5.0, 0.0], [30.0, 5.0, 0.0]],
+    )
+    scene = Scene(surfaces=fence, gravity=0.0, restitution=1.0, friction=0.0)
+    last = simulate(scene, start, 5).velocities[-1]
+    expected = [[30.0, 5.0, 0.0], [-30.0, 5.0, 0.0], [30.0, 5.0, 0.0]]
+    np.testing.assert_allclose(last, expected, atol=5e-3)  # Bullet's normal of the back leans
+
+
+def test_walls_of_a_box_are_thick_and_a_fence_is_not(bullet) -> None:
+    box = Plane.box(20.0, 20.0)
+    fence = Plane((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 2.0)
+    surfaces = (*box, fence)
+    inside, outside = [(5.0, 0.0, 3.0)], [(-15.0, 0.0, 3.0)]
+    assert seen_from_behind(box, inside).tolist() == [False] * 5
+    assert seen_from_behind(Plane.box(20.0, 20.0, 8.0), inside).tolist() == [False] + [True] * 4
+    assert seen_from_behind(surfaces, inside).tolist() == [False] * 5 + [True]
+    assert seen_from_behind(box, outside).tolist() == [False, True, False, False, False]
+    tiles = [Plane((x, 0.0, 0.0), length_x=10.0, length_y=20.0) for x in (-5.0, 5.0)]
+    assert not seen_from_behind((*tiles, *box[1:]), inside).any()
+
+
 def test_fast_sphere_does_not_pass_a_wall(bullet) -> None:
     start = spheres([[0.0, 0.0, 5.0]], velocities=[[200.0, 130.0, 0.0]])
     run = simulate(Scene(surfaces=Plane.box(20.0, 20.0), restitution=0.9), start, 20)
@@ -200,6 +246,33 @@ def test_resist_rolling_never_reverses() -> None:
     np.testing.assert_allclose(left.velocities, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
     np.testing.assert_allclose(left.angular_velocities, [[0, 0, 0], [0, -2.75, 0]], atol=1e-15)
     assert left.stopped.tolist() == [True, False]
+
+
+def test_hollow_spheres_roll_as_they_do(bullet) -> None:
+    slope = np.radians(10.0)
+    plane = Plane(normal=(np.sin(slope), 0.0, np.cos(slope)), friction=1.0)
+    for inertia in (0.4, 2 / 3):
+        for rho in (0.0, 0.05):
+            scene = Scene(
+                surfaces=(plane,), friction=1.0, rolling_friction=rho, inertia_factor=inertia
+            )
+            run = simulate(scene, spheres([plane.normal]), 10)
+            speed = run.velocities[-1, 0] @ [np.cos(slope), 0.0, -np.sin(slope)]
+            down = GRAVITY * (np.sin(slope) - rho * np.cos(slope)) / (1.0 + inertia)
+            assert speed == pytest.approx(down, rel=2e-3)  # as the group `incline`
+
+
+@pytest.mark.parametrize(
+    ('given', 'what'),
+    [
+        ({'air': Air()}, 'air'),
+        ({'sphere_contact': ContactLaw()}, 'a contact law'),
+        ({'surfaces': Plane(contact=ContactLaw())}, 'a contact law'),
+    ],
+)
+def test_what_bullet_has_not_is_refused(given: dict, what: str) -> None:
+    with pytest.raises(TeacherError, match=f'the scene has {what}, which Bullet has not'):
+        simulate(Scene(**given), spheres([[0.0, 0.0, 3.0]]), 1)
 
 
 def test_missing_pybullet_tells_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

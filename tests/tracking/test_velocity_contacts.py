@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import rotate_quaternions
+from rigid_gns_core.tracking.coasting import coast
 from rigid_gns_core.tracking.environment import Environment
 from rigid_gns_core.tracking.motion_models import FLIGHT, Motion, ROLLING
 from rigid_gns_core.tracking.velocity import estimate_motion
@@ -151,6 +154,77 @@ def test_what_rolls_down_a_slope() -> None:
     motion = estimate(times, places[:, None], scene, noise=1e-4)
     assert motion.kinds[0] == ROLLING
     np.testing.assert_allclose(motion.velocities[0], pull * times[-1] * down, atol=1e-9)
+
+
+LENGTHS = [(50.0, np.inf), (np.inf, 50.0), (50.0, 50.0)]
+
+
+def with_ends(scene: Scene, lengths: tuple[float, float], face: float) -> Scene:
+    """The scene with ends to its surface, and its normal turned round where `face` is -1."""
+    (plane,) = scene.surfaces
+    normal = tuple(face * np.array(plane.normal))
+    ends = replace(plane, normal=normal, length_x=lengths[0], length_y=lengths[1])
+    return replace(scene, surfaces=(ends,))
+
+
+@pytest.mark.parametrize('face', [1.0, -1.0])
+@pytest.mark.parametrize('lengths', LENGTHS)
+def test_both_faces_of_strips_and_plates_are_as_a_half_space(
+    lengths: tuple[float, float], face: float
+) -> None:
+    scene = level_scene(UP['askew'], friction=0.0, restitution=0.8)
+    times = DT * np.arange(6)
+    plane = scene.surfaces[0]
+    rolling = RADIUS * np.array(plane.normal) + np.outer(2.0 * times, plane.direction)
+    bounces = [bouncing(times, times[-1] - ago, scene, along=3.0)[0] for ago in (0.07, 0.25)]
+    for places in (*bounces, rolling[:, None]):
+        expected = estimate(times, places, scene, noise=1e-4)
+        motion = estimate(times, places, with_ends(scene, lengths, face), noise=1e-4)
+        assert motion.kinds[0] == expected.kinds[0]
+        # the axes of the turned plane are others: some roundings
+        np.testing.assert_allclose(motion.velocities, expected.velocities, atol=1e-9)
+        np.testing.assert_allclose(motion.positions, expected.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize('face', [1.0, -1.0])
+@pytest.mark.parametrize('lengths', LENGTHS)
+def test_a_ceiling_turns_back_what_is_below_it_and_not_what_is_beside(
+    lengths: tuple[float, float], face: float
+) -> None:
+    floor = level_scene(UP['z'], friction=0.0, restitution=0.8)
+    ceiling = with_ends(floor, lengths, face)
+    times = DT * np.arange(6)
+    t, hit = times[:, None], 0.45
+    up = np.array(UP['z'])
+    speed = 8.0 - 9.81 * (t - hit)  # 8 m/s at the blow
+    free = (8.0 * (t - hit) - 4.905 * (t - hit) ** 2 - RADIUS) * up
+    back = free - np.where(t > hit, 1.64 * 8.0 * (t - hit), 0.0) * up  # e = 0.8^2
+    seen = np.array([[True]] * 5 + [[False]])
+    for place, ends in ((0.0, back), (30.0, free)):
+        places = (ends + place * np.array([1.0, 1.0, 0.0]))[:, None]
+        for shown in (np.ones((6, 1), dtype=bool), seen):
+            motion = estimate_motion(
+                times,
+                np.where(shown[..., None], places, 0.0),
+                np.tile([0.0, 0.0, 0.0, 1.0], (6, 1, 1)),
+                environment=Environment.of(ceiling),
+                radii=np.ones(1),
+                noise=1e-4,
+                seen=shown,
+            )
+            law = speed[-1] * up if place else (speed[-1] - 1.64 * 8.0) * up
+            np.testing.assert_allclose(motion.velocities[0], law, atol=1e-2)
+            np.testing.assert_allclose(motion.positions[0], places[-1, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_what_flies_away_from_a_strip_has_not_met_its_other_face(side: float) -> None:
+    strip = Plane((0.0, 0.0, 5.0), direction=(1.0, 0.0, 0.0), length_x=20.0)
+    environment = Environment.of(Scene(surfaces=(strip,), gravity=0.0))
+    places, speeds = np.array([[0.0, 0.0, 5.0 + 1.1 * side]]), np.array([[0.0, 0.0, 60.0 * side]])
+    found = coast(environment, places, speeds, np.ones(1, bool), np.ones(1), np.full(1, DT))
+    np.testing.assert_array_equal(found[0], places + DT * speeds)
+    np.testing.assert_array_equal(found[1], speeds)
 
 
 def test_spin_since_a_bounce_is_not_mixed_with_that_before() -> None:

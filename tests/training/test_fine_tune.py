@@ -11,21 +11,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip('torch', reason='training needs torch')
+pytest.importorskip('torch', reason='training needs torch')
 
-from rigid_gns_core.commands.cli import main  # noqa: E402
-from rigid_gns_core.data.recipe import DataRecipe, recipe_hash  # noqa: E402
-from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record  # noqa: E402
-from rigid_gns_core.files.checkpoint import CheckpointError  # noqa: E402
-from rigid_gns_core.files.config import ConfigError, from_mapping  # noqa: E402
-from rigid_gns_core.prediction.load import load_simulator  # noqa: E402
-from rigid_gns_core.scenes.scene import Scene  # noqa: E402
-from rigid_gns_core.scenes.state import Trajectory  # noqa: E402
-from rigid_gns_core.training.fine_tune import StartingPoint  # noqa: E402
-from rigid_gns_core.training.gns.learner import GNSLearner  # noqa: E402
-from rigid_gns_core.training.gns.windows import Source  # noqa: E402
-from rigid_gns_core.training.recipes import load_recipe  # noqa: E402
-from rigid_gns_core.training.train import Trainer  # noqa: E402
+from rigid_gns_core.commands.cli import main
+from rigid_gns_core.data.recipe import DataRecipe, recipe_hash
+from rigid_gns_core.data.records import Record, record_path, write_recipe, write_record
+from rigid_gns_core.files.checkpoint import CheckpointError
+from rigid_gns_core.files.config import ConfigError, from_mapping
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.scenes.scene import Scene
+from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.training.fine_tune import StartingPoint
+from rigid_gns_core.training.gns.learner import GNSLearner
+from rigid_gns_core.training.gns.windows import Source
+from rigid_gns_core.training.recipes import load_recipe
+from rigid_gns_core.training.train import Trainer
+import torch
 
 STEPS = 12
 

@@ -187,4 +187,5 @@ def _poses(track: Track) -> Array:
     turns = track.quaternions
     if turns is None:
         turns = np.broadcast_to(_UNTURNED, (*track.positions.shape[:2], 4))
+    turns = np.where(np.isfinite(turns), turns, _UNTURNED)
     return np.concatenate([track.positions, turns], axis=-1)

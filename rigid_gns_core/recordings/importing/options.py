@@ -37,8 +37,8 @@ class ImportOptions:
         min_steps: Least number of steps of a segment.
         match: Whether poses are associated with tracks, as they come in any order or are missing;
             always where the simulator that recorded them did so.
-        scale: Metres in a unit of a CSV file.
-        up: Axis of a CSV file that points up, of `AXES`; it becomes z.
+        scale: Metres in a unit of the file.
+        up: Axis of the file that points up, of `AXES`; it becomes z.
         skip_bad: Whether bad tracks of a CSV file are left out; if not, they are refused.
     """
 

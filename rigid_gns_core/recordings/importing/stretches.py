@@ -52,7 +52,7 @@ def fitting_scene(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> 
     radius = scene.per_sphere('radius', count)
     allowed = _BEHIND * radius + 5.0 * noise.position
     for index, plane in enumerate(scene.surfaces):
-        if not (np.isinf(plane.length_x) and np.isinf(plane.length_y)):
+        if not plane.is_half_space:
             continue
         depth = (np.asarray(plane.point) - part.poses[..., :3]) @ np.asarray(plane.normal)
         if (depth > allowed).any():

@@ -158,7 +158,7 @@ def _behind(own: _Samples) -> _Found:
     """A centre behind an endless surface."""
     allowed = _BEHIND * own.radius + 5.0 * own.noise
     for index, plane in enumerate(own.scene.surfaces):
-        if not (np.isinf(plane.length_x) and np.isinf(plane.length_y)) or not len(own.places):
+        if not plane.is_half_space or not len(own.places):
             continue
         depth = (np.asarray(plane.point) - own.places) @ np.asarray(plane.normal)
         place = int(depth.argmax())

@@ -14,8 +14,10 @@ import numpy as np
 from .options import ImportBagError, Imported, ImportOptions
 from .sphere_order import check_order, OrderCheck
 from .stretches import fitting_scene, native_dt, resampled, SLOWEST
+from .units_and_axes import check_fall, check_speed, turned_frames
 from ..recorded_simulators import RecordedSimulators
 from ..tracked_frames import (
+    as_track,
     decode_topic,
     DecodedTopic,
     MATCH_REMEDY,
@@ -23,14 +25,12 @@ from ..tracked_frames import (
     segment_frames,
     Segmentation,
 )
-from ...bags.reader import read_bag
+from ...bags.reader import Bag, read_bag
 from ...bags.topics import find_poses
 from ...data.records import Record
-from ...data.tracks import Track
 from ...forecasts.forecaster import Forecaster
 from ...scenes.scene import Scene
 from ...scenes.scene_file import load_scene
-from ...tracking.pose_noise import rotates
 from ...tracking.usable_frames import GAP, seconds
 
 
@@ -41,12 +41,17 @@ def read_bag_tracks(path: str | Path, options: ImportOptions) -> Imported:
         UserError: The bag cannot be read, or holds nothing usable.
     """
     bag = read_bag(path)
+    with bag.naming_damage():
+        return _tracks_of(bag, path, options)
+
+
+def _tracks_of(bag: Bag, path: str | Path, options: ImportOptions) -> Imported:
     simulators = RecordedSimulators.of(bag)
     topic = find_poses(bag, 'tracked_poses', '--topic', options.topic, simulators.tracked)
     scene = simulators.scene(topic.name) if options.scene is None else load_scene(options.scene)
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or native_dt(scene, options.model)
-    decoded = decode_topic(topic)
+    decoded = turned_frames(decode_topic(topic), options.scale, options.up)
     interval = decoded.interval(f'{path}: {topic.name}')
     if interval > SLOWEST * dt:
         raise ImportBagError(
@@ -56,13 +61,16 @@ def read_bag_tracks(path: str | Path, options: ImportOptions) -> Imported:
     gap = options.max_gap or GAP * max(dt, interval)
     parts, matched = _segment(decoded, scene, options, simulators, topic.name, gap)
     noise = parts.noise()
+    check_fall([as_track(p, '') for p in parts.segments], scene, noise.position, f'{path}')
     usable = [part for part in parts.segments if part.times[-1] >= (options.min_steps - 1e-6) * dt]
     if not usable:
+        radius = float(np.max(scene.radius))
         longest = max((part.times[-1] for part in parts.segments), default=0.0)
         raise ImportBagError(
             f'{path}: no stretch of {topic.name} is {options.min_steps} steps of {dt:.3g} s long, '
             f'the longest has {longest:.3g} s (frames refused: {parts.refused or "none"}; cuts: '
-            f'{parts.cuts or "none"}); record for longer, or lower --min-steps'
+            f'{parts.cuts or "none"}); '
+            + (decoded.refusal(radius) or 'record for longer, or lower --min-steps')
             + (f'; {MATCH_REMEDY}' if 'count' in parts.cuts else '')
         )
     counts: Counter[str] = Counter()
@@ -70,6 +78,9 @@ def read_bag_tracks(path: str | Path, options: ImportOptions) -> Imported:
     where = f'{path}: {topic.name}'
     scenes = [fitting_scene(part, scene, noise, where) for part in usable]
     warnings = [] if matched else _check_order(usable, scene, where)
+    tracks = [as_track(part, f'{Path(path).stem}_{k}') for k, part in enumerate(usable)]
+    if not warnings:  # else hardly a motion is seen
+        check_speed(tracks, scene, where)
     for number, (part, own) in enumerate(zip(usable, scenes, strict=True)):
         trajectory = resampled(part, own, dt, noise, counts)
         origin = {
@@ -102,7 +113,6 @@ def read_bag_tracks(path: str | Path, options: ImportOptions) -> Imported:
         'poses': dict(counts),
         'warnings': warnings + list(bag.warnings),
     }
-    tracks = [_as_track(part, f'{Path(path).stem}_{k}') for k, part in enumerate(usable)]
     return Imported(records, tracks, scene, report)
 
 
@@ -160,17 +170,3 @@ def _check_order(parts: list[Segment], scene: Scene, where: str) -> list[str]:
             'order, try --match'
         )
     return warnings
-
-
-def _as_track(part: Segment, name: str) -> Track:
-    """A segment as the tracker gave it; poses that `--match` filled in are among its own."""
-    ids = range(part.poses.shape[1]) if part.ids is None else part.ids
-    turns = part.poses[..., 3:]
-    return Track(
-        name=name,
-        times=part.times,
-        positions=part.poses[..., :3],
-        quaternions=turns if rotates(turns) else None,
-        spheres=tuple(str(sphere) for sphere in ids),
-        begin=int(part.stamps[0]) * 1e-9,
-    )

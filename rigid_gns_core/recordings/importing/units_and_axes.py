@@ -15,7 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...data.tracks import Track
+from ..tracked_frames import DecodedTopic
+from ...data.tracks import known_rotations, Track
 from ...errors import UserError
 from ...scenes.scene import Scene
 from ...scenes.state import Array, quaternion_multiply
@@ -58,11 +59,28 @@ def turned(track: Track, scale: float, up: str) -> Track:
     matrix = np.array(AXES[up], dtype=np.float64)
     rotations = track.quaternions
     if rotations is not None:
-        rotations = quaternion_multiply(_quaternion(matrix), rotations)
+        rotations = known_rotations(quaternion_multiply(_quaternion(matrix), rotations))
     return replace(track, positions=scale * track.positions @ matrix.T, quaternions=rotations)
 
 
-def check_fall(tracks: Sequence[Track], scene: Scene, noise: float, where: str) -> None:
+def turned_frames(decoded: DecodedTopic, scale: float, up: str) -> DecodedTopic:
+    """The frames of a topic in metres, with z up; arguments as in `turned`."""
+    if (scale, up) == (1.0, 'z'):
+        return decoded
+    matrix = np.array(AXES[up], dtype=np.float64)
+    turn = _quaternion(matrix)
+
+    def found(poses: Array) -> Array:
+        rotations = quaternion_multiply(turn, poses[:, 3:])
+        return np.concatenate([scale * poses[:, :3] @ matrix.T, rotations], axis=1)
+
+    frames = [replace(frame, poses=found(frame.poses)) for frame in decoded.frames]
+    return replace(decoded, frames=frames)
+
+
+def check_fall(
+    tracks: Sequence[Track], scene: Scene, noise: float, where: str, remedy: str = 'give'
+) -> None:
     """Compare free fall with gravity of the scene.
 
     Args:
@@ -70,6 +88,7 @@ def check_fall(tracks: Sequence[Track], scene: Scene, noise: float, where: str) 
         scene: Gives gravity and radius.
         noise: Standard deviation of each coordinate.
         where: Begins the message.
+        remedy: What comes before the options in the message.
 
     Raises:
         UserError: Balls fall with another acceleration, or along another axis; the message names
@@ -85,16 +104,16 @@ def check_fall(tracks: Sequence[Track], scene: Scene, noise: float, where: str) 
             scale = min(scales, key=lambda s: abs(np.log(s * size / gravity)))
             raise UserError(
                 f'{where}: balls fall with {size:.4g} a second squared, expected about '
-                f'{gravity:.3g} m/s^2, so positions seem to be in {_UNITS[scale]}; give '
+                f'{gravity:.3g} m/s^2, so positions seem to be in {_UNITS[scale]}; {remedy} '
                 f'--scale {scale:g}{_axis_option(fall, scene)}'
             )
         if _LIGHT <= size / gravity <= _HEAVY and _cosine(fall, scene.gravity) < _ALONG:
             option = _axis_option(fall, scene).strip()
-            remedy = f'give {option}' if option else "turn the scene's gravity and surfaces"
+            turn = f'{remedy} {option}' if option else "turn the scene's gravity and surfaces"
             raise UserError(
                 f'{where}: balls fall along ({", ".join(f"{v / size:.2f}" for v in fall)}), '
                 f'expected along ({", ".join(f"{v / gravity:.2f}" for v in scene.gravity)}) as '
-                f'gravity of the scene; {remedy}'
+                f'gravity of the scene; {turn}'
             )
 
 
@@ -154,7 +173,7 @@ def _accelerations(times: Array, places: Array, noise: float) -> Array:
     way = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
     error = 2.0 * np.maximum(left, noise) / np.abs(curve[:, 0]) / span**2
     size = np.linalg.norm(found, axis=1)
-    fits = (left <= 3.0 * noise + 1e-3 * way) & (error <= _KNOWN * size)
+    fits = (left <= 3.0 * noise + 1e-3 * way) & (error <= _KNOWN * size) & (size > 0)
     kept: Array = found[fits]
     return kept
 

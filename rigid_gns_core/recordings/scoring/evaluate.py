@@ -42,6 +42,20 @@ def score_bag(
     Raises:
         UserError: The bag lacks a topic or a scene, or nothing overlaps.
     """
+    with bag.naming_damage():
+        return _score(bag, scene, tracked, predicted, model, starts, match=match)
+
+
+def _score(
+    bag: Bag,
+    scene: str | Path | None,
+    tracked: str | None,
+    predicted: str | None,
+    model: str | None,
+    starts: int,
+    *,
+    match: bool,
+) -> BagScore:
     simulators = RecordedSimulators.of(bag)
     given = None if scene is None else load_scene(scene)
     if model is None and (predicted is not None or _predicts(bag, tracked, scene)):

@@ -5,16 +5,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from .bag_score import BagScore
 from .horizon_errors import add_forecast, HorizonErrors
+from .rotations import leave_out_unknown
 from .timing import lateness, quantiles
+from .units import check_topic_units
 from ..alignment import align
-from ..prediction_runs import AlignmentError, longest_run
+from ..prediction_runs import AlignmentError, ranked_runs, Run
 from ..recorded_forecasts import (
     predictions_by_forecast,
     recorded_futures,
@@ -28,6 +30,7 @@ from ...bags.topics import Topics
 from ...forecasts.starts import Start
 from ...messages.poses import decode_float64
 from ...scenes.scene import Scene
+from ...scenes.state import Trajectory
 from ...scoring.evaluate import evaluate
 from ...tracking.usable_frames import Stamps
 
@@ -36,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
-    """Score the longest run of predictions, and all predictions by the time since their start.
+    """Score the run of predictions of which most can be compared, and all by their lead times.
 
     Args:
         bag: The bag.
@@ -52,25 +55,25 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     starts = recorded_starts(topics.start)
     chosen = starts_of(starts, all_predictions.frames, all_predictions.indices) if starts else None
     groups = chosen if chosen is None or not every else _sphere_sets(starts)[chosen]
-    run, breaks = longest_run(all_predictions.frames, every=every, starts=groups)
-    count = run.poses.shape[1]
-    identified = _identified(all_tracked, starts, scene, recorded)
-    reference_frames = all_tracked
-    if identified and chosen is not None and chosen[run.part.start] >= 0:
-        reference_frames = identified.of(starts[chosen[run.part.start]])
+    runs, breaks = ranked_runs(
+        all_predictions.frames, all_tracked.stamps, every=every, starts=groups
+    )
     radius = float(np.max(scene.radius))
-    usable, dropped = Passes.of(reference_frames, run.frame_id, count, radius).beside(
-        all_predictions.indices[run.part]
+    check_topic_units(all_tracked, scene, f'{bag.path}: {topics.tracked.name}')
+    identified = _identified(all_tracked, starts, scene, recorded)
+
+    def tracked_beside(run: Run) -> DecodedTopic:
+        if identified and chosen is not None and chosen[run.part.start] >= 0:
+            return identified.of(starts[chosen[run.part.start]])
+        return all_tracked
+
+    run, compared, reference, dropped, alignment = _compare(
+        runs, tracked_beside, all_predictions.indices, radius, topics
     )
     if all_tracked.damaged:
         dropped['damaged'] = all_tracked.damaged
-    if not usable:
-        raise AlignmentError(
-            f'no frame of {tracked_topic.name} can be compared with {predicted_topic.name} '
-            f'({count} spheres in frame {run.frame_id!r}); refused: {_reasons(dropped) or "none"}'
-        )
-    compared, reference, alignment = align(run, usable)
     report = evaluate(compared, reference, scene, velocities='poses')
+    unknown = leave_out_unknown(report, reference)
     report['recording'] = {
         'bag': str(bag.path),
         'predicted': predicted_topic.name,
@@ -103,8 +106,44 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     report['timing'] = (
         _timing(all_predictions) | _step_times(topics) | lateness('tracked_lateness', all_tracked)
     )
-    report['notes'] = _notes(bag, report, dropped, every)
+    report['notes'] = unknown + _notes(bag, report, dropped, every)
     return BagScore(report, scene, compared, reference)
+
+
+def _compare(
+    runs: Iterable[Run],
+    tracked_beside: Callable[[Run], DecodedTopic],
+    indices: Stamps,
+    radius: float,
+    topics: Topics,
+) -> tuple[Run, Trajectory, Trajectory, dict[str, int], dict[str, float]]:
+    """The first run that can be compared: predicted, tracked, frames refused, and counts.
+
+    Raises:
+        AlignmentError: None can; the message is that of the first.
+    """
+    passes: dict[tuple[int, str, int], Passes] = {}
+    failure: AlignmentError | None = None
+    for run in runs:
+        known = tracked_beside(run)
+        key = id(known), run.frame_id, run.poses.shape[1]
+        if key not in passes:
+            passes[key] = Passes.of(known, *key[1:], radius)
+        usable, dropped = passes[key].beside(indices[run.part])
+        try:
+            if not usable:
+                problem = known.problem if known.damaged else known.refusal(radius)
+                raise AlignmentError(
+                    f'no frame of {topics.tracked.name} can be compared with '
+                    f'{topics.predicted.name} ({key[2]} spheres in frame {run.frame_id!r}); '
+                    f'refused: {_reasons(dropped) or "none"}' + (f'; {problem}' if problem else '')
+                )
+            compared, reference, alignment = align(run, usable)
+        except AlignmentError as error:
+            failure = failure or error
+        else:
+            return run, compared, reference, dropped, alignment
+    raise failure or AlignmentError('there is no run of predictions')
 
 
 def _sphere_sets(starts: list[Start]) -> Stamps:
@@ -195,8 +234,8 @@ def _notes(bag: Bag, report: dict[str, Any], dropped: dict[str, int], every: boo
         )
     if frames['restarts'] and not every:
         notes.append(
-            f'The prediction restarted {frames["restarts"]} times; the longest run, '
-            f'{frames["compared_s"]:.1f} s, is compared.'
+            f'The prediction restarted {frames["restarts"]} times; the longest run with '
+            f'tracked poses, {frames["compared_s"]:.1f} s, is compared.'
         )
     if frames['bridged']:
         notes.append(f'{frames["bridged"]} predictions are missing and were interpolated.')

@@ -14,7 +14,9 @@ import numpy as np
 
 from .bag_score import BagScore
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
+from .rotations import leave_out_unknown
 from .timing import lateness
+from .units import check_units
 from ..matched_frames import segment_matched_frames
 from ..prediction_runs import AlignmentError
 from ..resample import resample
@@ -103,6 +105,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
         else segment_frames(decoded, model.radius, gap)
     )
     noise = parts.noise().position
+    check_units(parts.segments, scene, noise, f'{bag.path}: {topic.name}')
     refused, notes = Counter(parts.refused), []
     references = []
     for part in parts.segments:
@@ -122,6 +125,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
             f'{longest:.3g} s (refused: {dict(refused) or "none"}; cuts: {parts.cuts or "none"}'
             + (f'; {notes[0]}' if notes else '')
             + ')'
+            + (f'; {problem}' if (problem := decoded.refusal(model.radius)) else '')
             + (f'; {MATCH_REMEDY}' if 'count' in parts.cuts else '')
         )
     errors, begun = HorizonErrors(), 0
@@ -130,6 +134,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
             begun += _score(errors, forecast, reference, model)
     wanted = sum(len(frames) for _, frames in starts)
     report, drawn = _whole(model, max(references, key=_duration), options)
+    notes += leave_out_unknown(report, drawn[1])
     report['recording'] = {
         'bag': str(bag.path),
         'predicted': f'rolled out from {begun} of the tracked frames',

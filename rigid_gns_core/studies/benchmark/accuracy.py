@@ -15,7 +15,7 @@ from .scenes import BenchScene, FRAME
 from ..chaos_floor import worst
 from ...scenes.scene import Scene
 from ...scenes.state import Array, Trajectory
-from ...scoring import chamfer, passed_through
+from ...scoring import chamfer, lost_behind, passed_through
 
 HORIZONS = (30, 50, 100)
 """Frames at which errors are reported."""
@@ -53,11 +53,8 @@ def faults(scene: BenchScene, record: PeerRecord) -> tuple[list[str], list[str]]
     if record.stopped is not None:
         return [record.stopped], []
     positions, count = np.stack(record.positions), len(scene.start)
-    through = passed_through(positions, scene.scene.radius, scene.scene.surfaces)
-    lost = np.zeros(count, dtype=bool)
-    for plane in scene.scene.surfaces:
-        lost |= (positions[-1] - plane.point) @ np.asarray(plane.normal) < 0.0
-    lost &= through
+    through = passed_through(positions, scene.scene.surfaces)
+    lost = lost_behind(positions, scene.scene.surfaces)
     grave, slight = [], []
     if (rise := energy_rise(scene, positions)) > ENERGY_RISE:
         grave.append(f'energy rose by {100.0 * rise:.2g} %')

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...errors import UserError
 from ...installation.extras import needed
-from ...scenes.plane import Plane, SOLID
+from ...scenes.plane import seen_from_behind, SOLID
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 
@@ -153,8 +153,9 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
     contact = _contact(values['restitution'] ** 2, substep, settings)
     restitution = scene.surface_values('restitution') * values['restitution']
     friction = scene.surface_values('friction') * values['friction']
+    if seen_from_behind(scene.surfaces, start.positions).any():
+        raise UserError('planes of MuJoCo have no end; the scene has one that spheres see')
     for index, plane in enumerate(scene.surfaces):
-        _check_endless(scene, plane)
         point = ' '.join(map(str, plane.point))
         axis = ' '.join(map(str, plane.normal))
         # MuJoCo takes the larger friction of a pair, unless one geom has a higher priority
@@ -185,22 +186,6 @@ def _contact(restitution: float, substep: float, settings: MujocoSettings) -> st
     time = settings.stiffness * substep / ratio
     low, high = settings.impedance
     return f'solref="{time!r} {ratio!r}" solimp="{low} {high} 0.001 0.5 2"'
-
-
-def _check_endless(scene: Scene, plane: Plane) -> None:
-    """Check that finite planes end on or behind others: MuJoCo's infinite ones are not met."""
-    along = np.array([plane.length_x, plane.length_y]) / 2
-    for axis, half in zip(plane.axes[:2], along, strict=True):
-        if np.isinf(half):
-            continue
-        for end in (np.asarray(plane.point) + half * axis, np.asarray(plane.point) - half * axis):
-            heights = [
-                (end - np.asarray(other.point)) @ np.asarray(other.normal)
-                for other in scene.surfaces
-                if other is not plane
-            ]
-            if min(heights, default=np.inf) > 1e-6:
-                raise UserError('planes of MuJoCo have no end; the scene has one that spheres see')
 
 
 def _unturned(quaternions: Array, vectors: Array) -> Array:

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from .failure import Failure
 from .scenes import Case
-from ...scenes.plane import closest_points, Plane
+from ...scenes.plane import distances, Plane
 from ...scenes.state import Array, Trajectory
 from ...scoring import energy
 
@@ -83,7 +83,7 @@ def _momentum(case: Case, path: Trajectory) -> Iterator[Failure]:
         p, v, w = path.positions[k : k + 2], path.velocities[k : k + 2], path.angular_velocities
         gaps = np.linalg.norm(p[0][:, None] - p[0], axis=2) - np.add.outer(radius, radius)
         near = gaps < np.add.outer(reach[k], reach[k])
-        to_surfaces = _distances(case.scene.surfaces, p[0]) - radius[:, None]
+        to_surfaces = distances(case.scene.surfaces, p[0]) - radius[:, None]
         held = (to_surfaces < reach[k][:, None]).any(axis=1)
         count, group = connected_components(near)
         for own in (group == g for g in range(count)):
@@ -110,11 +110,11 @@ def _momentum(case: Case, path: Trajectory) -> Iterator[Failure]:
 
 
 def _inside(case: Case, path: Trajectory) -> Iterator[Failure]:
-    """No centre is behind an endless plane, or one of a room, or has gone through a plate."""
+    """No centre is behind a half-space, or one of a room, or has gone through a plate."""
     radius, reach = case.scene.per_sphere('radius', path.count), _reach(case, path)
     for index, plane in enumerate(case.scene.surfaces):
         heights = (path.positions - plane.point) @ np.asarray(plane.normal)
-        if case.closed or _is_endless(plane):
+        if case.closed or plane.is_half_space:
             out = -heights / radius
             size, bound, what = float(out.max()), ROUNDING, 'behind surface'
         else:
@@ -130,7 +130,7 @@ def _inside(case: Case, path: Trajectory) -> Iterator[Failure]:
 def _depth(case: Case, path: Trajectory) -> Iterator[Failure]:
     """Nothing stays deep in anything."""
     radius, last = case.scene.per_sphere('radius', path.count), path.positions[-LASTS:]
-    planes = np.stack([_distances(case.scene.surfaces, p) for p in last])
+    planes = np.stack([distances(case.scene.surfaces, p) for p in last])
     depths = {'surface': (radius[:, None] - planes) / radius[:, None]}
     apart = np.linalg.norm(last[:, :, None] - last[:, None], axis=3)
     apart += np.where(np.eye(path.count), np.inf, 0.0)
@@ -160,25 +160,13 @@ def _reach(case: Case, path: Trajectory) -> Array:
     return 1.001 * path.dt * fastest
 
 
-def _distances(planes: tuple[Plane, ...], places: Array) -> Array:
-    """Distance of places to surfaces [m], negative behind endless ones, shape (n, surfaces)."""
-    points, heights = closest_points(planes, places)
-    endless = np.array([_is_endless(plane) for plane in planes], bool)
-    apart = np.linalg.norm(places[:, None] - points, axis=2)
-    return np.asarray(np.where(endless, heights, apart))
-
-
-def _is_endless(plane: Plane) -> bool:
-    return bool(np.isinf([plane.length_x, plane.length_y]).all())
-
-
 def _shortcut(plane: Plane, positions: Array, reach: Array) -> Array:
     """By how much centres that change sides of a plate lack the way around its edges [m].
 
     0 or less where they need not have gone through. Shape (steps + 1, n); 0 at the start.
     """
     local = (positions - plane.point) @ plane.axes.T
-    half = np.array([plane.length_x, plane.length_y]) / 2
+    half = plane.half_lengths
     lack = np.zeros(positions.shape[:2])
     before, after = local[:-1], local[1:]
     changed = before[..., 2] * after[..., 2] < 0

@@ -40,7 +40,7 @@ def changed_by_file(case: Case) -> Iterator[Failure]:
         write_start(path, case.scene, case.start)
         scene, recipe = load_start(path)
     start = sample_start(scene, recipe)
-    names = ('positions', 'velocities', 'angular_velocities')
+    names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
     apart = max(
         float(np.abs(getattr(start, name) - getattr(case.start, name)).max()) for name in names
     )

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...scenes.plane import closest_points, Plane
+from ...scenes.plane import closest_points, distances, Plane
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 
@@ -155,15 +155,13 @@ def _is_clear(planes: Planes, places: Array, radii: Array, sphere: int, kind: st
     apart = np.linalg.norm(places[:sphere] - place, axis=1) - radii[:sphere] - radius
     if (apart < 0).any():
         return False
-    points, heights = closest_points(planes, place[None])
-    distance = np.linalg.norm(place - points[0], axis=1)
-    if (distance < radius * (1 - _TOUCHING)).any():
+    if (distances(planes, place[None]) < radius * (1 - _TOUCHING)).any():
         return False
-    in_front = heights[0] > 0
-    endless = np.array([np.isinf([p.length_x, p.length_y]).all() for p in planes], bool)
-    if not in_front[endless].all():
-        return False
-    return bool(in_front.all() if kind == 'room' else kind != 'box' or in_front[~endless].any())
+    in_front = closest_points(planes, place[None])[1][0] > 0
+    half_spaces = np.array([plane.is_half_space for plane in planes], bool)
+    return bool(
+        in_front.all() if kind == 'room' else kind != 'box' or in_front[~half_spaces].any()
+    )
 
 
 def _direction(rng: Rng) -> Array:

@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ...errors import UserError
 from ...scenes.plane import Plane
 from ...scenes.scene import Scene
@@ -35,7 +33,7 @@ class Case:
         rests: Whether the spheres should rest over the second half, so that drift is checked.
         overlaps: Whether spheres overlap or are below the floor at the start. The potential energy
             of pushing them out in the first step then does not count as a rise.
-        closed: Whether all surfaces enclose the spheres; if not, those with an infinite side do.
+        closed: Whether all surfaces enclose the spheres; if not, half-spaces do.
         long: Whether --quick cuts it to `cases.QUICK_STEPS`.
         deepest: Largest penetration [diameters] over the second half; None: it is not judged.
         seed: Seed of a random start; None: nothing is random.
@@ -62,8 +60,4 @@ class Case:
     @property
     def enclosing(self) -> tuple[Plane, ...]:
         """Surfaces that no centre may be behind."""
-        return tuple(
-            s
-            for s in self.scene.surfaces
-            if self.closed or np.isinf([s.length_x, s.length_y]).any()
-        )
+        return tuple(s for s in self.scene.surfaces if self.closed or s.is_half_space)

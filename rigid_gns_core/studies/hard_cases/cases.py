@@ -91,6 +91,7 @@ def _cubes(_: int) -> Case:
         State(positions=np.concatenate([cube + place for place in places])),
         100,
         rests=True,
+        closed=True,
     )
 
 
@@ -102,6 +103,7 @@ def _tower(_: int) -> Case:
         State(positions=_grid(1, 1, 8) + [0.0, 0.0, 1.0]),
         100,
         rests=True,
+        closed=True,
     )
 
 
@@ -114,6 +116,7 @@ def _shaft(seed: int) -> Case:
         usual_scene(Plane.box(7.0, 7.0)),
         State(positions=places),
         150,
+        closed=True,
         seed=seed,
     )
 
@@ -144,7 +147,7 @@ def _corner(_: int) -> Case:
     velocities = np.array([[-80.0, -85.0, -42.0]])
     start = State(positions=np.array([[0.0, 1.0, 6.0]]), velocities=velocities)
     text = 'a sphere is thrown at 124 m/s into the bottom corner of a box'
-    return Case('corner', text, usual_scene(Plane.box(20.0, 20.0)), start, 60)
+    return Case('corner', text, usual_scene(Plane.box(20.0, 20.0)), start, 60, closed=True)
 
 
 def _wedge(_: int) -> Case:
@@ -191,7 +194,8 @@ def _mixed(
     def make(seed: int) -> Case:
         radius = np.repeat([1.0, small], count)
         scene = usual_scene(Plane.box(width, width), radius=tuple(radius), mass=tuple(radius**3))
-        return Case(name, text, scene, _heap(scene, sum(count), seed), 150, seed=seed)
+        start = _heap(scene, sum(count), seed)
+        return Case(name, text, scene, start, 150, closed=True, seed=seed)
 
     return make
 
@@ -213,7 +217,7 @@ def _long(seed: int) -> Case:
     scene = usual_scene(Plane.box(8.0, 8.0))
     text = '12 spheres fall into a box of 8 r and lie there for 20 000 steps'
     start = _heap(scene, 12, seed)
-    return Case('long', text, scene, start, 20_000, rests=True, long=True, seed=seed)
+    return Case('long', text, scene, start, 20_000, rests=True, closed=True, long=True, seed=seed)
 
 
 def _incline_edge(_: int) -> Case:
@@ -247,7 +251,8 @@ def _plane_end(_: int) -> Case:
 def _heap_in_box(seed: int) -> Case:
     scene = usual_scene(Plane.box(12.0, 12.0))
     start = _heap(scene, 10, seed)
-    return Case('heap', '10 spheres fall into a box of 12 r', scene, start, 100, seed=seed)
+    text = '10 spheres fall into a box of 12 r'
+    return Case('heap', text, scene, start, 100, closed=True, seed=seed)
 
 
 _MAKERS: tuple[Callable[[int], Case], ...] = (

@@ -171,7 +171,7 @@ def _from_poses(trajectory: Trajectory) -> Trajectory:
 def _escaped(case: Case, positions: Array) -> int:
     """Number of spheres whose centre went through a surface, or is behind an enclosing one."""
     radius = case.scene.per_sphere('radius', positions.shape[1])
-    out = passed_through(positions, radius, case.scene.surfaces)
+    out = passed_through(positions, case.scene.surfaces)
     for plane in case.enclosing:
         beyond = (positions - plane.point) @ np.asarray(plane.normal) < -_BELOW * radius
         # a sphere that starts behind it must come inside and stay there

@@ -28,6 +28,7 @@ def _column(_: int) -> Case:
         State(positions=places),
         100,
         rests=True,
+        closed=True,
         deepest=LOADED_DEPTH,
     )
 

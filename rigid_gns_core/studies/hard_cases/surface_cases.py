@@ -32,7 +32,7 @@ def _seams(seed: int) -> Case:
     start = State(positions=places, velocities=draw.normal(0.0, 2.0, places.shape))
     text = '12 spheres are thrown onto a floor of 25 plates of 3 r in a box'
     scene = usual_scene((*tiles, *Plane.box(15.0, 15.0)[1:]))
-    return Case('seams', text, scene, start, 150, seed=seed)
+    return Case('seams', text, scene, start, 150, closed=True, seed=seed)
 
 
 def _obstacle(seed: int) -> Case:

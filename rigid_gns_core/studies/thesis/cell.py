@@ -243,7 +243,11 @@ def _set_hash(name: str) -> str:
 def _scene_hash(name: str) -> str:
     scene, start = load_start(name)
     recipe = asdict(start)
-    for later in ('velocities', 'angular_velocities'):  # without them, the hash of older cells
+    for later in (
+        'velocities',
+        'angular_velocities',
+        'quaternions',
+    ):  # without them, the hash of older cells
         if not recipe[later]:
             del recipe[later]
     text = json.dumps([scene.to_mapping(), recipe], sort_keys=True, default=list)

@@ -85,11 +85,11 @@ def test_rviz_and_foxglove_show_topics_of_the_node(simulated: Simulated) -> None
     ends = {end.topic_name: kind(end.msg_type) for end in (*node.publishers, *node.subscriptions)}
     layout = (ROOT / 'foxglove' / 'rigid_gns.json').read_text(encoding='utf-8')
     named = set(re.findall(r'"(/[\w/]+)(?:\.data)?"', layout))
-    assert len(named) == 6
+    assert len(named) == 7
     assert named <= set(ends)
     rviz = (ROOT / 'rviz' / 'rigid_gns.rviz').read_text(encoding='utf-8')
-    displays = re.findall(r'Class: rviz_default_plugins/(\w+Array)[^$]*?Value: (\w+)', rviz)
-    assert len(displays) == 3
+    displays = re.findall(r'Class: rviz_default_plugins/(\w+Array)[^$]*?Value: ([\w/]+)', rviz)
+    assert len(displays) == 4
     assert all(ends[f'/{topic}'].endswith(f'/{shown}') for shown, topic in displays)
 
 
