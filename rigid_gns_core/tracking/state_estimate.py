@@ -107,7 +107,8 @@ def estimate_state(
     # of balls with few frames, and rotations where they are tracked
     base = _by_window(scene, stamps, centres, turns, seen, noise, turned)
     own = found[:, None]
-    spins = np.where(own & ~turned[:, None], states[:, 6:], base.state.angular_velocities)
+    by_laws = own & ~turned[:, None]
+    spins = np.where(by_laws, states[:, 6:], base.state.angular_velocities)
     mixed = State(
         positions=np.where(own, states[:, :3], base.state.positions),
         quaternions=base.state.quaternions,
