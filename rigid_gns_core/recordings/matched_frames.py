@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from .decoded_topic import DecodedTopic, usual_frame_id
 from .replay import replay_starts
 from .short_gaps import complete, fill_short_gaps
-from .tracked_frames import DecodedTopic, Segmentation, split_at_gaps, usual_frame_id
+from .tracked_frames import Segmentation, split_at_gaps
 from ..forecasts.forecaster import Forecaster
 from ..forecasts.starts import Start
 from ..forecasts.window_setup import window_of

@@ -10,7 +10,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from .tracked_frames import DecodedTopic
+from .decoded_topic import DecodedTopic
 from ..forecasts.starts import Start
 from ..tracking.usable_frames import RejectedFrame, seconds
 from ..tracking.window import TrackingWindow

@@ -15,8 +15,8 @@ from ..bags.reader import read_bag
 from ..bags.topics import find_topics, holds_predictions, list_topics
 from ..errors import UserError
 from ..messages.poses import decode_float64
+from ..recordings.decoded_topic import decode_topic
 from ..recordings.scoring.evaluate import score_bag
-from ..recordings.tracked_frames import decode_topic
 from ..scenes.state import Array
 
 

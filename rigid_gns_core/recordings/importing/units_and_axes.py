@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..tracked_frames import DecodedTopic
+from ..decoded_topic import DecodedTopic
 from ...data.tracks import known_rotations, Track
 from ...errors import UserError
 from ...scenes.scene import Scene

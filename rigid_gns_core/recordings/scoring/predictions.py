@@ -16,6 +16,7 @@ from .rotations import leave_out_unknown
 from .timing import lateness, quantiles
 from .units import check_topic_units
 from ..alignment import align
+from ..decoded_topic import decode_topic, DecodedTopic
 from ..prediction_runs import AlignmentError, ranked_runs, Run
 from ..recorded_forecasts import (
     predictions_by_forecast,
@@ -24,7 +25,7 @@ from ..recorded_forecasts import (
     RecordedForecast,
     starts_of,
 )
-from ..tracked_frames import decode_topic, DecodedTopic, Passes
+from ..tracked_frames import Passes
 from ...bags.reader import Bag
 from ...bags.topics import Topics
 from ...forecasts.starts import Start

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from ..decoded_topic import decode_topic, DecodedTopic
 from ..prediction_runs import split_by_start
 from ..recorded_forecasts import recorded_starts, starts_of
 from ..recorded_simulators import find_recorded_model
 from ..replay import replay_starts
-from ..tracked_frames import decode_topic, DecodedTopic
 from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
 from ...errors import UserError

@@ -17,10 +17,11 @@ from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
 from .rotations import leave_out_unknown
 from .timing import lateness
 from .units import check_units
+from ..decoded_topic import decode_topic
 from ..matched_frames import segment_matched_frames
 from ..prediction_runs import AlignmentError
 from ..resample import resample
-from ..tracked_frames import decode_topic, MATCH_REMEDY, Segment, segment_frames
+from ..tracked_frames import MATCH_REMEDY, Segment, segment_frames
 from ...bags.reader import Bag, Topic
 from ...errors import UserError
 from ...forecasts.forecaster import Forecast, Forecaster

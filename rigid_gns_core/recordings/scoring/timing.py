@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tracked_frames import DecodedTopic
+from ..decoded_topic import DecodedTopic
 
 
 def lateness(name: str, frames: DecodedTopic) -> dict[str, float]:

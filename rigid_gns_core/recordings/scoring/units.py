@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..decoded_topic import DecodedTopic
 from ..importing.units_and_axes import check_fall
-from ..tracked_frames import as_track, DecodedTopic, Segment, segment_frames
+from ..tracked_frames import as_track, Segment, segment_frames
 from ...scenes.scene import Scene
 from ...tracking.usable_frames import GAP, median_interval
 
