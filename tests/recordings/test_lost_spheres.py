@@ -21,7 +21,7 @@ from rigid_gns_core.scenes.state import Array
 START = 1_700_000_000_000_000_000  # [ns]
 DT = 0.01  # [s]
 LOST = (20, 21, 30)  # frames in which the second ball is not seen
-OPTIONS = ImportOptions(scene='table_tennis')
+OPTIONS = ImportOptions(scene='billiards')
 
 
 def flight(time: float) -> Array:
@@ -55,7 +55,7 @@ def test_a_bag_keeps_the_frame_and_fills_the_ball(tmp_path: Path, lost: float) -
     # a parabola through exact places: rounding alone
     np.testing.assert_allclose(track.positions, truth, atol=1e-9)
     scored = score_bag(
-        read_bag(bag), scene='table_tennis', tracked='/tracked_poses', model='laws', starts=5
+        read_bag(bag), scene='billiards', tracked='/tracked_poses', model='laws', starts=5
     )
     assert scored.report['frames']['segments'] == 1
     assert scored.report['errors']['position_error'] < 1e-3
