@@ -73,29 +73,6 @@ def _whitened(
 
 
 @entry
-def whitened_residuals(
-    start: Array,
-    begin: float,
-    stamps: Array,
-    observed: Array,
-    ball: Array,
-    planes: Array,
-    laws: Array,
-    on: int,
-    noise: Array,
-    weights: Array,
-) -> tuple[Array, float, int]:
-    """Whitened residuals of a start, shape (m, 3), sum of log variances, number of impacts."""
-    m = len(stamps)
-    states, contacts, gains = np.zeros((m, 9)), np.zeros((32, 3)), np.zeros((m, GAINS))
-    residuals = np.zeros((m, 3))
-    count, _ = path(start, begin, stamps, ball, planes, laws, on, states, contacts)
-    log = filter_gains(begin, stamps, weights, noise, contacts, count, gains)
-    _whitened(begin, stamps, observed, states, gains, np.zeros(m), residuals, np.zeros(6))
-    return residuals, 3.0 * log, count
-
-
-@entry
 def fit_start(
     start: Array,
     prior_mean: Array,
