@@ -24,7 +24,7 @@ from ...prediction.laws import UNITS
 from ...rollout.stepper import state_at
 from ...scenes.scene import Scene
 from ...scenes.similarity import Similarity
-from ...scenes.state import Array, State
+from ...scenes.state import Array, stacked, State
 
 # relative difference up to which a time step counts as a part of a frame
 _SAME_STEP = 1e-3
@@ -60,9 +60,7 @@ class Track:
             raise UserError(
                 f'record {record.name!r} has {steps} steps, expected {max(samples, 4)} or more'
             )
-        states = similarity.to_model(
-            State.unchecked(*(getattr(record.trajectory, name) for name in STATE))
-        )
+        states = stacked([similarity.to_model(state) for state in record.trajectory])
         units = similarity.scene(scene)
         if record.teacher.get('engine') == 'tracker':
             h = UNITS.dt / samples
@@ -80,9 +78,6 @@ class Track:
     def stride(self, starts: int) -> int:
         """Samples between starts, for so many in a frame."""
         return max(1, self.samples // starts)
-
-
-STATE = ('positions', 'quaternions', 'velocities', 'angular_velocities')
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ acceleration noise of intensity q:
     x <- x + v h + g h^2 / 2,   v <- v + g h,   Q = q [[h^3 / 3, h^2 / 2], [h^2 / 2, h]].
 
 q is what the samples show: the jump of velocity at a sample is j = (x_+ - 2 x + x_-) / h - g h,
-known to within the noise, sqrt(6) sigma / h. q h is its square beyond that, of each axis, and at
-least a small share of g h, which is larger where something is near. A blow is so
-taken to be as large as it looks, and flight and rest are smoothed.
+known to within the noise, sqrt(6) sigma / h. Where it is larger than noise explains, q h is the
+square of the rest; elsewhere it is that of a share of g h, a larger one where something is near,
+which may support the sphere. A blow is so taken to be as large as it looks, and flight and rest
+are smoothed.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ from ...scenes.similarity import quaternion_multiply
 from ...scenes.state import Array, State
 
 # least standard deviation of a jump [g h], in flight and where something is near
-_FLIGHT, _CONTACT = 0.02, 0.3
+_FLIGHT, _CONTACT = 0.02, 1.0
+# squares of jumps that noise exceeds in 1 of 100 samples [of their mean]
+_SEEN = 3.8
 # least noise of positions [radii], and of rotations [rad]: rounding
 _LEAST = 1e-6
 
@@ -89,7 +92,8 @@ def _smoothed(
     flying = np.abs(jumps[1:-1])[~near[1:-1]]
     sample = flying if flying.size > 100 else np.abs(jumps[1:-1])
     noise = max(least, float(np.median(sample)) / 0.6745 * h / np.sqrt(6.0))
-    beyond = (jumps**2).mean(-1) - 6.0 * (noise / h) ** 2
+    square, known = (jumps**2).mean(-1), 6.0 * (noise / h) ** 2
+    beyond = np.where(square > _SEEN * known, square - known, 0.0)
     floor = (np.where(near, _CONTACT, _FLIGHT) * weight * h) ** 2
     # a jump at a sample may have happened on both sides of it
     intensity = np.maximum(beyond, floor)
