@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates, find_candidates
-from .rectangle import from_plane, offset_from_rectangle, to_plane
+from .rectangle import from_plane
+from .shielding import offset_from_plane
 from .spheres import Spheres
 from .world import World
 from ..kernels.jit import compiled, in_place
@@ -155,14 +156,6 @@ def _meet(before: Vector, after: Vector, velocity: Vector, touching: float, dt: 
 
 
 @in_place
-def _from_plane(world: World, plane: int, centre: Vector) -> Vector:
-    """Offset of a point from the closest one of a plane."""
-    axes = world.axes[plane]
-    local = to_plane(axes, minus(centre, row(world.point, plane)))
-    return from_plane(axes, offset_from_rectangle(local, world.half[plane]))
-
-
-@in_place
 def _describe(
     world: World,
     before: Spheres,
@@ -186,8 +179,9 @@ def _describe(
     w, w_after = row(before.angular_velocities, a), row(after.angular_velocities, a)
     v_b, w_b, v_b_after, w_b_after, push_b = zero, zero, zero, zero, zero
     if fixed:
-        offset = _from_plane(world, plane, row(before.positions, a))
-        offset_after = _from_plane(world, plane, row(after.positions, a))
+        axes = world.axes[plane]
+        offset = from_plane(axes, offset_from_plane(world, plane, row(before.positions, a)))
+        offset_after = from_plane(axes, offset_from_plane(world, plane, row(after.positions, a)))
         mean = plus(v, times(0.5 * dt, gravity))
     else:
         offset = minus(row(before.positions, a), row(before.positions, b))

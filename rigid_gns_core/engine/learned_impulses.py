@@ -24,11 +24,11 @@ import numpy as np
 from .islands import connect, Islands
 from .learned_contacts import LearnedContacts
 from .learned_network import LearnedNetwork, outputs_of
-from .rectangle import offset_from_rectangle, to_plane
+from .shielding import offset_from_plane
 from .spheres import Spheres
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.vector import add_to, cross, length, minus, plus, row, times, Vector
+from ..kernels.vector import add_to, cross, length, plus, row, times, Vector
 from ..scenes.state import Array
 
 # largest displacement of a sphere in a frame [radii]
@@ -146,9 +146,8 @@ def _is_free(world: World, i: int, place: Vector, way: Vector) -> bool:
     """
     there = plus(place, way)
     for plane in range(len(world.point)):
-        axes, point, half = world.axes[plane], row(world.point, plane), world.half[plane]
-        offset = offset_from_rectangle(to_plane(axes, minus(place, point)), half)
-        moved = offset_from_rectangle(to_plane(axes, minus(there, point)), half)
+        offset = offset_from_plane(world, plane, place)
+        moved = offset_from_plane(world, plane, there)
         deepest = min(length(offset), (1.0 - _FARTHEST) * world.radius[i])
         behind = offset[2] < 0 and not world.two_sided[plane]
         crosses = offset[2] * moved[2] < 0

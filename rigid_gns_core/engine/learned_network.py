@@ -68,10 +68,12 @@ class Exchange(NamedTuple):
 class LearnedNetwork(NamedTuple):
     """Weights of a residual network of width W with K vectors; inputs first.
 
+    stiffness: of contacts, per effective mass [1/s^2], shape (1,); see `learned_guard.py`.
     mean, deviation: of the features, shape (FEATURES,); first: shape (FEATURES, W); second, last:
     shape (W, W); out: shape (W, OUTPUTS); and their biases.
     """
 
+    stiffness: Single
     mean: Single
     deviation: Single
     first: Single
@@ -112,6 +114,7 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
         )
 
     made = LearnedNetwork(
+        stiffness=taken('stiffness', 1),
         mean=taken('mean', FEATURES),
         deviation=taken('deviation', FEATURES),
         first=taken('first.weight', width, FEATURES),

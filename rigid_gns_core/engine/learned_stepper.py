@@ -11,13 +11,14 @@ import numpy as np
 
 from .frame import advance
 from .learned_contacts import find_learned_contacts, LearnedContacts
+from .learned_guard import limit_energy_of_soft, stores
 from .learned_impulses import correct
 from .learned_network import LearnedNetwork
 from .motion import Settings
 from .separation import separate
-from .sleep import Sleepers
+from .sleep import put_to_sleep, Sleepers
 from .spheres import copy_spheres, is_finite, Spheres, store
-from .stepper import EngineStepper, finish
+from .stepper import EngineStepper
 from .warm_start import WarmStart
 from .world import World
 from ..kernels.jit import compiled, entry
@@ -52,6 +53,8 @@ def _frame(
     settings: Settings,
     guards: bool,
     sleeps: bool,
+    is_start: bool,
+    stored_out: Array,
     sleepers_out: Sleepers,
 ) -> LearnedFrame:
     after, warm_start, islands = advance(world, spheres, dt, warm_start, settings, sleepers_out)
@@ -64,16 +67,16 @@ def _frame(
     contacts = find_learned_contacts(world, before, after, dt, sleepers_out.asleep)
     laws = copy_spheres(after)
     correct(world, network, contacts, dt, after, islands)
-    acted, removed = finish(
-        world=world,
-        before=spheres,
-        islands=islands,
-        dt=dt,
-        guards=guards,
-        sleeps=sleeps,
-        after_out=after,
-        sleepers_out=sleepers_out,
-    )
+    stiffness = float(network.stiffness[0])
+    if is_start:  # nobody knows more of what its overlaps hold
+        stored_out[:] = stores(world, seen, contacts, stiffness)
+    acted, removed = 0, 0.0
+    if guards:
+        acted, removed = limit_energy_of_soft(
+            world, spheres, islands, contacts, stiffness, dt, stored_out, after
+        )
+    if sleeps:
+        put_to_sleep(world.radius[:-1], islands, dt, after, sleepers_out)
     return LearnedFrame(laws, contacts, after, warm_start, acted, removed)
 
 
@@ -88,6 +91,8 @@ def learned_frame(
     settings: Settings,
     guards: bool,
     sleeps: bool,
+    is_start: bool,
+    stored_out: Array,
     sleepers_out: Sleepers,
 ) -> LearnedFrame:
     """One frame, with what the network saw, for its training.
@@ -95,8 +100,9 @@ def learned_frame(
     `seen` are the centres that the network sees: those before overlaps of a start were undone.
     """
     return _frame(
-        world, network, seen, spheres, dt, warm_start, settings, guards, sleeps, sleepers_out
-    )
+        world, network, seen, spheres, dt, warm_start, settings, guards, sleeps, is_start,
+        stored_out, sleepers_out,
+    )  # fmt: skip
 
 
 @entry
@@ -110,6 +116,8 @@ def _advance_learned(
     settings: Settings,
     guards: bool,
     sleeps: bool,
+    is_start: bool,
+    stored_out: Array,
     sleepers_out: Sleepers,
     frames_out: Spheres,
 ) -> tuple[int, WarmStart, int, float]:
@@ -117,8 +125,9 @@ def _advance_learned(
     acted, removed = 0, 0.0
     for frame in range(len(frames_out.positions)):
         one = _frame(
-            world, network, seen, spheres, dt, warm_start, settings, guards, sleeps, sleepers_out
-        )
+            world, network, seen, spheres, dt, warm_start, settings, guards, sleeps,
+            is_start and frame == 0, stored_out, sleepers_out,
+        )  # fmt: skip
         warm_start, spheres = one.warm_start, one.after
         seen = spheres.positions
         if not is_finite(spheres):
@@ -145,6 +154,7 @@ class LearnedStepper(EngineStepper):
     ) -> None:
         super().__init__(scene, state, dt, **options)
         self.network, self.seen = network, self.spheres.positions
+        self.stored = np.zeros(len(state))
 
     def advance(self, steps: int) -> Advance:
         """Advance by several dt; see `Stepper`."""
@@ -172,6 +182,8 @@ class LearnedStepper(EngineStepper):
             'settings': self.settings,
             'guards': self.guards,
             'sleeps': self.sleeps,
+            'is_start': self.frames == 0,
+            'stored_out': self.stored,
             'sleepers_out': self.sleepers,
         }
 

@@ -25,7 +25,7 @@ _DIVERGED = 'the rollout diverged: a predicted value is not finite'
 
 
 @compiled
-def finish(
+def _finish(
     world: World,
     before: Spheres,
     islands: Islands,
@@ -66,7 +66,7 @@ def _advance(
         after, warm_start, islands = advance(
             world, spheres, dt, warm_start, settings, sleepers_out
         )
-        held, taken = finish(
+        held, taken = _finish(
             world=world,
             before=spheres,
             islands=islands,

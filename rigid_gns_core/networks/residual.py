@@ -115,6 +115,7 @@ class ResidualNetwork(nn.Module):
     def __init__(self, config: ResidualConfig) -> None:
         super().__init__()
         width = config.width
+        self.register_buffer('stiffness', torch.zeros(1))
         self.register_buffer('mean', torch.zeros(FEATURES))
         self.register_buffer('deviation', torch.ones(FEATURES))
         self.first, self.second = nn.Linear(FEATURES, width), nn.Linear(width, width)

@@ -13,11 +13,12 @@ from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.checkpoint import CheckpointError
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.state import State, Trajectory
+from rigid_gns_core.scenes.state import State
 from rigid_gns_core.training.recipes import load_recipe
 from rigid_gns_core.training.residual.frames import Track
 from rigid_gns_core.training.residual.learner import ResidualTrainConfig
 from rigid_gns_core.training.residual.smoothing import smoothed_states
+from rigid_gns_core.training.residual.stiffness import stiffness_of
 from rigid_gns_core.training.train import Trainer
 
 LAWS = Scene(surfaces=Plane.box(8.0, 8.0), restitution=0.9)
@@ -96,6 +97,18 @@ def test_a_step_that_is_no_part_of_a_frame_is_refused():
         Track.of(other)
 
 
+def test_stiffness_of_springs_is_found():
+    """A ball on a spring of k = 8000 / s^2, by its closed form; samples resolve 94 rad/s to 4 %."""
+    k, h, g = 8000.0, 0.0025, 9.81
+    time, rate = np.arange(13) * h, np.sqrt(k)
+    deep = g / k * (1 - np.cos(rate * time)) + 3.0 / rate * np.sin(rate * time)
+    height = (1.0 - deep)[:, None, None] * [0.0, 0.0, 1.0]
+    bounces = State.unchecked(height, height, height, height)
+    track = Track(Scene(surfaces=(Plane(),)), bounces, 40)
+    assert stiffness_of([track] * 6) == pytest.approx(k, rel=0.04)
+    assert stiffness_of([Track.of(RECORDS[0])]) == 0.0  # hard contacts do not overlap
+
+
 def test_smoothing_finds_states_in_flight_and_through_a_bounce():
     """In flight velocities are far better known than by differences, sqrt(2) noise / h = 0.23 m/s,
 
@@ -104,13 +117,12 @@ def test_smoothing_finds_states_in_flight_and_through_a_bounce():
     h, noise, bounce = 0.0125, 0.002, 0.5
     time = np.arange(80) * h
     fall = -1.0 - 9.81 * time
-    meets, after = -1.0 - 9.81 * bounce, 0.6 * (1.0 + 9.81 * bounce)
+    after = 0.6 * (1.0 + 9.81 * bounce)
     fallen = time < bounce
     height = 1.0 + bounce + 0.5 * 9.81 * bounce**2 - time - 0.5 * 9.81 * time**2
     later = time - bounce
     height = np.where(fallen, height, 1.0 + after * later - 0.5 * 9.81 * later**2)
     velocity = np.where(fallen, fall, after - 9.81 * later)
-    assert meets < 0 < after
     rng = np.random.default_rng(0)
     positions = np.stack([0.5 * time, 0 * time, height], axis=1)[:, None]
     quaternions = np.tile([0.0, 0, 0, 1.0], (80, 1, 1))
@@ -122,6 +134,3 @@ def test_smoothing_finds_states_in_flight_and_through_a_bounce():
     far = np.abs(later) > 4 * h
     assert error[far].mean() < 0.06
     assert np.linalg.norm(states.positions - positions, axis=-1).mean() < 1.3 * noise
-    still = State(positions=tracked[0])
-    assert len(still) == 1
-    assert isinstance(Trajectory.from_poses(tracked, quaternions, h), Trajectory)

@@ -20,6 +20,7 @@ import torch
 from torch import Tensor
 
 from .frames import batch_of, Frame, frames_from, Track
+from .stiffness import stiffness_of
 from ..learner import Learner, Schedule
 from ...data.records import Record
 from ...engine.learned_network import network_of, ResidualConfig
@@ -108,6 +109,7 @@ class ResidualLearner(Learner[ResidualNetwork]):
                 'no frame of the training data has a contact; there is nothing to learn'
             )
         self._fit_normaliser()
+        self.network.stiffness.fill_(stiffness_of(self.tracks))
         self._own: list[Frame] = []
         self._own_weights: dict[str, Tensor] = {}
         self._round = 0
