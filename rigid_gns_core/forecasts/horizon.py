@@ -65,11 +65,6 @@ class Future:
     error: str
 
 
-def steps_of(horizon: float, dt: float) -> int:
-    """Least number of model steps of `dt` [s] that reach `horizon` [s]."""
-    return int(np.ceil(horizon / dt - 1e-9))
-
-
 class Horizon:
     """Computes one trajectory at a time in its own thread, then the newest requested one.
 

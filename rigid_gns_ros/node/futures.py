@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, steps_of
+from rigid_gns_core.forecasts.horizon import Future, Horizon, Job
+from rigid_gns_core.rollout.rollout import steps_of
 from rigid_gns_core.tracking.window import TrackingWindow
 
 from .diagnostics import Diagnostics
