@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .paths import Paths, Pieces, slope, value
+from .paths import Paths, slope, value
 from ..scenes.plane import Plane
 from ..scenes.state import Array
 
@@ -81,9 +81,7 @@ class Crossing:
 
     @classmethod
     def of(
-        cls,
-        passages: Sequence[Passages],
-        touched: Sequence[Sequence[Sequence[tuple[float, str]]]],
+        cls, passages: Sequence[Passages], touched: Sequence[Sequence[Sequence[tuple[float, str]]]]
     ) -> Crossing:
         """Crossing by the passages of each sphere, and what each of its samples touched when."""
         parts = [_moments(one.values) for one in passages]
@@ -141,7 +139,9 @@ def first_passages(paths: Paths, sphere: int, plane: Plane, horizon: float) -> P
     return Passages(np.isin(np.arange(len(values)), numbers), values)
 
 
-def _roots(lines: Array, split: Array, dt: float) -> tuple[NDArray[np.int64], Array, Array]:
+def _roots(
+    lines: Array, split: Array, dt: float
+) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
     """Roots of polynomials in [0, split] and [split, dt], in the order of time.
 
     Args:
@@ -170,7 +170,7 @@ def _roots(lines: Array, split: Array, dt: float) -> tuple[NDArray[np.int64], Ar
     row, times = np.concatenate([row, extra]), np.concatenate([times, split[extra]])
     piece = np.concatenate([piece, np.ones(len(extra), piece.dtype)])
     order = np.lexsort((times, row))
-    return row[order], times[order], piece[order]
+    return row[order].astype(np.int64), times[order], piece[order].astype(np.int64)
 
 
 def _turns(lines: Array) -> Array:
@@ -185,9 +185,7 @@ def _turns(lines: Array) -> Array:
 
 
 def _at(lines: Array, t: Array) -> Array:
-    found: Array = lines[..., 0] + t * (
-        lines[..., 1] + t * (lines[..., 2] + t * lines[..., 3])
-    )
+    found: Array = lines[..., 0] + t * (lines[..., 1] + t * (lines[..., 2] + t * lines[..., 3]))
     return found
 
 

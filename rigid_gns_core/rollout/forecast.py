@@ -157,7 +157,7 @@ def drawn_starts(start: State | Estimate, samples: int, seed: int) -> State:
         raise UserError(
             f'covariance of the estimate has shape {covariance.shape}, expected ({count}, 9, 9)'
         )
-    known = np.isfinite(covariance).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     values, axes = np.linalg.eigh(np.where(known[:, None, None], covariance, 0.0))
     root = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     normal = np.random.default_rng(seed).normal(size=(samples, count, 9))
@@ -178,9 +178,7 @@ def forecast_of(
     if isinstance(start, State):
         shape = (*positions[0].shape, 3)
         drawn = np.broadcast_to(positions, (max(samples, 1), *positions.shape[1:]))
-        return Forecast(
-            scene, times, positions[0], velocities[0], np.zeros(shape), drawn, paths
-        )
+        return Forecast(scene, times, positions[0], velocities[0], np.zeros(shape), drawn, paths)
     nominal, drawn = paths.part(slice(0, 1)), paths.part(slice(1, None))
     if not samples:
         nothing = np.full((*positions[0].shape, 3), np.nan)
@@ -194,6 +192,6 @@ def forecast_of(
         generator = np.random.default_rng([seed, 1])
         drawn = drawn.moved(*drawn_motion(drawn, scene.tracker, generator))
         found, _ = drawn.at(times)
-    unknown = ~np.isfinite(np.asarray(start.covariance)).all(axis=(1, 2))
+    unknown = np.asarray(~np.isfinite(np.asarray(start.covariance)).all(axis=(1, 2)))
     spread = np.where(unknown[:, None, None], np.nan, spread)
     return Forecast(scene, times, positions[0], velocities[0], spread, found, drawn)

@@ -21,7 +21,7 @@ def approach_speeds(paths: Paths) -> Array:
     """Approach speed of the blow in each step [m/s], 0 without one, shape (s, steps, n)."""
     sizes = np.linalg.norm(paths.blows, axis=-1)
     along = -(paths.velocities[:, :-1] * paths.blows).sum(axis=-1)
-    return np.maximum(along / np.maximum(sizes, 1e-300), 0.0)
+    return np.asarray(np.maximum(along / np.maximum(sizes, 1e-300), 0.0))
 
 
 def spread_at(paths: Paths, times: Array, tracker: Tracker) -> Array:
@@ -33,7 +33,7 @@ def spread_at(paths: Paths, times: Array, tracker: Tracker) -> Array:
     since = np.maximum(np.asarray(times)[:, None] - middles, 0.0) ** 2
     kicks = np.einsum('km,smn->skn', since, approach_speeds(paths) ** 2)
     drift = tracker.forecast_drift * np.asarray(times)[:, None] ** 3 / 3.0
-    return drift + tracker.forecast_impact**2 * kicks
+    return np.asarray(drift + tracker.forecast_impact**2 * kicks)
 
 
 def drawn_motion(

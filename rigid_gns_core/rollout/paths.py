@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,12 +87,12 @@ class Paths:
     @property
     def steps(self) -> int:
         """Number of steps."""
-        return self.positions.shape[1] - 1
+        return int(self.positions.shape[1]) - 1
 
     @property
     def struck(self) -> NDArray[np.bool_]:
         """Whether a step has a blow, shape (s, steps, n)."""
-        return (self.blows != 0.0).any(axis=-1)
+        return np.asarray((self.blows != 0.0).any(axis=-1))
 
     def part(self, chosen: slice) -> Paths:
         """Some of the rollouts."""
@@ -112,12 +112,14 @@ class Paths:
         """
         step = np.clip(np.floor(times / self.dt + 1e-9).astype(int), 0, max(self.steps - 1, 0))
         t = (times - step * self.dt)[:, None]
+        if not t.any():
+            return self.positions[:, step], self.velocities[:, step]
         found, split = self.pieces((slice(None), step))
         late = (t > split)[..., None, None]
         chosen = np.where(late, found[..., 1, :, :], found[..., 0, :, :])
         return value(chosen, t), slope(chosen, t)
 
-    def pieces(self, where: tuple[object, ...]) -> Pieces:
+    def pieces(self, where: tuple[Any, ...]) -> Pieces:
         """Polynomials in the steps that are chosen by an index of (sample, step, sphere)."""
         after = (where[0], np.asarray(where[1]) + 1, *where[2:])
         p, v, a = self.positions[where], self.velocities[where], self.flights[where]

@@ -11,6 +11,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
+from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.forecasts.starts import Reason, Start
@@ -99,6 +100,12 @@ class Simulation:
             warn=self.warn,
         )
         self.futures.seconds = float(parameters['horizon'])
+        self.futures.samples = int(parameters['samples'])
+        self.futures.planes = planes_of(str(parameters['crossing_planes']))
+        if self.futures.planes and not self.futures.seconds:
+            node.get_logger().warning(
+                'crossing_planes are given, but horizon is 0: no crossing is forecast; set horizon'
+            )
 
     def close(self) -> str:
         """Stop and finish the bag; a line of counts, for the log."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import load_scene, load_simulator, Plane, Scene, State, UserError
 from rigid_gns_core.scenes.tracker import Tracker
-from rigid_gns_core.tracking import estimate_state, StateEstimate
+from rigid_gns_core.tracking import StateEstimate
 from scipy.stats import norm
 
 SCENE = Scene(

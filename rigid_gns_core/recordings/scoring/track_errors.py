@@ -143,8 +143,9 @@ def report_of(outcomes: Sequence[Outcome], horizons: Sequence[float]) -> dict[st
     """Errors by horizon [s], and in each by the number of contacts.
 
     Returns:
-        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50` and
-        `coverage_90` and `crps_m` (None without regions), and the same in `contacts` for '0', '1', '2', '3+'.
+        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50`,
+        `coverage_90` and `crps_m` (None without regions), and the same in `contacts` for '0', '1',
+        '2', '3+'.
     """
     report: dict[str, Any] = {}
     for horizon in horizons:
