@@ -91,56 +91,20 @@ def bounce(
         dv_n = (1 + e) u_n,   |dv_t| = min(mu dv_n, (1 + beta) |u| kappa / (1 + kappa)) against u,
         dw = (-r n) x dv_t / (kappa r^2)
 
-    (Walton's three parameters; beta = 0: the ball rolls off, -1: smooth). Then `_resisted`.
+    (Walton's three parameters; beta = 0: the ball rolls off, -1: smooth).
     """
     push = -dot(v, n)
     push *= 1.0 + restitution(push, laws, k)
     arm = times(-radius, n)
     slip = across(plus(v, cross(w, arm)), n)
-    size, grips = length(slip), True
+    size = length(slip)
     v = plus(v, times(push, n))
     if size > 0.0:
         grip = (1.0 + laws[k, 4]) * size * inertia / (1.0 + inertia)
-        grips = grip <= laws[k, 3] * push
         kick = times(-min(laws[k, 3] * push, grip) / size, slip)
         v = plus(v, kick)
         w = plus(w, times(1.0 / (inertia * radius * radius), cross(arm, kick)))
-    return _resisted(v, w, n, push, grips, radius, inertia, laws, k)
-
-
-@in_place
-def _resisted(
-    v: Vector,
-    w: Vector,
-    n: Vector,
-    push: float,
-    grips: bool,
-    radius: float,
-    inertia: float,
-    laws: Array,
-    k: int,
-) -> tuple[Vector, Vector]:
-    """Velocity and spin after the torques against rolling and spinning in an impact.
-
-    Angular impulses of at most (rho + rho' |v|) r push and sigma r push for a unit of mass: on the
-    angular momentum about the contact point where it grips, about the centre where it slips.
-    """
-    square = inertia * radius * radius
-    limit = (laws[k, 5] + laws[k, 6] * length(across(v, n))) * radius * push
-    if limit > 0.0:
-        rolls = times(square, across(w, n))
-        if grips:
-            rolls = plus(rolls, times(radius, cross(n, v)))
-        size = length(rolls)
-        if size > 0.0:
-            square_about = square + radius * radius if grips else square
-            turn = times(-min(limit, size) / (size * square_about), rolls)
-            w = plus(w, turn)
-            if grips:
-                v = plus(v, cross(turn, times(radius, n)))
-    about = dot(w, n)
-    slowing = laws[k, 7] * push * radius / square
-    return v, minus(w, times(math.copysign(min(abs(about), slowing), about), n))
+    return v, w
 
 
 @in_place

@@ -5,6 +5,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+from pathlib import Path
+import sys
+
 from csv_balls import bounces, RADIUS, RESTITUTION
 import numpy as np
 import pytest
@@ -13,6 +17,7 @@ from rigid_gns_core.scenes.tracker import Tracker
 from rigid_gns_core.tracking import StateEstimate
 from scipy.stats import norm
 
+SCRIPT = Path(__file__).parents[2] / 'benchmarks' / 'tracking' / 'thrown_balls.py'
 SCENE = Scene(
     surfaces=(Plane(restitution=RESTITUTION, friction=0.0),),
     radius=RADIUS,
@@ -206,13 +211,19 @@ def test_spheres_have_crossings_of_their_own(simulator) -> None:
     assert [branch.touched for branch in found.branches(1)] == [('sphere',)]
 
 
-def test_a_thrown_ball_is_where_and_when_it_was_said_to_be(simulator) -> None:
-    """60 throws on a table in air, seen at 240 Hz with 1 mm of noise: truth by finer code.
+def test_a_thrown_ball_is_where_and_when_it_was_said_to_be() -> None:
+    """40 throws on a table in air, seen at 240 Hz with 1 mm of noise: truth by other code.
 
-    Of 60 the 90 % region of time and place holds 47 to 59 with a probability of 99 %.
+    Of 40 the 90 % region of time and place holds 31 to 40 with a probability of 99.5 %. All 300
+    are in docs/forecasts.md.
     """
-    throws = pytest.importorskip('thrown_balls')
-    found = throws.crossings(60, seed=11)
-    inside = [one.probability <= 0.9 for one in found]
-    assert 47 <= sum(inside) <= 59
+    spec = importlib.util.spec_from_file_location('thrown_balls', SCRIPT)
+    assert spec is not None and spec.loader is not None
+    throws = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = throws  # its dataclasses look there
+    spec.loader.exec_module(throws)
+    found = throws.crossings(40, seed=11)
+    assert sum(one.probability <= 0.9 for one in found) >= 31
     assert np.median([one.place_error for one in found]) < 0.015
+    assert np.median([abs(one.time_error) for one in found]) < 0.005
+    assert min(one.crossed for one in found) > 0.5
