@@ -110,10 +110,11 @@ class Paths:
 
         Times are up to the last step, shape (k,).
         """
+        nearest = np.rint(times / self.dt).astype(int)
+        if (np.abs(times - nearest * self.dt) < 1e-9 * self.dt).all():
+            return self.positions[:, nearest], self.velocities[:, nearest]
         step = np.clip(np.floor(times / self.dt + 1e-9).astype(int), 0, max(self.steps - 1, 0))
         t = (times - step * self.dt)[:, None]
-        if not t.any():
-            return self.positions[:, step], self.velocities[:, step]
         found, split = self.pieces((slice(None), step))
         late = (t > split)[..., None, None]
         chosen = np.where(late, found[..., 1, :, :], found[..., 0, :, :])

@@ -53,12 +53,14 @@ def _names(scene: Scene, places: Array, blows: Array, radius: float) -> list[str
     push /= np.maximum(lengths * np.linalg.norm(blows, axis=1)[:, None], 1e-300)
     gaps = np.where(push > _COSINE, np.abs(lengths - radius), np.inf)
     nearest = gaps.argmin(axis=1)
-    names = []
-    for row, k in enumerate(nearest.tolist()):
-        if not gaps[row, k] <= _NEAR * radius:
-            names.append('sphere')
-            continue
-        plane = surfaces[k]
-        beyond = np.abs((places[row] - plane.point) @ plane.axes[:2].T) > plane.half_lengths
-        names.append(f'edge of surface {k}' if beyond.any() else f'surface {k}')
-    return names
+    rows = np.arange(len(places))
+    met = gaps[rows, nearest] <= _NEAR * radius
+    axes = np.array([plane.axes[:2] for plane in surfaces])[nearest]
+    ends = np.array([plane.half_lengths for plane in surfaces])[nearest]
+    middles = np.array([plane.point for plane in surfaces])[nearest]
+    along = np.einsum('mai,mi->ma', axes, places - middles)
+    beyond = (np.abs(along) > ends).any(axis=1)
+    return [
+        (f'edge of surface {k}' if out else f'surface {k}') if touch else 'sphere'
+        for k, touch, out in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
+    ]
