@@ -19,8 +19,8 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array
 from ..scenes.tracker import Tracker
 
-# of a scene without a learned tracker, whose laws are taken as they stand: drift [m^2/s^3] and kicks
-# for what is not linear; with 0 regions of 90 % held 85 to 90 %
+# of a scene without a learned tracker, whose laws are taken as they stand: drift [m^2/s^3] and
+# kicks for what is not linear; with 0 regions of 90 % held 85 to 90 %
 _DRIFT, _IMPACT = 3e-5, 1e-3
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
