@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import gammainc, ndtr
 
 from ...scenes.state import Array
 
@@ -31,7 +31,7 @@ def region_probability(off: Array, covariance: Array, noise: float) -> float | N
     total = covariance + np.eye(3) * max(noise, 1e-9) ** 2
     if not (np.isfinite(total).all() and np.isfinite(off).all()):
         return None
-    return float(chi2.cdf(off @ np.linalg.solve(total, off), 3))
+    return float(gammainc(1.5, 0.5 * (off @ np.linalg.solve(total, off))))
 
 
 def crps(off: Array, covariance: Array, noise: float) -> float | None:
@@ -46,5 +46,6 @@ def crps(off: Array, covariance: Array, noise: float) -> float | None:
     if not (np.isfinite(deviations).all() and np.isfinite(off).all()):
         return None
     z = off / deviations
-    scores = z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)
+    density = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
+    scores = z * (2 * ndtr(z) - 1) + 2 * density - 1 / np.sqrt(np.pi)
     return float((deviations * scores).mean())
