@@ -22,10 +22,10 @@ ROUNDING = 1e-12
 
 
 class Overlaps(NamedTuple):
-    """Scratch of `push_out`; c contacts, n spheres.
+    """Scratch of `push_out`; c contacts, b bodies.
 
     depth: of each contact, shape (c,); normal: its direction now, shape (c, 3); deepest, load: of
-    each body, shape (n + 1,).
+    each body, shape (b,).
     """
 
     depth: Array
@@ -35,11 +35,11 @@ class Overlaps(NamedTuple):
 
 
 @compiled
-def new_overlaps(spheres: int, contacts: int) -> Overlaps:
+def new_overlaps(bodies: int, contacts: int) -> Overlaps:
     """Room for so many, to be written."""
-    bodies = np.empty((2, spheres + 1))
+    own = np.empty((2, bodies))
     return Overlaps(
-        depth=np.empty(contacts), normal=np.empty((contacts, 3)), deepest=bodies[0], load=bodies[1]
+        depth=np.empty(contacts), normal=np.empty((contacts, 3)), deepest=own[0], load=own[1]
     )
 
 

@@ -17,6 +17,7 @@ from .plane import (
     checked_floats,
     checked_property,
     checked_vector,
+    MOTIONS,
     PerSphere,
     RANGES,
     SOLID,
@@ -46,7 +47,7 @@ class Scene:
     """Surfaces, sphere properties, materials and gravity.
 
     Args:
-        surfaces: Static planes.
+        surfaces: Planes.
         radius: Radius [m]; a number, or one per sphere (as are the next five).
         mass: Mass [kg].
         restitution: Coefficient of restitution of the material, 0 to 1.
@@ -187,6 +188,8 @@ class Scene:
         for surface, plane in zip(mapping['surfaces'], self.surfaces, strict=True):
             if plane.contact is not None:
                 surface['contact'] = to_mapping(plane.contact)
+            if plane.moves:
+                surface |= {name: list(getattr(plane, name)) for name in MOTIONS}
         if self.sphere_contact is not None:
             mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:

@@ -23,6 +23,7 @@ import numpy as np
 
 from .air import Air
 from .contact_law import ContactLaw
+from .plane import Vector
 from .scene import Plane, Scene
 from .state import Array, quaternion_multiply, State
 from ..errors import UserError
@@ -80,6 +81,7 @@ class Similarity:
                 length_x=plane.length_x / self.length,
                 length_y=plane.length_y / self.length,
                 contact=self._law(plane.contact),
+                **self._motion(plane),
             )
             for plane in scene.surfaces
         )
@@ -93,6 +95,17 @@ class Similarity:
             sphere_contact=self._law(scene.sphere_contact),
             tracker=None,  # of the world, and of no part in motions
         )
+
+    def _motion(self, plane: Plane) -> dict[str, Vector]:
+        """Velocities of a plane that moves."""
+        if not plane.moves:
+            return {}
+        speed = self.time / self.length
+        return {
+            'velocity': tuple(self.rotation @ plane.velocity * speed),
+            'angular_velocity': tuple(self.rotation @ plane.angular_velocity * self.time),
+            'surface_velocity': tuple(self.rotation @ plane.surface_velocity * speed),
+        }
 
     def _law(self, law: ContactLaw | None) -> ContactLaw | None:
         return None if law is None else law.scaled(self.time / self.length)
