@@ -188,6 +188,11 @@ class Plane:
         return any(getattr(self, name) != _STILL for name in MOTIONS)
 
     @property
+    def changes_place(self) -> bool:
+        """Whether it moves, other than as a belt."""
+        return self.velocity != _STILL or self.angular_velocity != _STILL
+
+    @property
     def is_half_space(self) -> bool:
         """Whether it has no end, and so one face; a strip or a plate has two."""
         return bool(np.isinf(self.half_lengths).all())

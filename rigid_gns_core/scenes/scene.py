@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -144,6 +144,11 @@ class Scene:
                 value /= default or 1.0
             values.append(default if value is None else value)
         return np.array(values)
+
+    def of_fixed_surfaces(self) -> Scene:
+        """Scene without the surfaces whose place changes: belts stay, rackets do not."""
+        fixed = tuple(surface for surface in self.surfaces if not surface.changes_place)
+        return self if len(fixed) == len(self.surfaces) else replace(self, surfaces=fixed)
 
     @property
     def up(self) -> Array:
