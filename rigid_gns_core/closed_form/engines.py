@@ -51,13 +51,16 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
             length_y=length * plane.length_y,
             contact=law(plane.contact),
             velocity=faster(plane.velocity),
-            angular_velocity=tuple(value / time for value in plane.angular_velocity),
+            angular_velocity=scaled_by(1.0 / time, plane.angular_velocity),
             surface_velocity=faster(plane.surface_velocity),
         )
 
-    def faster(velocity: Vector) -> Vector:
-        x, y, z = (length / time * value for value in velocity)
+    def scaled_by(factor: float, vector: Vector) -> Vector:
+        x, y, z = (factor * value for value in vector)
         return x, y, z
+
+    def faster(velocity: Vector) -> Vector:
+        return scaled_by(length / time, velocity)
 
     def law(of: ContactLaw | None) -> ContactLaw | None:
         if of is None:

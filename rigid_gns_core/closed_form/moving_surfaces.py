@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,10 @@ from .bounces import GRAVITY, Simulate
 from .check import Check, check
 from .runs import AHEAD, EXACT, NEAR, SAME, simulated, velocity_check
 from ..scenes.contact_law import ContactLaw
-from ..scenes.plane import Plane
+from ..scenes.plane import Plane, Vector
 from ..scenes.state import Array
 
-_FREE = {'gravity': (0.0, 0.0, 0.0)}
+_FREE: dict[str, Any] = {'gravity': (0.0, 0.0, 0.0)}
 _GRIPS = ContactLaw(0.0, 1.0)
 
 
@@ -56,9 +57,11 @@ def _racket_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
         law, stroke = ContactLaw(0.8, friction, beta), np.array([3.0, -1.0, 2.0])
         normal = np.array([0.6, 0.0, 0.8])
         velocity, spin = np.array([-2.0, 1.0, -5.0]), np.array([3.0, -2.0, 4.0])
+        at, facing, moving = map(_tuple, (-AHEAD * stroke, normal, stroke))
+        racket = Plane(at, facing, contact=law, velocity=moving)
         run = simulated(
             simulate,
-            (Plane(-AHEAD * stroke, normal, contact=law, velocity=stroke),),
+            (racket,),
             [normal - AHEAD * velocity],
             [velocity],
             [spin],
@@ -75,6 +78,11 @@ def _racket_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
         )
         error = np.abs(run.angular_velocities[-1, 0] - turned).max() / speed
         yield check('stroke of a racket, spin', case, error, 0, EXACT)
+
+
+def _tuple(vector: Array) -> Vector:
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 def _swing_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:

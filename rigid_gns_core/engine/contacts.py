@@ -11,13 +11,13 @@ from typing import NamedTuple
 from .broad_phase import Candidates, PAD
 from .flight import Paths, position_on_path
 from .impact import impact_of_spheres, impact_with_plane
-from .plane_motion import moves, path_on_plane, surface_velocity_then, turned
-from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
+from .plane_motion import in_world, moves, path_on_plane
+from .rectangle import is_over_face
 from .shielding import is_shielded, offset_from_plane
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.vector import across, cross, dot, length, minus, plus, put, row, times, Vector
+from ..kernels.vector import cross, dot, length, minus, put, row, Vector
 from ..scenes.state import Array
 
 # most planes in a row to which a contact is handed on within a substep
@@ -187,50 +187,16 @@ def _find(
         values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
         values[k, 7], values[k, 8] = impact.crossing_time, impact.rest_gap
         if moves(world, plane):
-            _in_world(world, paths, a, plane, k, h, acceleration, impacts)
+            normal, turning, surface = in_world(
+                world, plane, world.radius[a], row(paths.positions, a), row(paths.velocities, a),
+                row(paths.accelerations, a) if world.in_air else gravity_of(world), acceleration,
+                impact, h,
+            )  # fmt: skip
+            put(impacts.normal, k, normal)
+            values[k, 6] = turning
+            put(impacts.surface_velocity, k, surface)
         if impact.crossing_time < h and _continues(world, paths, candidates, k, h):
             values[k, 7] = math.inf
-
-
-@in_place
-def _in_world(
-    world: World,
-    paths: Paths,
-    a: int,
-    plane: int,
-    k: int,
-    h: float,
-    acceleration: Vector,
-    impacts_out: Impacts,
-) -> None:
-    """Turn the impact with a plane that moves from its frame into the world.
-
-    Args:
-        world: With the plane as it is now.
-        paths: Of all spheres.
-        a: The sphere.
-        plane: The plane.
-        k: Candidate.
-        h: Length of the substep.
-        acceleration: Of the sphere, in the frame of the plane.
-        impacts_out: Its normal and turning speed are changed, its surface velocity is written.
-    """
-    values, time, normal = impacts_out.values, impacts_out.values[k, 0], row(impacts_out.normal, k)
-    pull = row(paths.accelerations, a) if world.in_air else gravity_of(world)
-    # bodies gain no separation by the turn of the frame, contacts do
-    values[k, 6] += dot(normal, minus(acceleration, pull)) * (h - time)
-    normal = turned(normal, row(world.twists.spin, plane), time)
-    put(impacts_out.normal, k, normal)
-    start, moving, far = (
-        row(paths.positions, a),
-        row(paths.velocities, a),
-        world.radius[a] + values[k, 2],
-    )
-    velocity = surface_velocity_then(world, plane, start, moving, pull, time, normal, far)
-    if impacts_out.lasting[k]:  # what sticks has the velocity of the surface at the end
-        end = surface_velocity_then(world, plane, start, moving, pull, h, normal, far)
-        velocity = plus(velocity, across(minus(end, velocity), normal))
-    put(impacts_out.surface_velocity, k, velocity)
 
 
 @in_place
@@ -336,22 +302,3 @@ def _shielding(world: World, candidates: Candidates, k: int, centre: Vector) -> 
             return q
         q += 1
     return -1
-
-
-@in_place
-def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[float, Vector]:
-    """Gap and unit normal of contact k at these positions."""
-    a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
-    sign, place = 1.0, row(positions, a)
-    if plane < 0:
-        offset = minus(place, row(positions, b))
-    else:
-        axes = world.axes[plane]
-        local = to_plane(axes, minus(place, row(world.point, plane)))
-        rim = offset_from_rectangle(local, world.half[plane])
-        if rim[2] < 0 and not world.two_sided[plane]:
-            sign = -1.0  # the centre is behind the face
-        offset = from_plane(axes, rim)
-    far = length(offset)
-    normal = times(sign / far, offset) if far > 1e-9 else row(contacts.normal, k)
-    return sign * far - (world.radius[a] + world.radius[b]), normal

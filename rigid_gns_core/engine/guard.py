@@ -8,7 +8,9 @@ solver that has not converged, and push-out, may add some. The guard acts after 
 counts how often it did. Off the surfaces it keeps both momenta; on one:
 v <- v sqrt(1 - dE / E_kin), and w.
 
-Surfaces that move do work, which is counted where they push. Wind may give energy. Drag opposes u = v - wind and lift is across it, so that the air's force F
+Surfaces that move do work, which is counted where they push.
+
+Wind may give energy. Drag opposes u = v - wind and lift is across it, so that the air's force F
 gives at most F . v = F . u + F . wind <= |F| |wind|.
 """
 

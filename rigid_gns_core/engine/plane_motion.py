@@ -14,9 +14,10 @@ from __future__ import annotations
 import math
 
 from .flight import position_on_path
+from .impact import Impact
 from .world import World
 from ..kernels.jit import in_place
-from ..kernels.vector import cross, dot, length, minus, plus, put, row, times, Vector
+from ..kernels.vector import across, cross, dot, length, minus, plus, put, row, times, Vector
 
 
 @in_place
@@ -90,7 +91,39 @@ def path_on_plane(
 
 
 @in_place
-def surface_velocity_then(
+def in_world(
+    world: World, plane: int, radius: float, place: Vector, velocity: Vector, pull: Vector,
+    acceleration: Vector, impact: Impact, h: float,
+) -> tuple[Vector, float, Vector]:  # fmt: skip
+    """Turn the impact with a plane that moves from its frame into the world.
+
+    Args:
+        world: With the plane as it is now.
+        plane: The plane.
+        radius: Of the sphere.
+        place: Its centre now.
+        velocity: Of the sphere now.
+        pull: Acceleration of its path.
+        acceleration: That in the frame of the plane.
+        impact: In the frame of the plane.
+        h: Length of the substep.
+
+    Returns:
+        The normal, the turning speed, and the velocity of the surface at the contact.
+    """
+    time, far = impact.normal_time, radius + impact.gap
+    # bodies gain no separation by the turn of the frame, contacts do
+    turning = impact.turning_speed + dot(impact.normal, minus(acceleration, pull)) * (h - time)
+    normal = turned(impact.normal, row(world.twists.spin, plane), time)
+    surface = _surface_velocity(world, plane, place, velocity, pull, time, normal, far)
+    if impact.lasting:  # what sticks has the velocity of the surface at the end
+        end = _surface_velocity(world, plane, place, velocity, pull, h, normal, far)
+        surface = plus(surface, across(minus(end, surface), normal))
+    return normal, turning, surface
+
+
+@in_place
+def _surface_velocity(
     world: World, plane: int, place: Vector, velocity: Vector, acceleration: Vector, time: float,
     normal: Vector, far: float,
 ) -> Vector:  # fmt: skip

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from .broad_phase import Candidates, find_candidates
-from .contacts import find_impacts, gap_of
+from .contacts import find_impacts
 from .containment import keep_sides
 from .flight import Paths
 from .groups import contacts_among, contacts_by_island
-from .overlap import push_out
+from .overlap import gap_of, push_out
 from .plane_bodies import bodies_of_planes
 from .workspace import new_workspace, Workspace
 from .world import World
