@@ -11,6 +11,7 @@ from .frame import advance
 from .guard import limit_energy
 from .islands import Islands
 from .motion import Settings
+from .plane_motion import advance_planes, speed_of_plane
 from .sleep import put_to_sleep, Sleepers
 from .spheres import is_finite, part_of, Spheres, store
 from .warm_start import no_contacts, WarmStart
@@ -121,7 +122,11 @@ def _only_fly(
         margin = (1.0 + _MARGIN) * world.radius[i] + _sag(world, before, after_out, i, dt)
         for plane in range(len(world.point)):
             p, q = row(before.positions, i), row(after_out.positions, i)
-            if not _is_clear(world, plane, p, q, margin):
+            moved = 0.0
+            if world.moving:
+                speed = max(speed_of_plane(world, plane, p), speed_of_plane(world, plane, q))
+                moved = 1.1 * speed * dt  # its path bends as it turns
+            if not _is_clear(world, plane, p, q, margin + moved):
                 return False
         for j in range(i):
             if not _pass_clear(world, before, after_out, i, j, dt):
@@ -134,6 +139,7 @@ def _only_fly(
                 return False  # one that is quiet is counted
         for i in range(count):
             sleepers_out.quiet[i] = 0
+    advance_planes(world, dt)
     return True
 
 

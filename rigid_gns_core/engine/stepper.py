@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .frames import advance_frames
 from .motion import Settings
+from .plane_motion import set_clock
 from .separation import separate
 from .sleep import all_awake, Sleepers
 from .spheres import part_of, Spheres
@@ -74,6 +75,7 @@ def _advance_starts(
         sleepers_out.island[:] = -1
         sleepers_out.quiet[:] = 0
         sleepers_out.islands[:] = 0
+        set_clock(world, 0.0)
         separate(world, dt, starts.positions[k])
         done_out[k], _, _, _ = advance_frames(
             world,
@@ -127,8 +129,9 @@ class EngineStepper(Stepper):
         if not is_compiled():
             warm_up()
         self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
-        self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))
+        # what rests on a surface that moves may be carried anywhere
+        self.guards, self.sleeps = guard, sleep and not self.world.moving
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))
         self.warm_start = cold_start()
         self.frames, self.acted, self.removed = 0, 0, 0.0
@@ -224,7 +227,7 @@ def advance_starts(
         dt=dt,
         settings=Settings(substeps=substeps, iterations=rounds),
         guards=guard,
-        sleeps=sleep,
+        sleeps=sleep and not world.moving,
         sleepers_out=all_awake(world.radius[:-1], float(np.linalg.norm(scene.gravity))),
         frames_out=frames,
         done_out=done,

@@ -91,6 +91,11 @@ class Forecast:
         """
         if not isinstance(plane, Plane):
             raise UserError(f'plane is {plane!r}, expected a Plane')
+        if plane.changes_place:
+            raise UserError(
+                f'the plane to cross moves ({plane.velocity} m/s, {plane.angular_velocity} rad/s); '
+                'give one that stays'
+            )
         horizon, count = float(self.lead_times[-1]), self.positions.shape[1]
         passages = [first_passages(self.paths, k, plane, horizon) for k in range(count)]
         return Crossing.of(passages, self.touches)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from .paths import Paths, value
 from ..scenes.plane import closest_points
@@ -31,8 +32,8 @@ def touches_of(paths: Paths, scene: Scene, sphere: int) -> list[Touches]:
     pieces = paths.pieces(where)
     places = value(pieces.coefficients[:, 0], pieces.split)
     radius = float(scene.per_sphere('radius', paths.positions.shape[2])[sphere])
-    names = _names(scene, places, paths.blows[where], radius)
     times = step * paths.dt + pieces.split
+    names = _names(scene, times, places, paths.blows[where], radius)
     for row, time, name in zip(sample.tolist(), times.tolist(), names, strict=True):
         own = found[row]
         if own and own[-1][1] == name and time - own[-1][0] < _APART * paths.dt:
@@ -41,26 +42,31 @@ def touches_of(paths: Paths, scene: Scene, sphere: int) -> list[Touches]:
     return found
 
 
-def _names(scene: Scene, places: Array, blows: Array, radius: float) -> list[str]:
+def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: float) -> list[str]:
     """Name of what each blow at a centre [m], shape (m, 3), came from."""
     surfaces = scene.surfaces
     if not surfaces:
         return ['sphere'] * len(places)
-    points, _ = closest_points(surfaces, places)
-    ways = places[:, None] - points
-    lengths = np.linalg.norm(ways, axis=2)
-    push = np.einsum('mki,mi->mk', ways, blows)
-    push /= np.maximum(lengths * np.linalg.norm(blows, axis=1)[:, None], 1e-300)
-    gaps = np.where(push > _COSINE, np.abs(lengths - radius), np.inf)
+    gaps, out = (
+        np.empty((len(places), len(surfaces))),
+        np.empty((len(places), len(surfaces)), bool),
+    )
+    for k, plane in enumerate(surfaces):
+        # where the plane was at the start
+        back = Rotation.from_rotvec(-times[:, None] * plane.angular_velocity)
+        arms = places - plane.point - times[:, None] * plane.velocity
+        centres, push = plane.point + back.apply(arms), back.apply(blows)
+        ways = centres - closest_points((plane,), centres)[0][:, 0]
+        lengths = np.linalg.norm(ways, axis=1)
+        cosines = (ways * push).sum(axis=1)
+        cosines /= np.maximum(lengths * np.linalg.norm(push, axis=1), 1e-300)
+        gaps[:, k] = np.where(cosines > _COSINE, np.abs(lengths - radius), np.inf)
+        along = (centres - plane.point) @ plane.axes[:2].T
+        out[:, k] = (np.abs(along) > plane.half_lengths).any(axis=1)
     nearest = gaps.argmin(axis=1)
     rows = np.arange(len(places))
-    met = gaps[rows, nearest] <= _NEAR * radius
-    axes = np.array([plane.axes[:2] for plane in surfaces])[nearest]
-    ends = np.array([plane.half_lengths for plane in surfaces])[nearest]
-    middles = np.array([plane.point for plane in surfaces])[nearest]
-    along = np.einsum('mai,mi->ma', axes, places - middles)
-    beyond = (np.abs(along) > ends).any(axis=1)
+    met, beyond = gaps[rows, nearest] <= _NEAR * radius, out[rows, nearest]
     return [
-        (f'edge of surface {k}' if out else f'surface {k}') if touch else 'sphere'
-        for k, touch, out in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
+        (f'edge of surface {k}' if past else f'surface {k}') if touch else 'sphere'
+        for k, touch, past in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
     ]

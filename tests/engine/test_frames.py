@@ -11,6 +11,34 @@ TABLE = Plane(direction=(1.0, 0.0, 0.0), length_x=20.0, length_y=12.0)
 AIR = Air(drag_coefficient=0.4, lift_coefficient=0.4, wind=(3.0, 0.0, 0.0), density=0.5)
 
 
+def test_what_flies_past_a_racket_is_to_the_bit_what_all_frames_give():
+    """Beside it a sphere that lies on a floor: planes that move let none sleep, so all are long."""
+    racket = Plane(
+        (0.0, 0.0, 0.0), (1.0, 0.0, 0.3), velocity=(6.0, 0.0, 1.0), angular_velocity=(0.0, 2.0, 1.0),
+        direction=(0.0, 1.0, 0.0), length_x=4.0, length_y=4.0,
+    )  # fmt: skip
+    scene = Scene(surfaces=(racket, Plane((0.0, 0.0, -20.0))), air=AIR, mass=50.0)
+    simulator = load_simulator()
+    rng = np.random.default_rng(6)
+    touched = 0
+    for _ in range(10):
+        positions = rng.uniform([0.0, -2.0, -3.0], [9.0, 2.0, 4.0], (1, 3))
+        velocities, spins = rng.normal(size=(2, 1, 3)) * 4.0
+        alone = simulator.rollout(scene, positions, velocities, spins, steps=30)
+        both = simulator.rollout(
+            scene,
+            np.concatenate([positions, [[-500.0, 0.0, -19.0]]]),
+            np.concatenate([velocities, np.zeros((1, 3))]),
+            np.concatenate([spins, np.zeros((1, 3))]),
+            steps=30,
+        )
+        np.testing.assert_array_equal(alone.positions[:, 0], both.positions[:, 0])
+        np.testing.assert_array_equal(alone.velocities[:, 0], both.velocities[:, 0])
+        changes = np.linalg.norm(np.diff(alone.velocities, axis=0), axis=-1)
+        touched += int((changes > 3.0).any())
+    assert touched > 2
+
+
 @pytest.mark.parametrize('air', [None, AIR])
 @pytest.mark.parametrize('count', [1, 2])
 def test_what_only_flies_is_to_the_bit_what_all_frames_give(air, count):

@@ -211,6 +211,22 @@ def test_spheres_have_crossings_of_their_own(simulator) -> None:
     assert [branch.touched for branch in found.branches(1)] == [('sphere',)]
 
 
+def test_a_racket_is_named_where_it_strikes(simulator) -> None:
+    """A plane that comes at 4 m/s and turns meets a ball at rest 1 m away after 0.24 s."""
+    racket = Plane(
+        (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), velocity=(4.0, 0.0, 0.0), angular_velocity=(3.0, 0.0, 0.0),
+        direction=(0.0, 1.0, 0.0), length_x=0.2, length_y=0.2,
+    )  # fmt: skip
+    scene = Scene(surfaces=(Plane((0.0, 0.0, -9.0)), racket), radius=RADIUS, gravity=0.0)
+    found = simulator.forecast(scene, State(positions=[[0.0, 0.05, 0.0]]), [0.5])
+    ((time, name),) = found.touches[0][0]
+    assert name == 'surface 1' and time == pytest.approx(0.245, abs=1e-3)
+    crossing = found.crossing(Plane((0.5, 0.0, 0.0), (1.0, 0.0, 0.0)))
+    assert crossing.branches[0][0].touched == ('surface 1',)
+    with pytest.raises(UserError, match='the plane to cross moves'):
+        found.crossing(racket)
+
+
 def test_a_thrown_ball_is_where_and_when_it_was_said_to_be() -> None:
     """40 throws on a table in air, seen at 240 Hz with 1 mm of noise: truth by other code.
 
