@@ -93,8 +93,8 @@ class Forecast:
             raise UserError(f'plane is {plane!r}, expected a Plane')
         if plane.changes_place:
             raise UserError(
-                f'the plane to cross moves ({plane.velocity} m/s, {plane.angular_velocity} rad/s); '
-                'give one that stays'
+                f'the plane to cross moves, by {plane.velocity} m/s and {plane.angular_velocity} '
+                'rad/s; give one that stays'
             )
         horizon, count = float(self.lead_times[-1]), self.positions.shape[1]
         passages = [first_passages(self.paths, k, plane, horizon) for k in range(count)]
