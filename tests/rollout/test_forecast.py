@@ -214,9 +214,14 @@ def test_spheres_have_crossings_of_their_own(simulator) -> None:
 def test_a_racket_is_named_where_it_strikes(simulator) -> None:
     """A plane that comes at 4 m/s and turns meets a ball at rest 1 m away after 0.24 s."""
     racket = Plane(
-        (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), velocity=(4.0, 0.0, 0.0), angular_velocity=(3.0, 0.0, 0.0),
-        direction=(0.0, 1.0, 0.0), length_x=0.2, length_y=0.2,
-    )  # fmt: skip
+        point=(-1.0, 0.0, 0.0),
+        normal=(1.0, 0.0, 0.0),
+        direction=(0.0, 1.0, 0.0),
+        length_x=0.2,
+        length_y=0.2,
+        velocity=(4.0, 0.0, 0.0),
+        angular_velocity=(3.0, 0.0, 0.0),
+    )
     scene = Scene(surfaces=(Plane((0.0, 0.0, -9.0)), racket), radius=RADIUS, gravity=0.0)
     found = simulator.forecast(scene, State(positions=[[0.0, 0.05, 0.0]]), [0.5])
     ((time, name),) = found.touches[0][0]
