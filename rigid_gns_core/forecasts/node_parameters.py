@@ -168,6 +168,15 @@ SIMULATOR = (
         1000.0,
     ),
     ParameterSpec(
+        'latency',
+        0.0,
+        'how long before its stamp a frame was captured, of trackers that stamp on receipt; it is '
+        'taken off each stamp',
+        's',
+        0.0,
+        10.0,
+    ),
+    ParameterSpec(
         'coast_time',
         0.0,
         'how long a track without a pose is coasted; 0: 2 sqrt(radius / gravity)',

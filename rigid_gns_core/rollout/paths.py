@@ -150,15 +150,13 @@ class Paths:
 
 def value(coefficients: Array, t: Array) -> Array:
     """Value of polynomials, shape (..., 4, k), at a time [s], shape (...)."""
-    t = np.asarray(t)[..., None]
-    one, two, three, four = np.moveaxis(coefficients, -2, 0)
-    found: Array = one + t * (two + t * (three + t * four))
+    t, c = np.asarray(t)[..., None], coefficients
+    found: Array = c[..., 0, :] + t * (c[..., 1, :] + t * (c[..., 2, :] + t * c[..., 3, :]))
     return found
 
 
 def slope(coefficients: Array, t: Array) -> Array:
     """Derivative of polynomials, as `value`."""
-    t = np.asarray(t)[..., None]
-    _, two, three, four = np.moveaxis(coefficients, -2, 0)
-    found: Array = two + t * (2 * three + 3 * t * four)
+    t, c = np.asarray(t)[..., None], coefficients
+    found: Array = c[..., 1, :] + t * (2 * c[..., 2, :] + 3 * t * c[..., 3, :])
     return found

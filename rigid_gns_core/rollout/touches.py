@@ -47,10 +47,8 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
     surfaces = scene.surfaces
     if not surfaces:
         return ['sphere'] * len(places)
-    gaps, out = (
-        np.empty((len(places), len(surfaces))),
-        np.empty((len(places), len(surfaces)), bool),
-    )
+    gaps = np.empty((len(places), len(surfaces)))
+    out = np.empty(gaps.shape, dtype=np.bool_)
     for k, plane in enumerate(surfaces):
         # where the plane was at the start
         back = Rotation.from_rotvec(-times[:, None] * plane.angular_velocity)

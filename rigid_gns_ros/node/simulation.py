@@ -22,6 +22,7 @@ from rigid_gns_core.messages.poses import (
     encode_float64,
     encode_string,
     PoseArrayCodec,
+    restamped,
 )
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES, seconds
 
@@ -57,6 +58,7 @@ class Simulation:
 
     def __init__(self, node: Node, model: Forecaster, parameters: Mapping[str, Any]) -> None:
         self._node, self._model, self._frame_id = node, model, str(parameters['frame_id'])
+        self._latency_ns = round(float(parameters['latency']) * 1e9)
         self._throttle = Throttle(LOG_PERIOD)
         gap = longest_gap(model)
         self.window = window_of(model, parameters, check=self._check_count, on_gap=self._warn_gap)
@@ -125,6 +127,7 @@ class Simulation:
         try:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
+            cdr = restamped(cdr, -self._latency_ns)
             restarted = self.window.add(decode_pose_array(cdr), now)
         except UserError as error:
             self.diagnostics.frame_rejected(str(error))
