@@ -64,6 +64,20 @@ class Crossing:
     covariance: Array
     branches: tuple[tuple[Branch, ...], ...]
 
+    def __len__(self) -> int:
+        return len(self.branches)
+
+    def __getitem__(self, sphere: int) -> Crossing:
+        """That of one sphere: fields without the axis of spheres, and its own branches alone."""
+        return Crossing(
+            self.probability[sphere],
+            self.time[sphere],
+            self.position[sphere],
+            self.velocity[sphere],
+            self.covariance[sphere],
+            (self.branches[sphere],),
+        )
+
     @property
     def time_variance(self) -> Array:
         """Variance of the time [s^2], shape (n,)."""

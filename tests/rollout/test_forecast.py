@@ -208,6 +208,9 @@ def test_spheres_have_crossings_of_their_own(simulator) -> None:
     crossing = found.crossing(Plane((1.5, 0.0, 0.0), (1.0, 0.0, 0.0)))
     assert crossing.probability.tolist() == [1.0, 0.0, 1.0]
     np.testing.assert_allclose(crossing.time[[0, 2]], [0.5, 0.5 / 3.0], atol=1e-3)
+    assert [one.probability for one in crossing] == [1.0, 0.0, 1.0] and len(crossing) == 3
+    assert crossing[2].position_covariance.shape == (3, 3)
+    assert crossing[2].branches == (crossing.branches[2],)
     assert [branch.touched for branch in found.branches(1)] == [('sphere',)]
 
 
