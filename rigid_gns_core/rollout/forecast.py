@@ -98,7 +98,8 @@ class Forecast:
             )
         horizon, count = float(self.lead_times[-1]), self.positions.shape[1]
         passages = [first_passages(self.paths, k, plane, horizon) for k in range(count)]
-        return Crossing.of(passages, self.touches)
+        known = np.isfinite(self.covariance).all(axis=(0, 2, 3))
+        return Crossing.of(passages, self.touches, known)
 
     def branches(self, sphere: int) -> tuple[Future, ...]:
         """The branches of the future of a sphere, the most likely first."""
