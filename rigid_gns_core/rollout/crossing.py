@@ -44,8 +44,8 @@ class Branch:
 class Crossing:
     """First crossings of a plane by the centres of spheres, in either direction.
 
-    Means and covariances are of the samples that cross; NaN of a sphere of which none does. Those
-    of positions are singular along the normal. Where a contact splits the future, `branches` holds
+    Means and covariances are of the samples that cross; NaN of a sphere of which none does, and
+    covariances where the estimate has none. Those of positions are singular along the normal. Where a contact splits the future, `branches` holds
     each part, the most likely first.
 
     Args:
@@ -95,20 +95,30 @@ class Crossing:
 
     @classmethod
     def of(
-        cls, passages: Sequence[Passages], touched: Sequence[Sequence[Sequence[tuple[float, str]]]]
+        cls,
+        passages: Sequence[Passages],
+        touched: Sequence[Sequence[Sequence[tuple[float, str]]]],
+        known: NDArray[np.bool_],
     ) -> Crossing:
-        """Crossing by the passages of each sphere, and what each of its samples touched when."""
+        """Crossing by the passages of each sphere.
+
+        Args:
+            passages: Of each sphere.
+            touched: When each sample of each touched what.
+            known: Whether the spread of a sphere is known; if not, its covariance is NaN.
+        """
         parts = [_moments(one.values) for one in passages]
         branches = tuple(
             _branches(one, events) for one, events in zip(passages, touched, strict=True)
         )
         means = np.array([mean for mean, _ in parts]).reshape(-1, 7)
+        covariances = np.array([covariance for _, covariance in parts]).reshape(-1, 7, 7)
         return cls(
             probability=np.array([one.crossed.mean() for one in passages]),
             time=means[:, 0],
             position=means[:, 1:4],
             velocity=means[:, 4:],
-            covariance=np.array([covariance for _, covariance in parts]).reshape(-1, 7, 7),
+            covariance=np.where(known[:, None, None], covariances, np.nan),
             branches=branches,
         )
 

@@ -73,6 +73,9 @@ def test_what_is_not_known_has_no_covariance(simulator) -> None:
     estimate = StateEstimate(State(positions=[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]), covariance)
     found = simulator.forecast(SCENE, estimate, [0.1], samples=8)
     assert np.isnan(found.covariance[0, 0]).all() and np.isfinite(found.covariance[0, 1]).all()
+    crossing = found.crossing(Plane((0.0, 0.0, 0.99)))
+    assert crossing.probability.tolist() == [1.0, 1.0]
+    assert np.isnan(crossing.covariance[0]).all() and np.isfinite(crossing.covariance[1]).all()
     none = simulator.forecast(SCENE, estimate, [0.1], samples=0)
     assert np.isnan(none.covariance).all() and none.samples.shape == (0, 1, 2, 3)
 
