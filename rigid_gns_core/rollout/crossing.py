@@ -45,8 +45,8 @@ class Crossing:
     """First crossings of a plane by the centres of spheres, in either direction.
 
     Means and covariances are of the samples that cross; NaN of a sphere of which none does, and
-    covariances where the estimate has none. Those of positions are singular along the normal. Where a contact splits the future, `branches` holds
-    each part, the most likely first.
+    covariances where the estimate has none. Those of positions are singular along the normal.
+    Where a contact splits the future, `branches` holds each part, the most likely first.
 
     Args:
         probability: Share of the samples that cross within the horizon, shape (n,).

@@ -98,7 +98,7 @@ class Forecast:
             )
         horizon, count = float(self.lead_times[-1]), self.positions.shape[1]
         passages = [first_passages(self.paths, k, plane, horizon) for k in range(count)]
-        known = np.isfinite(self.covariance).all(axis=(0, 2, 3))
+        known = np.asarray(np.isfinite(self.covariance).all(axis=(0, 2, 3)))
         return Crossing.of(passages, self.touches, known)
 
     def branches(self, sphere: int) -> tuple[Future, ...]:
