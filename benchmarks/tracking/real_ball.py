@@ -22,7 +22,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from rigid_gns_core import load_scene, load_simulator, Scene
 from rigid_gns_core.data.tracks import read_tracks, Track, TrackSet
-from rigid_gns_core.forecasts.lead_times import forecast_at
 from rigid_gns_core.recordings.scoring.track_errors import track_outcomes, Windows
 from rigid_gns_core.rollout.simulator import Simulator
 from rigid_gns_core.tracking.state_estimate import estimate_state
@@ -47,7 +46,7 @@ def draw_track(axes: Axes, track: Track, scenes: dict[str, Scene], simulator: Si
     for name, scene in scenes.items():
         start = estimate_state(scene, times[inside], track.positions[inside])
         lead = np.linspace(0.004, times[-1] - times[inside][-1], 160)
-        found = forecast_at(simulator, scene, start, lead, samples=0).positions[:, 0]
+        found = simulator.forecast(scene, start, lead, samples=0).positions[:, 0]
         axes.plot(*side(found), color=COLOURS[name], lw=1.8, label=f'predicted, {name}')
     axes.set_xlabel('along the shot [m]')
     axes.set_ylabel('height [m]')
