@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-import json
 from typing import Any
 
 from .reader import Bag, BagError, Topic
-from ..messages.poses import decode_string, MessageError
+from ..errors import UserError
+from ..files.strict_json import parse_json
+from ..messages.poses import decode_string
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 _STRING = 'std_msgs/msg/String'
@@ -110,8 +111,8 @@ def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
     scenes = {}
     for topic in scene_topics(bag):
         try:
-            content = json.loads(decode_string(topic.messages[-1]))
-        except (MessageError, json.JSONDecodeError):
+            content = parse_json(decode_string(topic.messages[-1]))
+        except UserError:
             continue
         if isinstance(content, dict):
             scenes[topic.name] = content

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .tracks import sorted_labels, Track
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..scenes.state import Array
 
 _TEXT, _NUMBERS, _ROTATION = ('track', 'sphere'), ('time', 'x', 'y', 'z'), ('qx', 'qy', 'qz', 'qw')
@@ -26,6 +26,8 @@ _TEXT, _NUMBERS, _ROTATION = ('track', 'sphere'), ('time', 'x', 'y', 'z'), ('qx'
 _NORM = 0.1
 # no larger number is a measurement: nanoseconds since 1970 are 2e18
 _LARGEST = 1e19
+# longest name of a track or a sphere [characters]
+_LONGEST = 200
 
 
 class CsvError(UserError):
@@ -87,7 +89,13 @@ def _read(path: Path) -> tuple[list[tuple[str, str]], Array, NDArray[np.int64], 
                         f'{path} line {reader.line_num}: {len(row)} cells, expected '
                         f'{len(header)} as in the header; complete or remove the line'
                     )
-                names.append((row[columns[0]].strip(), row[columns[1]].strip()))
+                name = row[columns[0]].strip(), row[columns[1]].strip()
+                if max(map(len, name)) > _LONGEST:
+                    raise CsvError(
+                        f'{path} line {reader.line_num}: track or sphere is a name of '
+                        f'{max(map(len, name))} characters, expected at most {_LONGEST}'
+                    )
+                names.append(name)
                 numbers.append([row[column] for column in columns[2:]])
                 lines.append(reader.line_num)
     except (UnicodeDecodeError, csv.Error) as error:
@@ -133,9 +141,10 @@ def _numbers(
         track, sphere = names[row]
         rows = len(np.unique(bad[:, 0]))
         more = f' (and {rows - 1} more rows)' if rows > 1 else ''
+        value = shown(cells[row][place].strip() or 'empty')
         raise CsvError(
             f'{path} line {lines[row]}: track {track}, sphere {sphere}: '
-            f'{header[columns[place + 2]]} is {cells[row][place].strip() or "empty"!r}{more}, '
+            f'{header[columns[place + 2]]} is {value}{more}, '
             'expected a number under 1e19; leave out the rows in which a sphere is not seen'
         )
     return values
