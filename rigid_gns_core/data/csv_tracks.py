@@ -168,13 +168,16 @@ def _assemble(
     labels = sorted_labels(spheres)
     place = {label: index for index, label in enumerate(labels)}
     columns = np.array([place[sphere] for sphere in spheres])
+    # differences first: a clock since 1970 leaves 0.2 microseconds in a float64
+    begin = float(values[:, 0].min())
+    since = values[:, 0] - begin
     for column, label in enumerate(labels):
         own = np.flatnonzero(columns == column)
-        back = np.flatnonzero(np.diff(values[own, 0]) <= 0)
+        back = np.flatnonzero(np.diff(since[own]) <= 0)
         if len(back):
             before, after = values[own[back[0]], 0], values[own[back[0] + 1], 0]
             where = f'{path} line {lines[own[back[0] + 1]]}: track {name}, sphere {label}'
-            if before == after:
+            if since[own[back[0]]] == since[own[back[0] + 1]]:
                 raise CsvError(
                     f'{where}: a second row at {after:.9g} s, expected one row per sphere and '
                     'time; give two balls two numbers, or remove the row'
@@ -183,7 +186,7 @@ def _assemble(
                 f'{where}: time goes back from {before:.9g} to {after:.9g} s, expected rising '
                 'times; sort the rows, or begin a new track where the clock restarts'
             )
-    times, frames = np.unique(values[:, 0], return_inverse=True)
+    times, frames = np.unique(since, return_inverse=True)
     shape = len(times), len(labels)
     positions, where_from = np.full((*shape, 3), np.nan), np.zeros(shape, dtype=np.int64)
     positions[frames, columns] = values[:, 1:4]
@@ -200,6 +203,5 @@ def _assemble(
             )
         quaternions = np.full((*shape, 4), np.nan)
         quaternions[frames, columns] = values[:, 4:] / norm
-    # differences first: a clock since 1970 leaves 0.2 microseconds in a float64
-    track = Track(name, times - times[0], positions, quaternions, labels, float(times[0]))
+    track = Track(name, times, positions, quaternions, labels, begin)
     return CsvTrack(track, path, where_from)

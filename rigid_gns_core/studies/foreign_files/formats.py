@@ -21,11 +21,11 @@ from .mutations import mutated_bytes, mutated_text, Mutation
 from ...bags.metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
 from ...bags.reader import read_bag
 from ...data.csv_tracks import read_csv_tracks
-from ...data.recipe import DataRecipe
+from ...data.recipe import load_recipe
 from ...data.records import read_record, Record, write_record
 from ...data.tracks import read_tracks, Track, TrackSet, write_tracks
 from ...files.checkpoint import CARD_KEYS, load_card, load_weights
-from ...files.config import config_folder, from_mapping, load_yaml
+from ...files.config import config_folder
 from ...messages.poses import decode_pose_array, decode_string, encode_string, PoseArrayCodec
 from ...messages.trajectories import decode_trajectory, encode_trajectory
 from ...recordings.importing.csv_import import import_csv
@@ -186,13 +186,7 @@ FORMATS = {
         Format('bag', '.mcap', lambda: [_mcap()], mutated_bag, _read_bag),
         Format('metadata', '.yaml', _metadata, mutated_text, _read_metadata),
         Format('scene', '.yaml', _shipped('scenes'), mutated_text, load_start),
-        Format(
-            'recipe',
-            '.yaml',
-            _shipped('data'),
-            mutated_text,
-            lambda path: from_mapping(DataRecipe, load_yaml(path), str(path)),
-        ),
+        Format('recipe', '.yaml', _shipped('data'), mutated_text, load_recipe),
         Format('csv', '.csv', _csv, mutated_text, _read_csv),
         Format('record', '.h5', _hdf5(_record), mutated_hdf5, read_record),
         Format('tracks', '.h5', _hdf5(_tracks), mutated_hdf5, read_tracks),

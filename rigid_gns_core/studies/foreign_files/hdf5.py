@@ -72,6 +72,9 @@ def _change_item(group: h5py.Group, name: str, rng: np.random.Generator) -> None
         else:
             del group[name]
         return
+    if item.dtype.kind not in 'fiu' or item.shape is None:  # another change was here before
+        del group[name]
+        return
     values = np.asarray(item)
     del group[name]
     if how == 1:
@@ -88,5 +91,5 @@ def _change_item(group: h5py.Group, name: str, rng: np.random.Generator) -> None
         group[name] = values
     else:
         other: tuple[Any, ...] = (values[None], values.reshape(-1), values + 1j)
-        other += (values.astype('i2'), values.astype('S4'), np.float64(1.0), h5py.Empty('f8'))
+        other += (values.astype('f2'), values.astype('S4'), np.float64(1.0), h5py.Empty('f8'))
         group[name] = other[int(rng.integers(len(other)))]

@@ -84,18 +84,23 @@ def problem_of(form: Format, path: Path) -> tuple[str, str]:
 
 
 def findings(
-    names: Sequence[str], seed: int, first: int = 0
+    names: Sequence[str], seed: int, first: int = 0, cases: int | None = None
 ) -> Iterator[tuple[str, int, Finding | None]]:
-    """Read changed files without end, of each format in turn: format, number, and what was found.
+    """Read changed files of each format in turn: format, number, and what was found.
 
     Args:
         names: Names of formats.
         seed: Seed of all files.
         first: Number of the first file of each.
+        cases: Number of files of each; None: without end.
     """
+    last = None if cases is None else first + cases
     for begin in count(first, _BATCH):
+        if last is not None and begin >= last:
+            return
+        end = begin + _BATCH if last is None else min(begin + _BATCH, last)
         for name in names:
-            yield from _batch(FORMATS[name], seed, begin, begin + _BATCH)
+            yield from _batch(FORMATS[name], seed, begin, end)
 
 
 def _batch(
