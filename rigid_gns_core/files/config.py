@@ -60,10 +60,9 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T
         raise ConfigError(f'{where}: missing key {missing[0]!r}')
     try:
         return cls(**values)
-    except ConfigError:
-        raise
     except UserError as error:
-        raise ConfigError(f'{where}: {error}') from error
+        text = str(error)
+        raise ConfigError(text if where in text else f'{where}: {text}') from error
 
 
 def to_mapping(config: Any) -> dict[str, Any]:
