@@ -26,14 +26,22 @@ SCENE: dict[str, Any] = {
 }
 
 
-def poses_at(times: np.ndarray) -> np.ndarray:
-    """Poses without noise at times since the start [s], (k,); shape (k, 4, 7)."""
+def poses_at(
+    times: np.ndarray, heights: np.ndarray = HEIGHTS, velocities: np.ndarray = VELOCITIES
+) -> np.ndarray:
+    """Poses without noise, shape (k, n, 7).
+
+    Args:
+        times: Since the start [s], shape (k,).
+        heights: Of the bounces [m], 0: it slides; shape (n,).
+        velocities: Along x [m/s], shape (n,).
+    """
     times = np.asarray(times, dtype=np.float64)[:, None]
-    fall = np.sqrt(2 * np.maximum(HEIGHTS, 1e-9) / GRAVITY)
+    fall = np.sqrt(2 * np.maximum(heights, 1e-9) / GRAVITY)
     since = (times + fall) % (2 * fall) - fall  # around each highest point
-    poses = np.zeros((len(times), len(HEIGHTS), 7))
-    poses[..., 0] = VELOCITIES * times
-    poses[..., 1] = 0.5 * np.arange(len(HEIGHTS))
-    poses[..., 2] = RADIUS + np.where(HEIGHTS > 0, HEIGHTS - 0.5 * GRAVITY * since**2, 0.0)
+    poses = np.zeros((len(times), len(heights), 7))
+    poses[..., 0] = velocities * times
+    poses[..., 1] = 0.5 * np.arange(len(heights))
+    poses[..., 2] = RADIUS + np.where(heights > 0, heights - 0.5 * GRAVITY * since**2, 0.0)
     poses[..., 6] = 1.0
     return poses

@@ -15,6 +15,7 @@ import sys
 import time
 from typing import Any
 
+from motion import poses_at, SCENE
 import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.prediction.load import load_simulator
@@ -28,6 +29,7 @@ import yaml
 PEERS = Path(__file__).with_name('peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm
 PLAYED = 150  # model steps that the tracker plays forward and backward
+BOUNCING = 20.0  # and so long balls that bounce [s]
 COMPILING = 600.0  # a first run compiles the engine [s]
 LEAST_STARTED = 30.0  # for discovery and the first frames [s]
 POLL = 0.1  # [s]
@@ -70,6 +72,8 @@ class Case:
         parameters: Of the simulator, besides its scene.
         busy: Whether another process keeps one core busy.
         seed: Of places and noise.
+        hertz: Frames per second of balls of 20 mm that bounce without loss; 0: a rollout of the
+            model is played.
     """
 
     name: str
@@ -79,10 +83,14 @@ class Case:
     parameters: Mapping[str, str]
     busy: bool = False
     seed: int = 0
+    hertz: float = 0.0
 
     @property
     def scene(self) -> dict[str, Any]:
         """An open box whose ground holds three times as many spheres side by side."""
+        if self.hertz:
+            found: dict[str, Any] = SCENE['scene']
+            return found
         side = float(2 * self.radius * np.sqrt(3 * self.spheres))
         return {
             'box': {'length_x': side, 'length_y': side},
@@ -113,6 +121,7 @@ class Case:
             'busy_core': self.busy,
             'seed': self.seed,
             'noise_radii': NOISE,
+            'bouncing_hz': self.hertz,
         }
 
 
@@ -227,12 +236,17 @@ def _prepare(case: Case, folder: Path) -> tuple[Path, float, float]:
     """Write scene and poses; the file of poses, their interval and the model step [s]."""
     (folder / 'scene.yaml').write_text(yaml.safe_dump({'scene': case.scene}), encoding='utf-8')
     scene = Scene.from_mapping(case.scene)
+    path = folder / 'poses.npy'
+    if case.hertz:
+        heights = np.linspace(0.3, 1.0, case.spheres)
+        times = np.arange(round(BOUNCING * case.hertz)) / case.hertz
+        np.save(path, poses_at(times, heights, np.zeros(case.spheres)))
+        return path, 1 / case.hertz, load_simulator().native_dt(scene)
     start = sample_start(scene, case.recipe)
     trajectory = load_simulator().rollout(scene, start.positions, steps=PLAYED)
     if trajectory.diverged_at is not None:
         raise RuntimeError(f'{case.name}: the rollout that the tracker plays diverged')
     poses = np.concatenate([trajectory.positions, trajectory.quaternions], axis=2)
-    path = folder / 'poses.npy'
     np.save(path, poses[:: case.stride])
     return path, case.stride * trajectory.dt, trajectory.dt
 
