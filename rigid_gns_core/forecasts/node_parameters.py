@@ -8,10 +8,12 @@ A test compares docs/node.md with these tables.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
+
+from ..errors import shown, UserError
 
 Value = bool | int | float | str | list[float]
 
@@ -200,3 +202,31 @@ TRACKER = (
     ),
     ParameterSpec('wait_for_subscriber', True, 'start when a node subscribes to tracked_poses'),
 )
+
+
+def with_defaults(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters of the simulator, as recorded on ~/scene; missing ones have their defaults.
+
+    Raises:
+        UserError: One is of another type, or out of range: the recording is damaged.
+    """
+    values: dict[str, Any] = {}
+    for spec in SIMULATOR:
+        value = recorded.get(spec.name, spec.default)
+        if type(spec.default) is float and type(value) is int:
+            value = float(value)
+        in_range = not isinstance(spec.default, (int, float)) or isinstance(spec.default, bool)
+        if type(value) is not type(spec.default):
+            raise UserError(
+                f'parameter {spec.name} is recorded as {shown(value)}, expected '
+                f'{type(spec.default).__name__}'
+            )
+        if not (in_range or spec.low <= value <= spec.high):
+            raise UserError(
+                f'parameter {spec.name} is recorded as {shown(value)}, expected {spec.low:g} to '
+                f'{spec.high:g}'
+            )
+        if problem := spec.problem(value):
+            raise UserError(f'parameter {problem}')
+        values[spec.name] = value
+    return values

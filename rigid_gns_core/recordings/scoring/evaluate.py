@@ -12,7 +12,7 @@ from .predictions import score_predictions
 from ..recorded_simulators import RecordedSimulators
 from ...bags.reader import Bag
 from ...bags.topics import find_poses, find_topics, holds_predictions
-from ...forecasts.node_parameters import SIMULATOR
+from ...forecasts.node_parameters import with_defaults
 from ...scenes.scene_file import load_scene
 
 
@@ -65,13 +65,9 @@ def _score(
     from .rollouts import RolloutOptions, score_rollouts
 
     topic = find_poses(bag, 'tracked_poses', '--topic', tracked, simulators.tracked)
-    parameters = simulators.parameters(topic.name)
-    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
+    parameters = with_defaults(simulators.parameters(topic.name))
     options = RolloutOptions(
-        model or '',
-        starts,
-        int(parameters.get('velocity_window', default)),
-        match or bool(parameters.get('match_spheres', False)),
+        model or '', starts, parameters['velocity_window'], match or parameters['match_spheres']
     )
     return score_rollouts(bag, topic, given or simulators.scene(topic.name), options)
 

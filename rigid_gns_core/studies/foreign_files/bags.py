@@ -34,6 +34,7 @@ def small_bag() -> bytes:
     said = {
         'scene': scene.to_mapping(),
         'model': 'laws',
+        'model_card': {},
         'dt': _STEP * 1e-9,
         'period': _STEP * 1e-9,
         'parameters': {'start': 'first', 'velocity_window': 6, 'match_spheres': False},

@@ -20,6 +20,7 @@ from .hdf5 import mutated_hdf5
 from .mutations import mutated_bytes, mutated_text, Mutation
 from ...bags.metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
 from ...bags.reader import read_bag
+from ...bags.topics import find_topics
 from ...data.csv_tracks import read_csv_tracks
 from ...data.recipe import load_recipe
 from ...data.records import read_record, Record, write_record
@@ -32,6 +33,7 @@ from ...recordings.importing.csv_import import import_csv
 from ...recordings.importing.import_bags import read_bag_tracks
 from ...recordings.importing.options import ImportOptions
 from ...recordings.scoring.evaluate import score_bag
+from ...recordings.scoring.reproduce import reproduce
 from ...scenes.scene import Scene
 from ...scenes.scene_file import load_start
 from ...scenes.state import Trajectory
@@ -130,6 +132,8 @@ def _read_bag(path: Path) -> None:
     bag = read_bag(path)
     try:
         score_bag(bag)
+        with bag.naming_damage():
+            reproduce(bag, find_topics(bag))
     finally:
         read_bag_tracks(path, ImportOptions(min_steps=3))
 
