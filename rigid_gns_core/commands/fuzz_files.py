@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
         if name not in FORMATS:
             raise UserError(f'--files: no format {shown(name)}, allowed: {", ".join(FORMATS)}')
     cases = None if arguments.seconds else arguments.cases or CASES
-    total = arguments.seconds or cases * len(names)
+    total = arguments.seconds or (arguments.cases or CASES) * len(names)
     end = time.monotonic() + (arguments.seconds or 0)
     read: Counter[str] = Counter()
     failed: Counter[str] = Counter()

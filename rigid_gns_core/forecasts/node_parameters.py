@@ -53,8 +53,11 @@ class ParameterSpec:
             return f'{self.name} is {value:g}, allowed: 0, or {span}'
         if isinstance(self.default, list):
             values = list(value) if isinstance(value, Iterable) else []
-            if len(values) != len(self.default) or not all(map(isfinite, values)):
-                return f'{self.name} is {values}, allowed: {len(self.default)} finite numbers'
+            numbers = all(isinstance(one, (int, float)) and isfinite(one) for one in values)
+            if len(values) != len(self.default) or not numbers:
+                return (
+                    f'{self.name} is {shown(values)}, allowed: {len(self.default)} finite numbers'
+                )
         return None
 
 
@@ -212,16 +215,17 @@ def with_defaults(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for spec in SIMULATOR:
-        value = recorded.get(spec.name, spec.default)
-        if type(spec.default) is float and type(value) is int:
+        value: Any = recorded.get(spec.name, spec.default)
+        if type(spec.default) is float and type(value) is int and abs(value) < 2**63:
             value = float(value)
-        in_range = not isinstance(spec.default, (int, float)) or isinstance(spec.default, bool)
+        counted = type(spec.default) in (int, float)
         if type(value) is not type(spec.default):
             raise UserError(
                 f'parameter {spec.name} is recorded as {shown(value)}, expected '
                 f'{type(spec.default).__name__}'
             )
-        if not (in_range or spec.low <= value <= spec.high):
+        number: Any = value if counted else spec.low
+        if not spec.low <= number <= spec.high:
             raise UserError(
                 f'parameter {spec.name} is recorded as {shown(value)}, expected {spec.low:g} to '
                 f'{spec.high:g}'

@@ -88,7 +88,7 @@ def written(messages: list[Message], compression: CompressionType) -> bytes:
             schema = writer.register_schema(kind, 'ros2msg', full_text(kind).encode())
             channels[topic, kind] = writer.register_channel(topic, 'cdr', schema)
         writer.add_message(channels[topic, kind], time, cdr, time)
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return stream.getvalue()
 
 

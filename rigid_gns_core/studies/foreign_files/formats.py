@@ -30,8 +30,8 @@ from ...files.config import config_folder
 from ...messages.poses import decode_pose_array, decode_string, encode_string, PoseArrayCodec
 from ...messages.trajectories import decode_trajectory, encode_trajectory
 from ...recordings.importing.csv_import import import_csv
-from ...recordings.importing.import_bags import read_bag_tracks
 from ...recordings.importing.options import ImportOptions
+from ...recordings.importing.tracks import read_bag_tracks
 from ...recordings.scoring.evaluate import score_bag
 from ...recordings.scoring.reproduce import reproduce
 from ...scenes.scene import Scene
@@ -119,7 +119,7 @@ def _record(folder: Path) -> Path:
 
 def _tracks(folder: Path) -> Path:
     poses = np.stack([falling(0.1 * k) for k in range(4)])
-    track = Track('a', 0.1 * np.arange(4), poses[..., :3], poses[..., 3:], ('0', '1'))
+    track = Track('a', np.linspace(0.0, 0.3, 4), poses[..., :3], poses[..., 3:], ('0', '1'))
     return write_tracks(folder, TrackSet((track,), Scene(), 1e-3, {'files': []}))
 
 
