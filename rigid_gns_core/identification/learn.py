@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,6 +87,7 @@ def learn(
     scene: Scene,
     labels: Sequence[str],
     say: Callable[[Tried], object] = lambda _: None,
+    terms: Collection[str] | None = None,
 ) -> Learned:
     """Fit a scene to tracks.
 
@@ -95,6 +96,8 @@ def learn(
         scene: Surfaces, radii, masses; where fits begin.
         labels: Labels of the scene's spheres in the tracks.
         say: Called with each line of the table.
+        terms: Names of the terms that are fitted, of those of the core, for a comparison; None:
+            all that earn their place.
 
     Raises:
         UserError: There are too few tracks, or none has enough frames.
@@ -116,7 +119,7 @@ def learn(
     met = met_by(laws, every, noise)
     _look(laws, found, met)
     ladder = _ladder(laws, found, numbers, noise)
-    _climb(ladder, laws, met, say)
+    _climb(ladder, laws, met, say, terms)
     return _finish(ladder, laws, met, every, len(numbers))
 
 
@@ -140,7 +143,13 @@ def _ladder(laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise:
     return Ladder(laws, folds, Setup((), 'none', np.inf, (noise, _DRIFT, _KICK)))
 
 
-def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object]) -> None:
+def _climb(
+    ladder: Ladder,
+    laws: Laws,
+    met: Met,
+    say: Callable[[Tried], object],
+    terms: Collection[str] | None,
+) -> None:
     def done() -> None:
         say(ladder.table[-1])
 
@@ -148,10 +157,13 @@ def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object])
     done()
     core = core_terms(laws, met)
     for rung, _ in core:
-        ladder.add(rung)
-        done()
+        if terms is None or rung.name in terms:
+            ladder.add(rung)
+            done()
     ladder.refit_noise()
     done()
+    if terms is not None:
+        return
     for rung in further_terms(met):
         if ladder.climb(rung) is not None:
             done()
