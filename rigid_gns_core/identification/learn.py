@@ -199,6 +199,7 @@ def _finish(
         spread=spread,
         forecast_drift=ahead,
         forecast_impact=kick,
+        memory=setup.memory,
         spins=_spins(setup, prior),
     )
     counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}

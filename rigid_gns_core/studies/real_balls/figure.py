@@ -42,6 +42,8 @@ _WINDOW = 0.2
 # heights of an overhead camera do not change by this [m]: the view is from above
 _LEVEL = 1e-3
 _POINTS = 120
+# texts beside the ends of lines are so far apart [largest mean]
+_APART = 0.07
 
 
 def draw_set(
@@ -148,14 +150,19 @@ def _view(track: Track) -> tuple[Any, tuple[str, str]]:
 
 
 def _draw_errors(axes: Axes, report: Mapping[str, Any]) -> None:
+    ends = {}
     for name in rivals_of(dict(report)):
         found = report['rivals'][name][FIRST]
         horizons = [float(horizon) for horizon in found]
         means = [100 * own['mean_m'] for own in found.values()]
         axes.plot(horizons, means, 'o-', color=COLOURS[name], ms=4, lw=1.6)
+        ends[name] = (horizons[-1], means[-1])
+    lowest = -np.inf
+    for name, (horizon, mean) in sorted(ends.items(), key=lambda item: item[1][1]):
+        lowest = max(mean, lowest + _APART * max(end for _, end in ends.values()))
         axes.annotate(
-            number_of(means[-1]), (horizons[-1], means[-1]), xytext=(5, -3),
-            textcoords='offset points', color=COLOURS[name], fontsize=9,
+            number_of(mean), (horizon, lowest), xytext=(5, -3), textcoords='offset points',
+            color=COLOURS[name], fontsize=9,
         )  # fmt: skip
     axes.set(xlabel='predicted ahead [s]', ylabel='mean error [cm]', ylim=(0, None))
     axes.margins(x=0.15)

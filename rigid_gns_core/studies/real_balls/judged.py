@@ -128,7 +128,9 @@ def judge_set(
         report['rivals'][name] |= _errors(found)
         report['rivals'][name]['times'] = _times(simulator, outside, scene)
         if name == FITTED:
-            report['shown'] = _usual(found[FIRST])
+            report['shown'] = _usual([one for one in found[FIRST] if not one.held])
+            held = {way: sum(one.held for one in outcomes) for way, outcomes in found.items()}
+            report['held'] = held
     try:
         bullet = BulletSimulator()
     except ModuleNotFoundError as error:
@@ -143,8 +145,11 @@ def judge_set(
 
 
 def _errors(found: Mapping[str, Sequence[Outcome]]) -> dict[str, Any]:
-    """Errors by protocol, see `report_of`."""
-    return {way: report_of(outcomes, HORIZONS) for way, outcomes in found.items()}
+    """Errors by protocol, see `report_of`: of balls that nothing unknown held on the way."""
+    return {
+        way: report_of([one for one in outcomes if not one.held], HORIZONS)
+        for way, outcomes in found.items()
+    }
 
 
 def _usual(outcomes: Sequence[Outcome]) -> str:

@@ -27,6 +27,8 @@ def format_set(name: str, report: Mapping[str, Any], *, markdown: bool = False) 
     halves = f'{count["fitted"]} tracks fitted, {count["judged"]} judged'
     if report['cut']:
         halves = 'the first half of each track fitted, the second judged'
+    if held := report['held']['every']:
+        halves += f'; {held} forecasts into or out of a hand left out'
     lines = [f'{name}: {halves}', '', format_rows(head, rows, left=(0, 1), markdown=markdown)]
     return '\n'.join(lines)
 
