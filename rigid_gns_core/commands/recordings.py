@@ -31,9 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='NAME.csv with NAME.yaml (a scene) or NAME.json (a description), or data sets that '
         '`rigid-gns import` made',
     )
-    parser.add_argument(
-        '--sets', nargs='+', metavar='NAME', help='only these sets (default: all)'
-    )
+    parser.add_argument('--sets', nargs='+', metavar='NAME', help='only these sets (default: all)')
     parser.add_argument(
         '--seed',
         type=seed_number,

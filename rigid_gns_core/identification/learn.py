@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .collisions import shown_collisions, usual_restitution
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
@@ -21,7 +22,9 @@ from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
 from ..errors import UserError
 from ..running.threads import in_threads, usable_cores
+from ..scenes.contact_law import ContactLaw
 from ..scenes.scene import Scene
+from ..scenes.state import Array
 from ..scenes.tracker import Spins, Tracker
 from ..tracking.start_prior import StartPrior
 
@@ -120,7 +123,23 @@ def learn(
     _look(laws, found, met)
     ladder = _ladder(laws, found, numbers, noise)
     _climb(ladder, laws, met, say, terms)
-    return _finish(ladder, laws, met, every, len(numbers))
+    learned = _finish(ladder, laws, met, every, len(numbers))
+    return _with_collisions(learned, shown_collisions(tracks, laws.models[0].radius))
+
+
+def _with_collisions(learned: Learned, shown: Array) -> Learned:
+    """The same with the restitution of two balls, where enough collisions show it."""
+    if not len(shown):
+        return learned
+    value, error = usual_restitution(shown)
+    if not np.isfinite(error):
+        note = f'{len(shown)} collisions of two balls show, too few to tell their restitution'
+        return replace(learned, notes=(*learned.notes, note))
+    scene = learned.scene
+    friction = float(np.mean(scene.friction)) ** 2
+    law = replace(scene.sphere_contact or ContactLaw(friction=friction), restitution=value)
+    told = learned.parameters | {'balls.restitution': Told(value, error, '')}
+    return replace(learned, scene=replace(scene, sphere_contact=law), parameters=told)
 
 
 def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
@@ -164,7 +183,7 @@ def _climb(
     done()
     if terms is not None:
         return
-    for rung in further_terms(met):
+    for rung in further_terms(laws, met):
         if ladder.climb(rung) is not None:
             done()
     for _, removal in core:

@@ -26,7 +26,8 @@ class Parameter:
 
     Args:
         name: `air.FIELD`, `gravity.AXIS`, `contact N.FIELD` of the N-th group of surfaces, or
-            `surface N.height`, `.tilt_x`, `.tilt_y` of the N-th surface.
+            `surface N.height`, `.tilt_x`, `.tilt_y` of the N-th surface. `contact N.lean` turns
+            the walls of a group over the ball: how far above its middle they meet it.
         start: Value at the start, and the mean of a weak prior.
         width: Standard deviation of that prior; a thousandth of it is the step of slopes.
         low, high: Bounds.
@@ -41,6 +42,8 @@ class Parameter:
     unit: str = ''
 
 
+# a wall's normal has this part along the vertical at most
+WALL = 0.7
 # of a mass that is far off, a coefficient makes up for it
 _MOST = 50.0
 AIR = {
@@ -99,6 +102,8 @@ class Laws:
         if part.startswith('surface'):
             width, unit = (0.003, 'm') if field == 'height' else (0.01, 'rad')
             return Parameter(name, 0.0, width, unit=unit)
+        if field == 'lean':
+            return Parameter(name, 0.0, 0.05, -0.4, 0.4, 'rad')
         width, low, high, unit = CONTACT[field]
         law = dict(
             zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True)
@@ -113,7 +118,7 @@ class Laws:
         laws = self.models[0].laws.copy()
         for name, value in values.items():
             part, field = name.split('.')
-            if not part.startswith('contact'):
+            if not part.startswith('contact') or field == 'lean':
                 continue
             for k in self.groups[int(part.split()[1])]:
                 _set_law(laws[k], field, value)
@@ -141,6 +146,12 @@ class Laws:
     def surfaces_at(self, values: Mapping[str, float]) -> tuple[Plane, ...]:
         """Planes with these heights and tilts: about the axes of the plane, at its point."""
         planes = list(self.scene.surfaces)
+        for group, numbers in enumerate(self.groups):
+            lean = values.get(f'contact {group}.lean', 0.0)
+            for k in numbers if lean else ():
+                if abs(np.dot(planes[k].normal, self.scene.up)) < WALL:
+                    normal = np.asarray(planes[k].normal) - lean * self.scene.up
+                    planes[k] = replace(planes[k], normal=tuple(normal))
         for k, plane in enumerate(planes):
             height = values.get(f'surface {k}.height', 0.0)
             x, y = values.get(f'surface {k}.tilt_x', 0.0), values.get(f'surface {k}.tilt_y', 0.0)
@@ -168,7 +179,7 @@ class Laws:
         )
 
     def _planes(self, values: Mapping[str, float]) -> Array:
-        if any(name.startswith('surface') for name in values):
+        if any(name.startswith('surface') or name.endswith('.lean') for name in values):
             return plane_rows(self.surfaces_at(values))
         return self.models[0].planes
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from .ladder import always, Rung, Setup
-from .parameters import Laws
+from .parameters import Laws, WALL
 from .stretches import Stretch
 from ..tracking.ball_contact import FREE
 
@@ -99,7 +99,7 @@ def core_terms(laws: Laws, met: Met) -> list[tuple[Rung, Rung | None]]:
     return terms
 
 
-def further_terms(met: Met) -> list[Rung]:
+def further_terms(laws: Laws, met: Met) -> list[Rung]:
     """Terms that are added only where they help."""
     terms = [
         Rung(
@@ -121,11 +121,16 @@ def further_terms(met: Met) -> list[Rung]:
         if count >= _FEWEST:
             names = (f'contact {g}.restitution_drop', f'contact {g}.restitution_speed')
             terms.append(_adding(f'restitution over speed, {g}', names))
+            walls = [np.dot(laws.scene.surfaces[k].normal, laws.scene.up) for k in laws.groups[g]]
+            if min(np.abs(walls)) < WALL:
+                terms.append(_adding(f'lean of walls, {g}', (f'contact {g}.lean',)))
     for g, count in enumerate(met.stays):
         if count >= _FEWEST:
             terms.append(
                 _adding(f'rolling over speed, {g}', (f'contact {g}.rolling_friction_slope',))
             )
+            names = (f'contact {g}.spinning_friction',)
+            terms.append(_adding(f'spinning friction, {g}', names, _spins))
     return terms
 
 
@@ -146,7 +151,7 @@ def _frame(laws: Laws, met: Met) -> tuple[str, ...]:
     names = []
     for k in met.surfaces:
         names.append(f'surface {k}.height')
-        if np.asarray(laws.scene.surfaces[k].normal) @ laws.scene.up > 0.7:
+        if np.asarray(laws.scene.surfaces[k].normal) @ laws.scene.up > WALL:
             names += [f'surface {k}.tilt_x', f'surface {k}.tilt_y']
     return tuple(names)
 

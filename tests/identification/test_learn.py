@@ -25,6 +25,7 @@ from rigid_gns_core.identification.stretches import pieces, stretches
 from rigid_gns_core.tracking.ball_model import BallModel
 from rigid_gns_core.tracking.start_prior import StartPrior
 
+
 def test_a_first_look_shows_noise_and_restitution() -> None:
     laws = Laws(GIVEN)
     found = pieces(launched(6), GIVEN, ['0'], laws.models, NOISE)
@@ -85,7 +86,9 @@ def test_friction_is_found_from_far_off_within_a_ladder() -> None:
     scene = Scene(surfaces=Plane(contact=law), radius=RADIUS, mass=0.0027)
     laws = Laws(scene)
     cut = stretches(pieces(tracks, scene, ['0'], laws.models, 5e-4), laws.models, 5e-4)
-    setup = Setup(('contact 0.restitution', 'contact 0.friction'), 'none', np.inf, (5e-4, 1e-3, 0.01))
+    setup = Setup(
+        ('contact 0.restitution', 'contact 0.friction'), 'none', np.inf, (5e-4, 1e-3, 0.01)
+    )
     fitted, _, unknown = fit_setup(laws, setup, cut, None)
     assert unknown == 0
     assert abs(fitted.values['contact 0.friction']) < 0.01

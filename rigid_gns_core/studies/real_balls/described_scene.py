@@ -23,6 +23,7 @@ from ...scenes.scene import Scene
 
 TABLE = ContactLaw(restitution=0.8, friction=0.3, rolling_friction=0.01)
 CUSHION = ContactLaw(restitution=0.75, friction=0.2)
+BALLS = ContactLaw(restitution=0.9, friction=0.05)
 # of a ball whose mass is not told: between a beanbag and a solid rubber ball [kg/m^3]
 _DENSITY = 700.0
 
@@ -47,6 +48,7 @@ def described_scene(about: Mapping[str, Any], where: str) -> Scene:
             radius=radius,
             mass=_DENSITY * 4.0 / 3.0 * np.pi * radius**3 if mass is None else mass,
             inertia_factor=SOLID if inertia is None else inertia,
+            sphere_contact=BALLS,
         )
     except UserError as error:
         raise UserError(f'{where}: {error}') from error
@@ -75,8 +77,8 @@ def _table(about: Mapping[str, Any], radius: float) -> tuple[Plane, ...]:
     point = point - normal * ((point - centre) @ normal + radius)
     return (
         Plane(
-            point=tuple(point.tolist()),
-            normal=tuple(normal.tolist()),
+            point=(float(point[0]), float(point[1]), float(point[2])),
+            normal=(float(normal[0]), float(normal[1]), float(normal[2])),
             direction=(1.0, 0.0, 0.0),
             contact=TABLE,
             **lengths,
@@ -97,5 +99,8 @@ def _cushions(about: Mapping[str, Any], radius: float) -> tuple[Plane, ...]:
         for end, sign in zip(cushions['xy'[axis]], (1.0, -1.0), strict=True):
             point, normal = [other, other, nose], [0.0, 0.0, -float(np.sin(lean))]
             point[axis], normal[axis] = float(end), sign * float(np.cos(lean))
-            planes.append(Plane(tuple(point), tuple(normal), contact=CUSHION))
+            place, way = np.array(point), np.array(normal)
+            planes.append(
+                Plane((place[0], place[1], place[2]), (way[0], way[1], way[2]), contact=CUSHION)
+            )
     return tuple(planes)

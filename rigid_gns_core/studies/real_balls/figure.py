@@ -26,12 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {
-    BULLET: '#8c6bb1',
-    'vacuum': '#b3541e',
-    'drag': '#d9a441',
-    FITTED: '#1f5fa8',
-}
+COLOURS = {BULLET: '#8c6bb1', 'vacuum': '#b3541e', 'drag': '#d9a441', FITTED: '#1f5fa8'}
 TEXTS = {
     BULLET: 'Bullet, same start, no air',
     'vacuum': 'laws without air',
@@ -66,7 +61,9 @@ def draw_set(
     axes = figure.subplots(1, 2, width_ratios=(2, 1))
     track = next(one for one in outside.tracks if one.name == report['shown'])
     ids = tuple(outside.labels.index(label) for label in track.spheres)
-    _draw_track(axes[0], track, {k: scene_of(s, ids) for k, s in scenes.items()}, simulator, report)
+    _draw_track(
+        axes[0], track, {k: scene_of(s, ids) for k, s in scenes.items()}, simulator, report
+    )
     _draw_errors(axes[1], report)
     figure.savefig(path, dpi=130)
 
@@ -120,7 +117,7 @@ def _draw_track(
     axes.plot([], [], '.', color='0.65', label='tracked afterwards')
     leads = np.linspace(0.004, end - start, _POINTS)
     columns = tuple(np.flatnonzero(seen).tolist())
-    for name in rivals_of(dict(report)):
+    for name in rivals_of(report):
         scene = scene_of(scenes[FITTED if name == BULLET else name], columns)
         model = BulletSimulator() if name == BULLET else simulator
         estimate = estimate_state(scene, track.times[inside], places[inside])
@@ -151,7 +148,7 @@ def _view(track: Track) -> tuple[Any, tuple[str, str]]:
 
 def _draw_errors(axes: Axes, report: Mapping[str, Any]) -> None:
     ends = {}
-    for name in rivals_of(dict(report)):
+    for name in rivals_of(report):
         found = report['rivals'][name][FIRST]
         horizons = [float(horizon) for horizon in found]
         means = [100 * own['mean_m'] for own in found.values()]

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .bullet import BulletSimulator
-from ...data.tracks import TrackSet, tracks_hash
+from ...data.tracks import tracks_hash, TrackSet
 from ...forecasts.forecaster import scene_of
 from ...forecasts.lead_times import forecast_at
 from ...identification.card import card_of, write_lab
@@ -153,7 +153,7 @@ def _errors(found: Mapping[str, Sequence[Outcome]]) -> dict[str, Any]:
 
 
 def _usual(outcomes: Sequence[Outcome]) -> str:
-    """Name of the track with the median error at the last horizon that half of the tracks reach."""
+    """Track with the median error at the last horizon that half of the tracks reach."""
     names = {one.track for one in outcomes}
     for horizon in reversed(HORIZONS):
         own = sorted((one for one in outcomes if one.horizon == horizon), key=lambda o: o.error)
@@ -193,7 +193,7 @@ def _times(simulator: Simulator, outside: TrackSet, scene: Scene) -> dict[str, A
     }
 
 
-def rivals_of(report: dict[str, Any]) -> Sequence[str]:
+def rivals_of(report: Mapping[str, Any]) -> Sequence[str]:
     """Names of the rivals that were judged, in the order of what they know."""
     order = [BULLET, *RIVALS]
     return [name for name in order if FIRST in report['rivals'].get(name, {})]

@@ -137,14 +137,16 @@ def _cut(track: Track) -> tuple[Track, Track]:
     parts = []
     for name, own in (('a', slice(0, middle)), ('b', slice(middle, None))):
         times, turns = track.times[own], track.quaternions
-        seen = track.seen[own].any(axis=0)
+        seen = np.asarray(track.seen[own].any(axis=0))
         parts.append(
             Track(
                 name=f'{track.name}{name}',
                 times=times - times[0],
                 positions=track.positions[own][:, seen],
                 quaternions=None if turns is None else turns[own][:, seen],
-                spheres=tuple(s for s, is_seen in zip(track.spheres, seen, strict=True) if is_seen),
+                spheres=tuple(
+                    s for s, is_seen in zip(track.spheres, seen, strict=True) if is_seen
+                ),
                 begin=track.begin + float(times[0]),
             )
         )
