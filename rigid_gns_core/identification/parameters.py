@@ -52,6 +52,7 @@ AIR = {
     'lift_coefficient': Parameter('air.lift_coefficient', 0.37, 0.3, 0.0, _MOST),
     'lift_half_ratio': Parameter('air.lift_half_ratio', 0.25, 0.2, 0.02, 2.0),
     'spin_decay': Parameter('air.spin_decay', 0.0, 0.3, 0.0, 3.0, '1/s'),
+    **{f'wind_{a}': Parameter(f'air.wind_{a}', 0.0, 1.0, -30.0, 30.0, 'm/s') for a in 'xyz'},
 }
 # width, low, high, unit; a restitution that falls by `restitution_drop` from high to low speed
 CONTACT = {
@@ -93,9 +94,13 @@ class Laws:
         part, field = name.split('.')
         if part == 'air':
             parameter = AIR[field]
-            if self.scene.air is not None and field != 'lift_coefficient':
-                return replace(parameter, start=float(getattr(self.scene.air, field)))
-            return parameter
+            if self.scene.air is None or field == 'lift_coefficient':
+                return parameter
+            if field.startswith('wind'):
+                start = self.scene.air.wind['xyz'.index(field[-1])]
+            else:
+                start = getattr(self.scene.air, field)
+            return replace(parameter, start=float(start))
         if part == 'gravity':
             gravity = self.scene.gravity['xyz'.index(field)]
             return Parameter(name, gravity, 0.5, unit='m/s2')
@@ -135,7 +140,10 @@ class Laws:
         if not fields:
             return self.scene.air
         base = self.scene.air or Air(drag_coefficient=0.0)
-        return replace(base, **fields)
+        blowing = [
+            fields.pop(f'wind_{axis}', still) for axis, still in zip('xyz', base.wind, strict=True)
+        ]
+        return replace(base, wind=tuple(blowing), **fields)
 
     def gravity_at(self, values: Mapping[str, float]) -> Array:
         """Gravity with these values [m/s^2], shape (3,)."""

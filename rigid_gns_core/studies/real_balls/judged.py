@@ -47,6 +47,8 @@ _WINDOW = 0.2
 # starts all along the tracks: so far apart at least [s], and as many of them at most
 _APART, _MOST = 0.1, 600
 _SAMPLES = 32
+# heights of balls that roll, or are not measured, change by less [m]
+_LEVEL = 1e-3
 # forecast of one ball that is timed [s], and how many starts are
 _AHEAD, _TIMED = 1.0, 200
 
@@ -108,14 +110,14 @@ def judge_set(
         'rivals': {},
     }  # fmt: skip
     for name, terms in RIVALS.items():
+        if name == 'drag' and not _flies(inside):
+            continue
         began = perf_counter()
 
         def step(line: Tried, name: str = name) -> None:
             say(f'{name}: {line.name}')
 
         learned = learn(inside.tracks, inside.scene, inside.labels, step, terms)
-        if name == 'drag' and learned.scene.air is None:
-            continue  # nothing flies here
         card = card_of(learned, {'sha256': report['hashes']['fitted']})
         write_lab(folder / f'{name}.yaml', learned, card)
         scenes[name] = learned.scene
@@ -142,6 +144,12 @@ def judge_set(
         {k: track_outcomes(bullet, outside, scenes[FITTED], w) for k, w in bare.items()}
     )
     return report
+
+
+def _flies(found: TrackSet) -> bool:
+    """Whether a ball leaves the height at which it was seen first."""
+    heights = [track.positions @ found.scene.up for track in found.tracks]
+    return any(bool((np.nanmax(own, 0) - np.nanmin(own, 0) > _LEVEL).any()) for own in heights)
 
 
 def _errors(found: Mapping[str, Sequence[Outcome]]) -> dict[str, Any]:
