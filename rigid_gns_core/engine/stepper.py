@@ -120,8 +120,9 @@ class EngineStepper(Stepper):
         if not is_compiled():
             warm_up()
         self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
-        self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))
+        # what rests on a surface that moves may be carried anywhere
+        self.guards, self.sleeps = guard, sleep and not self.world.moving
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))
         self.warm_start = cold_start()
         self.frames, self.acted, self.removed = 0, 0, 0.0

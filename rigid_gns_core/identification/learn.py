@@ -103,8 +103,14 @@ def learn(
             all that earn their place.
 
     Raises:
-        UserError: There are too few tracks, or none has enough frames.
+        UserError: There are too few tracks, or none has enough frames, or a surface changes place.
     """
+    for k, surface in enumerate(scene.surfaces):
+        if surface.changes_place:
+            raise UserError(
+                f'surface {k} of the scene moves, and tracks do not say where it was; fit a scene '
+                'without it, and add it to the result'
+            )
     laws = Laws(scene, max(len(labels), 1))
     noise = 1e-3
     for _ in range(2):  # where tracks are cut depends on the noise

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from .plane import (
     checked_floats,
     checked_property,
     checked_vector,
+    MOTIONS,
     PerSphere,
     RANGES,
     SOLID,
@@ -46,7 +47,7 @@ class Scene:
     """Surfaces, sphere properties, materials and gravity.
 
     Args:
-        surfaces: Static planes.
+        surfaces: Planes.
         radius: Radius [m]; a number, or one per sphere (as are the next five).
         mass: Mass [kg].
         restitution: Coefficient of restitution of the material, 0 to 1.
@@ -144,6 +145,11 @@ class Scene:
             values.append(default if value is None else value)
         return np.array(values)
 
+    def of_fixed_surfaces(self) -> Scene:
+        """Scene without the surfaces whose place changes: belts stay, rackets do not."""
+        fixed = tuple(surface for surface in self.surfaces if not surface.changes_place)
+        return self if len(fixed) == len(self.surfaces) else replace(self, surfaces=fixed)
+
     @property
     def up(self) -> Array:
         """Unit vector against gravity, shape (3,); z where there is no gravity."""
@@ -187,6 +193,8 @@ class Scene:
         for surface, plane in zip(mapping['surfaces'], self.surfaces, strict=True):
             if plane.contact is not None:
                 surface['contact'] = to_mapping(plane.contact)
+            if plane.moves:
+                surface |= {name: list(getattr(plane, name)) for name in MOTIONS}
         if self.sphere_contact is not None:
             mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:
