@@ -51,7 +51,8 @@ def limit_energy_of_soft(
         for i in members:
             kinetic, potential = energy_of(world, after, i)
             kinetic_before, potential_before = energy_of(world, before, i)
-            left += held[i] + kinetic_before + potential_before - kinetic - potential
+            left += held[i] + islands.work[i]
+            left += kinetic_before + potential_before - kinetic - potential
             room += most[i]
         if left > 0 and room > 0:
             share = min(1.0, left / room)

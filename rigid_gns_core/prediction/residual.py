@@ -11,6 +11,7 @@ from typing import Any
 from .laws import UNITS
 from ..engine.learned_network import network_of, ResidualConfig
 from ..engine.options import LawsOptions
+from ..errors import UserError
 from ..files.checkpoint import CheckpointError, Tensors
 from ..files.config import from_mapping
 from ..rollout.simulator import Simulator
@@ -51,7 +52,12 @@ class ResidualSimulator(Simulator):
             ) from error
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
-        """Accept every scene: the laws hold for all, and the network is bounded by them."""
+        """Refuse surfaces that move, of which no network has learned; the laws hold for all else."""
+        if any(plane.moves for plane in scene.surfaces):
+            raise UserError(
+                f'the scene has surfaces that move, which model {self.name!r} does not know; use '
+                'the laws'
+            )
 
     def warm_up(self) -> None:
         """Compile the engine, or read it from the disk."""
