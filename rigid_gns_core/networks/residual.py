@@ -112,6 +112,10 @@ class _Exchange(nn.Module):
 class ResidualNetwork(nn.Module):
     """The residual network; see `engine/learned_network.py`."""
 
+    stiffness: Tensor
+    mean: Tensor
+    deviation: Tensor
+
     def __init__(self, config: ResidualConfig) -> None:
         super().__init__()
         width = config.width

@@ -51,8 +51,8 @@ class ResidualSimulator(Simulator):
                 f'{name}: weights and card do not belong together: {error}'
             ) from error
 
-    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
-        """Refuse surfaces that move, of which no network has learned; the laws hold for all else."""
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:  # noqa: ARG002
+        """Refuse surfaces that move, of which no network has learned."""
         if any(plane.moves for plane in scene.surfaces):
             raise UserError(
                 f'the scene has surfaces that move, which model {self.name!r} does not know; use '

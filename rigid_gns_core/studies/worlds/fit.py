@@ -65,7 +65,10 @@ def fit_laws(laws: Simulator, tracks: Sequence[Observed], windows: int, seed: in
         options={'initial_simplex': simplex, 'maxfev': _EVALUATIONS},
     )
     best = np.clip(found.x, 0.0, (1.0, 3.0, 1.0))
-    return replace(tracks[0].scene, **dict(zip(MATERIALS, map(float, best), strict=True)))
+    restitution, friction, rolling = map(float, best)
+    return replace(
+        tracks[0].scene, restitution=restitution, friction=friction, rolling_friction=rolling
+    )
 
 
 _STATE = ('positions', 'quaternions', 'velocities', 'angular_velocities')

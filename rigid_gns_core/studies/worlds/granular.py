@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...installation.extras import needed
+from ...kernels.neighbours import Indices
 from ...scenes.scene import Scene
 from ...scenes.state import Array, quaternion_multiply, State
 
@@ -135,10 +136,10 @@ class GranularSpheres:
         values: Array = self._lammps.numpy.extract_atom(name)
         return values
 
-    def _order(self, count: int) -> Array:
+    def _order(self, count: int) -> Indices:
         """Place of each sphere in LAMMPS' arrays."""
         tags = self._lammps.numpy.extract_atom('id')[:count]
-        order: Array = np.argsort(tags)
+        order: Indices = np.argsort(tags).astype(np.int64)
         return order
 
 
@@ -148,4 +149,5 @@ def _turned(quaternions: Array, vectors: Array) -> Array:
     axes = vectors / np.maximum(angles, 1e-300)
     turns = np.concatenate([axes * np.sin(0.5 * angles), np.cos(0.5 * angles)], axis=1)
     turned: Array = quaternion_multiply(turns, quaternions)
-    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    return turned

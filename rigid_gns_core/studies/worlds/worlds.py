@@ -129,4 +129,5 @@ def _turned(quaternions: Array, small: Array) -> Array:
     """Rotations after others by small rotation vectors."""
     turns = np.concatenate([0.5 * small, np.ones((*small.shape[:-1], 1))], axis=-1)
     turned: Array = quaternion_multiply(turns, quaternions)
-    return turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+    return turned

@@ -110,8 +110,7 @@ def frames_from(
             ],
             axis=1,
         )
-        features = one.contacts.features.astype(np.float32)  # half the memory
-        made.append(Frame(one.contacts._replace(features=features), bodies, errors))
+        made.append(Frame(one.contacts, bodies, errors))
     return made
 
 

@@ -86,7 +86,7 @@ class ResidualLearner(Learner[ResidualNetwork]):
         self,
         config: ResidualTrainConfig,
         tracks: Sequence[Track],
-        materials: dict[str, object] | None = None,
+        materials: dict[str, float] | None = None,
     ) -> None:
         torch.manual_seed(config.seed)
         super().__init__(

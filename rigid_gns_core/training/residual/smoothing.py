@@ -21,9 +21,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...engine.learned_contacts import NEAR
+from ...kernels.neighbours import Flags
 from ...scenes.scene import Scene
-from ...scenes.similarity import quaternion_multiply
-from ...scenes.state import Array, State
+from ...scenes.state import Array, quaternion_multiply, State
 
 # least standard deviation of a jump [g h], in flight and where something is near
 _FLIGHT, _CONTACT = 0.02, 1.0
@@ -58,7 +58,7 @@ def smoothed_states(scene: Scene, positions: Array, quaternions: Array, h: float
     return State.unchecked(centres, quaternions, velocities, spins)
 
 
-def _near(scene: Scene, positions: Array, radius: Array) -> Array:
+def _near(scene: Scene, positions: Array, radius: Array) -> Flags:
     """Whether something is near a sphere at each sample; shape (m, n)."""
     near = np.zeros(positions.shape[:2], dtype=bool)
     reach = radius[:, None] + radius + NEAR * radius.mean()
@@ -84,7 +84,7 @@ def _turned(quaternions: Array) -> Array:
 
 
 def _smoothed(
-    values: Array, pull: Array, near: Array, h: float, weight: float, least: float
+    values: Array, pull: Array, near: Flags, h: float, weight: float, least: float
 ) -> tuple[Array, Array]:
     """Smoothed values and their rates, shape (m, n, 3) each."""
     jumps = np.zeros_like(values)
@@ -100,8 +100,7 @@ def _smoothed(
     intensity = np.maximum(intensity[:-1], intensity[1:]) / h  # of the intervals
     count, size = len(values), values.shape[1]
     x, v = values[0].copy(), (values[1] - values[0]) / h - 0.5 * h * pull
-    p = np.array([[noise**2, 0.0], [0.0, 4.0 * (noise / h) ** 2 + 0.0]])
-    cover = np.broadcast_to(p, (size, 2, 2)).copy()
+    cover = np.tile(np.diag([noise**2, 4.0 * (noise / h) ** 2]), (size, 1, 1))
     cover[:, 1, 1] += intensity[0] * h
     move = np.array([[1.0, h], [0.0, 1.0]])
     shape = np.array([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]])
