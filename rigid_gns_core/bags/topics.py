@@ -35,6 +35,7 @@ class Topics:
         recorded: Content of ~/scene: scene, model, parameters, topics; empty: not recorded.
         start: Starts of forecasts; None: not recorded.
         trajectory: Predicted trajectories; None: not recorded.
+        deviations: Deviations of these; None: not recorded.
     """
 
     tracked: Topic
@@ -43,6 +44,7 @@ class Topics:
     recorded: dict[str, Any]
     start: Topic | None = None
     trajectory: Topic | None = None
+    deviations: Topic | None = None
 
 
 def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = None) -> Topics:
@@ -83,6 +85,7 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
         _recorded(bag, predicted_topic),
         own_topics['start'],
         _of_type(bag.topics.get(names.get('trajectory', '')), _TRAJECTORY),
+        _of_type(bag.topics.get(names.get('deviations', '')), _TRAJECTORY),
     )
 
 

@@ -100,7 +100,7 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     predicted = predictions_by_forecast(
         starts, all_predictions.frames, all_predictions.indices, all_tracked.stamps, every=every
     )
-    futures = recorded_futures(topics.trajectory, starts)
+    futures = recorded_futures(topics.trajectory, starts, topics.deviations)
     for name, found in (('horizon_errors', predicted), ('future_errors', futures)):
         report[name] = _horizon_errors(found, all_tracked, starts, identified, radius)
     report['timing'] = (
@@ -188,7 +188,8 @@ def _horizon_errors(
             passes[key] = Passes.of(known, *key[1:], radius)
         tracked, _ = passes[key].beside(forecast.indices)
         if tracked:
-            add_forecast(errors, forecast, tracked)
+            noise = starts[forecast.start].noise if forecast.start >= 0 else None
+            add_forecast(errors, forecast, tracked, noise or 0.0)
     return errors.report()
 
 
