@@ -178,6 +178,7 @@ def usable_passes(
     known: list[int] = []
     masks: dict[int, NDArray[np.bool_]] = {}  # which spheres each frame shows
     places: Array | None = None  # where each was last [m]
+    arrived = 0  # time of arrival of the newest frame [ns]
     for k, (frame, time) in enumerate(zip(frames, times.tolist(), strict=True)):
         try:
             order.check(frame)
@@ -212,8 +213,13 @@ def usable_passes(
             passes.append([])
         for accepted in admitted:
             late = bool(known) and accepted.stamp_ns < known[-1]
-            if known and accepted.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
+            apart = accepted.stamp_ns - known[-1] if known else 0
+            before_ns = np.array(known, dtype=np.int64)
+            if apart > WINDOW_GAP * 1e9 or (
+                not late and clock_was_set(before_ns, apart, time - arrived)
+            ):
                 known, places = [], None
+            arrived = arrived if late else time
             if not late:
                 repeats.took(accepted)
             seen = masks[accepted.stamp_ns] = measured(accepted.poses)

@@ -236,7 +236,7 @@ class TrackingWindow:
             if apart > self.max_gap_ns or (
                 not later and clock_was_set(tracks.stamps, apart, now_ns - self.arrival_ns)
             ):
-                if not self.full:
+                if not self.full and apart > self.max_gap_ns:
                     self._on_gap(apart * 1e-9)
                 frames.clear()
                 matched = self.settings.matched
