@@ -204,7 +204,7 @@ class JointFit(Problem):
             point,
             self.means[k],
             self.precisions[k],
-            self.moves,
+            self.varied,
             one.times[0],
             one.times,
             one.positions,

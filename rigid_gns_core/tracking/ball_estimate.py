@@ -12,13 +12,13 @@ import numpy as np
 from .ball_contact import FREE
 from .ball_fit import fit_start
 from .ball_model import BallModel, surface_under
-from .ball_path import path, path_and_slopes
+from .ball_path import path
+from .path_slopes import path_and_slopes
 from .start_prior import StartPrior
 from ..scenes.state import Array
 
-# steps of the differences over a start: p [m], v [m/s], w [rad/s]
-MOVES = np.array([1e-6] * 3 + [1e-5] * 3 + [1e-3] * 3)
-WITHOUT_SPIN = np.where(np.arange(9) < 6, MOVES, 0.0)
+# parts of a start that are fitted: p, v, w
+ALL, WITHOUT_SPIN = np.ones(9), np.repeat([1.0, 1.0, 0.0], 3)
 # how well a start is known beforehand: position [m] and velocity [m/s]; on a surface, off it
 _LOOSE, _HELD = np.array([1e3] * 3 + [1e2] * 3), 1e-4
 # time [s] and least number of the frames of the first guess, and least number of a window
@@ -166,7 +166,7 @@ def _estimate(
         start,
         mean,
         precision,
-        WITHOUT_SPIN if prior is None else MOVES,
+        WITHOUT_SPIN if prior is None else ALL,
         times[0],
         times,
         positions,
@@ -212,7 +212,7 @@ def forecast_ball(
 ) -> BallForecast:
     """Forecast from an estimate at a time to rising stamps [s], shape (k,)."""
     count = len(stamps)
-    states, slopes = np.zeros((count, 9)), np.zeros((9, count, 9))
+    states, slopes = np.zeros((count, 9)), np.zeros((count, 9, 9))
     impacts = np.zeros((MOST_CONTACTS, 3))
     start, change = estimate.state.copy(), np.eye(9)
     if estimate.on != FREE:  # the path takes what comes to the spin of rolling
@@ -221,7 +221,7 @@ def forecast_ball(
         change[6:, 3:6] = -_crossing(normal) / model.radius
     found, _ = path_and_slopes(
         start,
-        MOVES,
+        ALL,
         begin,
         np.ascontiguousarray(stamps),
         model.ball,
@@ -233,7 +233,7 @@ def forecast_ball(
         impacts,
     )
     covariance = change @ estimate.covariance @ change.T
-    spread = np.einsum('akc,ab,bkd->kcd', slopes, covariance, slopes, optimize=True)
+    spread = slopes @ covariance @ slopes.transpose(0, 2, 1)
     return BallForecast(states, spread, impacts[: min(found, MOST_CONTACTS)])
 
 

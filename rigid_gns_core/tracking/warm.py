@@ -11,7 +11,7 @@ import numpy as np
 
 from .association import match
 from .ball_contact import FREE
-from .ball_estimate import estimate_ball, forecast_ball, MOVES
+from .ball_estimate import ALL, estimate_ball, forecast_ball
 from .ball_model import BallModel
 from .ball_slopes import normal_equations
 from .coasting import turn_on
@@ -44,7 +44,7 @@ def warm_up_laws() -> None:
         ends = np.zeros((9, 9)), np.zeros(9)
         frames = (float(times[0]), times, places)
         normal_equations(
-            found.state, MOVES, *frames, *laws, FREE, noise, np.ones(12), *none, *ends
+            found.state, ALL, *frames, *laws, FREE, noise, np.ones(12), *none, *ends
         )
 
 
