@@ -15,7 +15,7 @@ from .joint_fit import Fitted
 from .parameters import Laws
 from .stretches import Stretch
 from ..scenes.state import Array
-from ..tracking.ball_estimate import MOST_CONTACTS
+from ..tracking.ball_window import MOST_CONTACTS
 from ..tracking.ball_path import path
 
 

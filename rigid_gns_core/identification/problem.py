@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from .parameters import Laws
 from .stretches import Stretch
 from ..scenes.state import Array
-from ..tracking.ball_estimate import ALL, first_guess, prior_of_start, WITHOUT_SPIN
+from ..tracking.ball_estimate import first_guess, prior_of_start
 from ..tracking.ball_model import BallModel
+from ..tracking.start_guess import ALL, WITHOUT_SPIN
 
 SpinPrior = Callable[[Stretch, Array], tuple[Array, Array]]
 

@@ -24,8 +24,8 @@ from ..scenes.state import Array
 _LINEAR = 3.0
 # trials of a step, each with so much more damping
 _TRIES, _MORE_DAMPING = 5, 30.0
-# a step smaller than this ends the search [deviations of the posterior]
-_SMALL = 1e-2
+# a step smaller than this ends the search [deviations of the posterior]; of a window that grows
+_SMALL, _SMALL_FIRST = 1e-2, 0.3
 
 
 @in_place
@@ -143,7 +143,7 @@ def fit_start(
     while True:
         last = n == m
         seen, places = stamps[:n], observed[:n]
-        damping = 1e-4
+        damping, small = 1e-4, _SMALL if last else _SMALL_FIRST
         for _ in range(iterations if last else 3):
             count, where = path_and_slopes(
                 start,
@@ -194,13 +194,13 @@ def fit_start(
                     better = True
                     break
                 damping *= _MORE_DAMPING
-                if size < _SMALL:
+                if size < small:
                     break
             if better:
                 start[:] = trial
                 damping = max(0.1 * damping, 1e-9)
                 loss = after
-            if not better or size < _SMALL:
+            if not better or size < small:
                 break
         if not last:
             n = min(max(int(growth * n), n + 3), m)

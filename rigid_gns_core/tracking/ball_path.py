@@ -38,25 +38,29 @@ def fly(p: Vector, v: Vector, w: Vector, h: float, flight: Flight) -> tuple[Vect
 def time_of_impact(
     p: Vector, v: Vector, w: Vector, h: float, flight: Flight, planes: Array, k: int
 ) -> float:
-    """Time in [0, h] at which a flight that is beyond a plane at h touches it: regula falsi."""
+    """Time in [0, h] at which a flight that is beyond a plane at h touches it.
+
+    By Newton's method from a chord; where that leaves the bracket, by bisection.
+    """
+    n = normal_of(planes, k)
     low, high = 0.0, h
     at_low = height(planes, k, p, flight.radius)
     if at_low <= 0.0:
         return 0.0
     q, _ = fly(p, v, w, h, flight)
-    at_high = height(planes, k, q, flight.radius)
-    time = h
+    time = h * at_low / (at_low - height(planes, k, q, flight.radius))
     for _ in range(50):
-        time = low + (high - low) * at_low / (at_low - at_high)
-        q, _ = fly(p, v, w, time, flight)
-        at_time = height(planes, k, q, flight.radius)
-        if abs(at_time) < 1e-13 or high - low < 1e-14:
-            break
-        # an end that stays is given half its value (Illinois)
-        if at_time > 0.0:
-            low, at_low, at_high = time, at_time, 0.5 * at_high
+        q, after = fly(p, v, w, time, flight)
+        off, speed = height(planes, k, q, flight.radius), dot(after, n)
+        if off > 0.0:
+            low = time
         else:
-            high, at_high, at_low = time, at_time, 0.5 * at_low
+            high = time
+        if abs(off) < 1e-13 or high - low < 1e-14:
+            break
+        time = time - off / speed if speed < 0.0 else low
+        if not low < time < high:
+            time = 0.5 * (low + high)
     return time
 
 

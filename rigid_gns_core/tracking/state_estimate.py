@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .environment import Environment
 from .jit import compiling
-from .known_laws import states_by_laws
+from .known_laws import KnownLaws
 from .motion_models import Motion, ROLLING
 from .pose_noise import estimate_noise, rotates
 from .velocity import estimate_motion
@@ -95,7 +96,8 @@ def estimate_state(
     if noise is None and scene.tracker is None:
         noise = _noise(stamps, centres, seen)
     with compiling():
-        states, covariances, found = states_by_laws(scene, stamps, centres, seen, noise)
+        laws = _laws_of(scene, centres.shape[1]).with_noise(noise)
+        states, covariances, found = laws.states(stamps, centres, seen)
     if found.all() and not turned.any():
         state = State(
             positions=states[:, :3],
@@ -116,6 +118,11 @@ def estimate_state(
         angular_velocities=spins,
     )
     return StateEstimate(mixed, np.where(found[:, None, None], covariances, base.covariance))
+
+
+@lru_cache(maxsize=8)
+def _laws_of(scene: Scene, count: int) -> KnownLaws:
+    return KnownLaws.of(scene, tuple(range(count)))
 
 
 def _by_window(

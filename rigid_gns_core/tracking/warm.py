@@ -11,13 +11,14 @@ import numpy as np
 
 from .association import match
 from .ball_contact import FREE
-from .ball_estimate import ALL, estimate_ball, forecast_ball
+from .ball_estimate import estimate_ball, forecast_ball
 from .ball_model import BallModel
 from .ball_slopes import normal_equations
 from .coasting import turn_on
 from .environment import Environment
 from .gating import gates
 from .jit import compiling
+from .start_guess import ALL
 from .start_prior import StartPrior
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
