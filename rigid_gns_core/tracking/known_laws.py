@@ -1,10 +1,14 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""States of balls by the laws of the scene, air and spins: each from its own last frames."""
+"""States of balls by the laws of the scene, air and spins: each from its own last frames.
+
+`estimate_state` and the node's starts are both of `state_by_laws`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -16,10 +20,12 @@ from .ball_batch import estimate_balls
 from .ball_estimate import BallEstimate, forecast_ball
 from .ball_model import BallModel
 from .jit import plain
+from .motion_models import Motion
+from .pose_noise import rotating
 from .spin_windows import SpinWindows
 from .start_prior import StartPrior
 from ..scenes.scene import Scene
-from ..scenes.state import Array
+from ..scenes.state import Array, State
 from ..scenes.tracker import Tracker
 
 # noise of a tracker of which nothing is known [m]
@@ -45,8 +51,7 @@ class KnownLaws:
     @classmethod
     def of(cls, scene: Scene, spheres: tuple[int, ...]) -> Self:
         """Laws of some spheres of a scene, by number; beyond those of the scene: of the last."""
-        known = scene.sphere_count
-        count = max(spheres, default=0) + 1 if known is None else known
+        count = scene.sphere_count or 1  # 1: all are alike
         every = {i: BallModel.of(scene, i, count) for i in {min(s, count - 1) for s in spheres}}
         models = tuple(every[min(s, count - 1)] for s in spheres)
         tracker = scene.tracker or Tracker(noise=_NOISE)
@@ -108,6 +113,51 @@ class KnownLaws:
                 self.models[ball], estimate, tracker, float(times[last]), float(times[-1])
             )
         return states, covariances, found
+
+
+def state_by_laws(
+    laws: KnownLaws,
+    times: Array,
+    positions: Array,
+    quaternions: Array,
+    seen: NDArray[np.bool_],
+    otherwise: Callable[[], tuple[Motion, Array]],
+) -> tuple[State, Array]:
+    """State of spheres at the last of some frames, and its covariance, shape (n, 9, 9).
+
+    Spins of spheres whose rotations are tracked, and spheres that too few frames show, are those
+    of another estimate.
+
+    Args:
+        laws: Of these spheres.
+        times: Rising times of the frames [s], shape (m,).
+        positions: Centres [m], shape (m, n, 3).
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4).
+        seen: Whether a sphere was seen, shape (m, n).
+        otherwise: Makes the other estimate, a motion and its covariance.
+    """
+    states, covariances, found = laws.states(times, positions, seen)
+    turned = rotating(quaternions, seen)
+    if found.all() and not turned.any():
+        last = len(seen) - 1 - np.argmax(seen[::-1], axis=0)
+        state = State(
+            positions=states[:, :3],
+            quaternions=quaternions[last, np.arange(len(last))],
+            velocities=states[:, 3:6],
+            angular_velocities=states[:, 6:],
+        )
+        return state, covariances
+    base, unknown = otherwise()
+    own = found[:, None]
+    state = State(
+        positions=np.where(own, states[:, :3], base.positions),
+        quaternions=base.quaternions,
+        velocities=np.where(own, states[:, 3:6], base.velocities),
+        angular_velocities=np.where(
+            own & ~turned[:, None], states[:, 6:], base.angular_velocities
+        ),
+    )
+    return state, np.where(found[:, None, None], covariances, unknown)
 
 
 def _coasted(

@@ -16,9 +16,10 @@ from .environment import Environment
 from .lost_spheres import check_seen, measured, why_lost
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
+from .scene_laws import SceneLaws
 from .tracks import TrackerSettings, Tracks
 from .usable_frames import FrameOrder
-from .warm import warm_up
+from .warm import warm_up, warm_up_laws
 from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
@@ -39,7 +40,8 @@ class TrackingWindow:
 
     Args:
         frame_id: Coordinate frame that messages must be in.
-        length: Number of frames from which velocities are estimated; 1: spheres start at rest.
+        length: Number of frames from which velocities are estimated; 1: spheres start at rest. In
+            a scene with air or a learned tracker, all frames of its memory count.
         max_spheres: Largest number of spheres accepted.
         gravity: Acceleration of free flight [m/s^2].
         max_gap: Longest time between two frames of a window [s]; a longer one empties it.
@@ -75,6 +77,10 @@ class TrackingWindow:
         max_speed: float | None = None,
     ) -> None:
         warm_up()
+        self._laws = None if scene is None else SceneLaws.of(scene)
+        if self._laws is not None:
+            warm_up_laws()
+            noise = self._laws.noise if noise is None else noise
         size = float(np.linalg.norm(gravity)) or 1.0
         natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
         for name, value in (
@@ -98,9 +104,10 @@ class TrackingWindow:
             coast_time=_COAST * natural if coast_time is None else coast_time,
             max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
             radius=radius,
+            memory=0.0 if self._laws is None else self._laws.memory,
         )
         # newest frames, each with the tracks before it, to insert a late frame
-        self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.memory)
+        self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.fewest)
         self._tracks = _NO_TRACKS
         self._state: State | None = None  # at the newest frame, computed on demand
         self._repeats = Repeats(radius)
@@ -135,14 +142,21 @@ class TrackingWindow:
         return self._tracks.noise(self.settings)
 
     @property
+    def knows_noise(self) -> bool:
+        """Whether that is given or estimated; if not, it is a guess."""
+        return self._tracks.knows_noise(self.settings)
+
+    @property
     def stamp_ns(self) -> int | None:
         """Stamp of the newest frame [ns]; None before the first."""
         return self._frames[-1][0].stamp_ns if self._frames else None
 
     @property
     def window_ns(self) -> tuple[int, ...]:
-        """Stamps of the frames from which velocities are estimated, the newest last [ns]."""
-        return tuple(frame.stamp_ns for frame, _ in self._frames)[-self.length :]
+        """Stamps of the frames from which a start is estimated, the newest last [ns]."""
+        stamps = self._tracks.stamps
+        used = self.settings.used(stamps, len(self._tracks.ids))
+        return tuple(stamps[len(stamps) - used :].tolist())
 
     @property
     def lead_ns(self) -> int:
@@ -261,13 +275,10 @@ class TrackingWindow:
     def start(self) -> tuple[int, State]:
         """Stamp [ns] of the newest frame, and the state at it, from the whole window."""
         if self._state is None:
-            motion = self._tracks.window_motion(self.settings)
-            self._state = State(
-                positions=motion.positions,
-                quaternions=motion.quaternions,
-                velocities=motion.velocities,
-                angular_velocities=motion.angular_velocities,
-            )
+            if self._laws is not None and self.length > 1:
+                self._state = self._laws.state_of(self._tracks, self.settings)
+            else:
+                self._state = self._tracks.window_motion(self.settings).state
         return int(self._tracks.stamps[-1]), self._state
 
     def _check_count(self, count: int) -> None:
