@@ -165,12 +165,13 @@ def estimate_window(
         if best >= 0 and m - begin < _FEW:
             break
         seen, places = times[begin:], positions[begin:]
-        # without a contact there is none that must be met with a known path
         frames, touches = first_frames(seen), _may_touch(ball, planes, places)
+        # without a contact there is none that must be met with a known path, nor one to be made
+        count = len(planes) if touches else 0
         one = _estimate(
             ball,
-            planes,
-            laws,
+            planes[:count],
+            laws[:count],
             noise,
             windows,
             spinning,

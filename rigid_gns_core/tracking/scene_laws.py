@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Self
 
-import numpy as np
-
 from .known_laws import KnownLaws, state_by_laws
 from .motion_models import Motion
+from .pose_noise import rotating
+from .state_estimate import motion_covariance, StateEstimate
 from .tracks import TrackerSettings, Tracks
 from ..scenes.scene import Scene
-from ..scenes.state import Array, State
+from ..scenes.state import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +44,24 @@ class SceneLaws:
     def _of_ids(self, ids: tuple[int, ...]) -> KnownLaws:
         return KnownLaws.of(self.scene, ids)
 
-    def state_of(self, tracks: Tracks, settings: TrackerSettings) -> State:
-        """State at the newest frame, from all frames in memory."""
-        laws = self._of_ids(tuple(tracks.ids.tolist())).with_noise(tracks.noise(settings))
-
-        def otherwise() -> tuple[Motion, Array]:
-            return tracks.window_motion(settings), np.zeros((len(tracks.ids), 9, 9))
-
-        state, _ = state_by_laws(
+    def estimate(self, tracks: Tracks, settings: TrackerSettings) -> StateEstimate:
+        """State at the newest frame, and its covariance, from all frames in memory."""
+        noise = tracks.noise(settings)
+        laws = self._of_ids(tuple(tracks.ids.tolist())).with_noise(noise)
+        state, covariance = state_by_laws(
             laws,
             (tracks.stamps - tracks.stamps[-1]) * 1e-9,
             tracks.poses[..., :3],
             tracks.poses[..., 3:],
             tracks.seen,
-            otherwise,
+            lambda: by_window(tracks, settings),
         )
-        return state
+        return StateEstimate(state, covariance)
+
+
+def by_window(tracks: Tracks, settings: TrackerSettings) -> tuple[Motion, Array]:
+    """Motion at the newest frame from the window, and its covariance, shape (n, 9, 9)."""
+    motion = tracks.window_motion(settings)
+    turned = rotating(tracks.poses[..., 3:], tracks.seen)
+    radii = settings.environment.radii(tracks.ids)
+    return motion, motion_covariance(motion, radii, tracks.noise(settings), turned)

@@ -16,7 +16,8 @@ from .environment import Environment
 from .lost_spheres import check_seen, measured, why_lost
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
-from .scene_laws import SceneLaws
+from .scene_laws import by_window, SceneLaws
+from .state_estimate import StateEstimate
 from .tracks import TrackerSettings, Tracks
 from .usable_frames import FrameOrder
 from .warm import warm_up, warm_up_laws
@@ -109,7 +110,9 @@ class TrackingWindow:
         # newest frames, each with the tracks before it, to insert a late frame
         self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.fewest)
         self._tracks = _NO_TRACKS
-        self._state: State | None = None  # at the newest frame, computed on demand
+        # at the newest frame, computed on demand
+        self._state: State | None = None
+        self._estimate: StateEstimate | None = None
         self._repeats = Repeats(radius)
         self.lost = ''  # what is wrong with the first lost pose of the newest frame
         self.arrival_ns = 0  # of the newest frame, by the node's clock
@@ -266,7 +269,8 @@ class TrackingWindow:
         self._set_tracks(tracks, changed=ids_reused)
 
     def _set_tracks(self, tracks: Tracks, *, changed: bool = False) -> None:
-        before, self._tracks, self._state = self._tracks.ids, tracks, None
+        before, self._tracks = self._tracks.ids, tracks
+        self._state = self._estimate = None
         if changed or not np.array_equal(before, tracks.ids):
             self.generation += 1
             self.counts['appeared'] += len(np.setdiff1d(tracks.ids, before))
@@ -274,12 +278,22 @@ class TrackingWindow:
 
     def start(self) -> tuple[int, State]:
         """Stamp [ns] of the newest frame, and the state at it, from the whole window."""
+        if self._laws is not None and self.length > 1:
+            stamp, estimate = self.estimate()
+            return stamp, estimate.state
         if self._state is None:
-            if self._laws is not None and self.length > 1:
-                self._state = self._laws.state_of(self._tracks, self.settings)
-            else:
-                self._state = self._tracks.window_motion(self.settings).state
+            self._state = self._tracks.window_motion(self.settings).state
         return int(self._tracks.stamps[-1]), self._state
+
+    def estimate(self) -> tuple[int, StateEstimate]:
+        """As `start`, with the covariance of the state."""
+        if self._estimate is None:
+            if self._laws is not None and self.length > 1:
+                self._estimate = self._laws.estimate(self._tracks, self.settings)
+            else:
+                _, covariance = by_window(self._tracks, self.settings)
+                self._estimate = StateEstimate(self.start()[1], covariance)
+        return int(self._tracks.stamps[-1]), self._estimate
 
     def _check_count(self, count: int) -> None:
         known, matched = self.count, self.settings.matched
