@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import sys
 import tempfile
@@ -52,9 +53,7 @@ class Player(Node):
         self.futures: dict[int, FutureFrame] = {}
         self.delays: list[float] = []
         self._sent: dict[int, float] = {}
-        self.publisher = self.create_publisher(
-            PoseArray, 'tracked_poses', qos_profile_sensor_data
-        )
+        self.publisher = self.create_publisher(PoseArray, 'tracked_poses', qos_profile_sensor_data)
         kind = MultiDOFJointTrajectory
         self.create_subscription(kind, 'predicted_trajectory', self._heard, 100, raw=True)
 
@@ -90,6 +89,7 @@ def play(found: TrackSet, scene: Path, horizon: float, folder: Path) -> tuple[Pl
     simulator = Process('simulator', module, folder, environment)
     try:
         simulator.wait_for('ready: ', COMPILING)
+        os.environ.update(environment)
         rclpy.init()
         player = Player()
         end = time.monotonic() + LEAST_STARTED

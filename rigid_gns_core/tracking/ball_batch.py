@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .ball_window import estimate_window, FEWEST
@@ -16,6 +18,9 @@ from ..scenes.state import Array
 
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
+# of more balls the fastest are estimated: of slow ones air and spin change little, and all of them
+# would take longer than a frame
+MOST_BALLS = 24
 
 
 @compiled
@@ -42,6 +47,30 @@ def _last_near(positions: Array, seen: Flags, radii: Array, begin: int, near_out
                     apart += (places[i, c] - places[j, c]) ** 2
                 if known[i] and known[j] and apart < reach * reach:
                     near_out[i] = near_out[j] = frame + 1
+
+
+@compiled
+def _fastest(times: Array, positions: Array, seen: Flags, begins: Indices, most: int) -> Flags:
+    """Mask of the balls that moved fastest from the first to the last of their frames."""
+    m, n = seen.shape
+    taken = np.ones(n, dtype=np.bool_)
+    if n <= most:
+        return taken
+    slowness = np.zeros(n)  # less the square of the speed
+    for i in range(n):
+        first = begins[i]
+        while first < m and not seen[first, i]:
+            first += 1
+        last = m - 1
+        while last > first and not seen[last, i]:
+            last -= 1
+        if last > first:
+            for c in range(3):
+                speed = positions[last, i, c] - positions[first, i, c]
+                speed /= times[last] - times[first]
+                slowness[i] -= speed * speed
+    taken[np.argsort(slowness, kind='mergesort')[most:]] = False
+    return taken
 
 
 @entry
@@ -77,17 +106,20 @@ def estimate_balls(
         states_out: States, shape (n, 9).
         covariances_out: Their covariances, shape (n, 9, 9).
         ends_out: Frame of the state, surface that the ball is on or FREE, shape (n, 2); the first
-            is -1 where there are too few frames.
+            is -1 where there is no estimate.
     """
     m, n = seen.shape
     near = np.zeros(n, dtype=np.int64)
     _last_near(positions, seen, balls[:, 7], begin, near)
+    taken = _fastest(times, positions, seen, near, MOST_BALLS)
     own_times, places = np.zeros(m), np.zeros((m, 3))
     kinks = np.zeros(m, dtype=np.int64)
     state, covariance = np.zeros(9), np.zeros((9, 9))
     for i in range(n):
         count, last = 0, -1
         ends_out[i, 0] = -1
+        if not taken[i]:
+            continue
         for frame in range(near[i], m):
             if seen[frame, i]:
                 own_times[count] = times[frame]
@@ -100,7 +132,7 @@ def estimate_balls(
         first = kinks[hits - 1] if hits else 0
         if count - first < FEWEST:
             continue
-        ends_out[i, 1], _, _, _ = estimate_window(
+        ends_out[i, 1], loss, _, _ = estimate_window(
             ball,
             planes,
             laws[i],
@@ -112,6 +144,8 @@ def estimate_balls(
             state,
             covariance,
         )
+        if not loss < math.inf:
+            continue
         ends_out[i, 0] = last
         states_out[i] = state
         covariances_out[i] = covariance

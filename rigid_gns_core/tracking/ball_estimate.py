@@ -19,6 +19,7 @@ from .start_guess import ALL, first_frames, guess_start, prior_of_guess
 from .start_prior import StartPrior
 from ..scenes.state import Array
 
+
 @dataclass(frozen=True)
 class BallEstimate:
     """State of a ball at the last frame.

@@ -128,7 +128,8 @@ def fit_start(
         contacts_out: Impacts, as of `path`.
 
     Returns:
-        Loss per coordinate, number of impacts, and the plane that the ball is on at the end.
+        Loss per coordinate, number of impacts, and the plane that the ball is on at the end. With
+        a gate, the loss of a path with more impacts than are kept is infinite: no such is fitted.
     """
     m = len(stamps)
     states, slopes = np.zeros((m, 9)), np.zeros((m, 9, 9))
@@ -158,6 +159,8 @@ def fit_start(
                 slopes[:n],
                 contacts_out,
             )
+            if count > len(contacts_out) and gate < math.inf:
+                return math.inf, count, where
             filter_gains(begin, seen, weights, noise, contacts_out, count, gains)
             put_columns(slopes[:n], places, states[:n], columns)
             whiten(begin, seen, gains, columns[:n], drift, speed)
@@ -234,9 +237,7 @@ def fit_start(
 
 
 @in_place
-def _end_of(
-    state: Array, slopes: Array, drift: Array, speed: Array, end_out: Array
-) -> None:
+def _end_of(state: Array, slopes: Array, drift: Array, speed: Array, end_out: Array) -> None:
     """State at the end, drift included; `slopes` become those of it.
 
     The end moves with the start by its slope less what the drift would take up.

@@ -21,8 +21,9 @@ from ..scenes.state import Array
 LONGEST = 0.008
 # a ball that leaves a surface more slowly than this stays on it [m/s]: it would rise 0.02 mm
 RESTING = 0.02
-# steps between two stamps: more are not taken, whatever the state
-_MOST_STEPS = 4000
+# steps between two stamps besides those that its time takes: more are not taken, as of a ball that
+# two surfaces clamp
+_MOST_STEPS = 64
 # a ball on a surface that ends below it by more than this flies [m]
 _LEFT = 1e-3
 
@@ -125,9 +126,9 @@ def advance(
 ) -> tuple[Place, int]:
     """Follow a ball to a stamp; the number of impacts, `count` with those on the way."""
     now, p, v, w, on, longest = place
-    radius, steps = flight.radius, 0
-    while now < stamp and steps < _MOST_STEPS:
-        steps += 1
+    radius, steps = flight.radius, _MOST_STEPS + int(2.0 * (stamp - now) / LONGEST)
+    while now < stamp and steps > 0:
+        steps -= 1
         h = min(stamp - now, longest)
         longest = LONGEST
         if on >= 0:

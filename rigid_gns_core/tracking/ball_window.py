@@ -13,12 +13,7 @@ from .ball_contact import FREE
 from .ball_fit import fit_start
 from .jit import compiled, entry, in_place
 from .spin_windows import SpinWindows
-from .start_guess import (
-    first_frames,
-    guess_start,
-    prior_of_window,
-    surface_of_start,
-)
+from .start_guess import first_frames, guess_start, prior_of_window, surface_of_start
 from ..scenes.state import Array
 
 # least number of frames of a window, and of a part of one
@@ -122,6 +117,24 @@ def _estimate(
     return where, loss, contacts, loss + 4.0 * (1.0 - weights.mean())
 
 
+@in_place
+def _line(
+    times: Array, positions: Array, noise: float, state_out: Array, covariance_out: Array
+) -> None:
+    """State of a ball that moved evenly in its last frames, and does not spin."""
+    m = len(times)
+    span = times[m - 1] - times[m - FEWEST]
+    for a in range(9):
+        state_out[a] = 0.0
+        for b in range(9):
+            covariance_out[a, b] = 0.0
+    for c in range(3):
+        state_out[c] = positions[m - 1, c]
+        state_out[3 + c] = (positions[m - 1, c] - positions[m - FEWEST, c]) / span
+        covariance_out[c, c] = noise**2
+        covariance_out[3 + c, 3 + c] = 2.0 * (noise / span) ** 2
+
+
 @entry
 def estimate_window(
     ball: Array,
@@ -151,8 +164,8 @@ def estimate_window(
         covariance_out: Its covariance, shape (9, 9).
 
     Returns:
-        Surface that the ball is on, or FREE; Huber's loss per coordinate, index of the first frame
-        that was used, number of impacts.
+        Surface that the ball is on, or FREE; Huber's loss per coordinate, infinite where no path
+        was found; index of the first frame that was used, number of impacts.
     """
     m, best, quality = len(times), -1, math.inf
     on, loss, contacts = FREE, math.inf, 0
@@ -182,8 +195,8 @@ def estimate_window(
             state,
             covariance,
         )
-        near = best < 0 and one[3] > _DOUBTED
-        if near and _begins_near(ball, planes, places, frames + FEWEST):
+        doubted = best < 0 and one[3] > _DOUBTED
+        if doubted and _begins_near(ball, planes, places, frames + FEWEST):
             # an impact may be in the frames of the first guess
             again = _estimate(
                 ball,
@@ -204,11 +217,14 @@ def estimate_window(
                 state[:] = other
                 covariance[:] = other_covariance
         # half as good at most, since fewer frames are met more easily
-        if best < 0 or one[3] < 0.5 * quality:
+        if one[3] < (0.5 * quality if best >= 0 else math.inf):
             best, quality = begin, one[3]
             on, loss, contacts = one[0], one[1], one[2]
             state_out[:] = state
             covariance_out[:] = covariance
         if quality < _MET:
             break
+    if best < 0:
+        _line(times, positions, noise[0], state_out, covariance_out)
+        best = m - FEWEST
     return on, loss, best, contacts

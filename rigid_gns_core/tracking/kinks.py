@@ -49,12 +49,7 @@ def _median(a: float, b: float, c: float) -> float:
 
 @entry
 def find_kinks(
-    ball: Array,
-    planes: Array,
-    times: Array,
-    positions: Array,
-    noise: float,
-    begins_out: Indices,
+    ball: Array, planes: Array, times: Array, positions: Array, noise: float, begins_out: Indices
 ) -> int:
     """As `kinks`, with `ball` and `planes` of `ball_path`; the number found."""
     m, found = len(times), 0
@@ -120,9 +115,7 @@ def _on_surface(ball: Array, planes: Array, positions: Array, i: int) -> bool:
 
 
 @in_place
-def _explained(
-    ball: Array, planes: Array, positions: Array, x: float, y: float, z: float
-) -> bool:
+def _explained(ball: Array, planes: Array, positions: Array, x: float, y: float, z: float) -> bool:
     """Whether a surface explains a jump along (x, y, z) in some frames."""
     reach = 0.0
     for i in range(len(positions) - 1):

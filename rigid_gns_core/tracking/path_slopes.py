@@ -31,11 +31,7 @@ _PLACE, _VELOCITY, _SPIN = 1e-6, 1e-5, 1e-3
 @in_place
 def _along(axis: int, size: float) -> Vector:
     """Vector of a size along an axis."""
-    return (
-        size if axis == 0 else 0.0,
-        size if axis == 1 else 0.0,
-        size if axis == 2 else 0.0,
-    )
+    return (size if axis == 0 else 0.0, size if axis == 1 else 0.0, size if axis == 2 else 0.0)
 
 
 @in_place
@@ -111,9 +107,7 @@ def _fly_slopes(
             for c in range(3):
                 for k in range(3):
                     for j in range(9):
-                        slope[3 + c, j] += (
-                            0.5 * piece * piece * gradients[c, k] * rate[k, j]
-                        )
+                        slope[3 + c, j] += 0.5 * piece * piece * gradients[c, k] * rate[k, j]
 
 
 @in_place
@@ -160,11 +154,7 @@ def _contact_slopes(
         step = _PLACE if k < 3 else _VELOCITY if k < 6 else _SPIN
         moved = _moved(before, k, step, planes, flight.radius)
         other, _ = advance(moved, stamp, flight, inertia, planes, laws, 0, contacts)
-        changes = (
-            minus(other.p, after.p),
-            minus(other.v, after.v),
-            minus(other.w, after.w),
-        )
+        changes = (minus(other.p, after.p), minus(other.v, after.v), minus(other.w, after.w))
         for part in range(3):
             for axis in range(3):
                 change = changes[part][axis] / step
@@ -204,9 +194,7 @@ def path_and_slopes(
             slope[6, 3 + j], slope[7, 3 + j], slope[8, 3 + j] = turn
     for i in range(len(stamps)):
         before = place
-        place, met = advance(
-            before, stamps[i], flight, inertia, planes, laws, count, contacts_out
-        )
+        place, met = advance(before, stamps[i], flight, inertia, planes, laws, count, contacts_out)
         if met == count and before.on == FREE and place.on == FREE:
             h = place.now - before.now
             if h > 0.0:

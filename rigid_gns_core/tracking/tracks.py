@@ -21,12 +21,7 @@ from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
 from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
-from .noise_estimate import (
-    MAX_DIFFERENCES,
-    MIN_DIFFERENCES,
-    NoiseEstimate,
-    third_differences,
-)
+from .noise_estimate import MAX_DIFFERENCES, MIN_DIFFERENCES, NoiseEstimate, third_differences
 from .velocity import estimate_motion
 from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
