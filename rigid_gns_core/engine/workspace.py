@@ -79,10 +79,11 @@ class Workspace(NamedTuple):
 
 
 @compiled
-def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
-    """Room for so many spheres with these candidates."""
-    size = len(candidates.a)
-    vectors, numbers = np.empty((8, spheres + 1, 3)), np.empty((4, spheres + 1))
+def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace:
+    """Room for so many spheres and fixed bodies with these candidates."""
+    size, bodies = len(candidates.a), spheres + fixed
+    moving = size if fixed > 1 else 0
+    vectors, numbers = np.empty((8, bodies, 3)), np.empty((4, bodies))
     labels, begins = np.empty((3, spheres), np.int64), np.empty((3, spheres + 2), np.int64)
     flags = np.empty((6, size), np.bool_)
     flags[3] = True
@@ -93,6 +94,7 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
             lasting=flags[2],
             normal=np.empty((size, 3)),
             values=np.empty((size, 9)),
+            surface_velocity=np.empty((moving, 3)),
         ),
         order=new_order(spheres, size),
         contacts=new_contacts(size),
@@ -108,9 +110,9 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         impulses=no_impulses(size),
         start=no_impulses(size),
         state=new_state(size),
-        couplings=new_couplings(spheres + 1, size, _most_couplings(spheres, candidates)),
+        couplings=new_couplings(bodies, size, _most_couplings(spheres, candidates)),
         pivots=new_pivots(),
-        overlaps=new_overlaps(spheres, size),
+        overlaps=new_overlaps(bodies, size),
         cuts=new_cuts(spheres),
         path=vectors[5, :spheres],
         mean=vectors[6, :spheres],
