@@ -15,8 +15,8 @@ from .parameters import Laws
 from .problem import SpinPrior
 from .stretches import Stretch
 from ..tracking.ball_contact import FREE
-from ..tracking.ball_window import MOST_CONTACTS
 from ..tracking.ball_path import path
+from ..tracking.ball_window import MOST_CONTACTS
 from ..tracking.spin_windows import heading
 from ..tracking.start_prior import StartPrior
 

@@ -3,10 +3,10 @@
 
 """What the laws leave open of a forecast: a random motion beside each path.
 
-On each axis an acceleration of deviation b [m/s^2] that stays the same, the double integral of white
-acceleration of spectral density q [m^2/s^3], and a kick of the velocity of deviation kappa u at a
-blow with approach speed u (`Tracker`, fitted to tracks that were left out, so that errors of fitted
-parameters are in it).
+On each axis an acceleration of deviation b [m/s^2] that stays the same, the double integral of
+white acceleration of spectral density q [m^2/s^3], and a kick of the velocity of deviation kappa u
+at a blow with approach speed u (`Tracker`, fitted to tracks that were left out, so that errors of
+fitted parameters are in it).
 """
 
 from __future__ import annotations

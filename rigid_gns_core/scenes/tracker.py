@@ -13,13 +13,7 @@ from .values import checked_number
 from ..errors import UserError
 
 # of a tracker
-_NOT_NEGATIVE = (
-    'drift',
-    'impact',
-    'forecast_drift',
-    'forecast_impact',
-    'forecast_acceleration',
-)
+_NOT_NEGATIVE = ('drift', 'impact', 'forecast_drift', 'forecast_impact', 'forecast_acceleration')
 # position, velocity and spin at the start of a window, and the spin's covariance, its upper half
 _COLUMNS = 15
 

@@ -33,7 +33,7 @@ def warm_up() -> None:
 
 @cache
 def warm_up_laws() -> None:
-    """The same of what estimates states by the laws: a node in a scene without air does without."""
+    """The same of estimates by the laws: a node in a scene without air does without."""
     scene = Scene(surfaces=(Plane(),), radius=0.02)
     times = 0.01 * np.arange(12.0)
     places = np.array([0.0, 0.0, 1.0]) + times[:, None, None] * [1.0, 0.0, 0.0]

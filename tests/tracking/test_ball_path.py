@@ -127,7 +127,9 @@ def test_a_ball_rolls_into_a_cushion_and_over_an_end() -> None:
     assert states[0, 2] < -1.0  # 0.5 s of fall
 
 
-AIR = Air(drag_coefficient=0.4, drag_slope=0.3, lift_coefficient=0.4, spin_decay=0.3, wind=(1, 2, 0))
+AIR = Air(
+    drag_coefficient=0.4, drag_slope=0.3, lift_coefficient=0.4, spin_decay=0.3, wind=(1, 2, 0)
+)
 GRIP = ContactLaw(restitution=0.9, friction=0.3, rolling_friction=0.01)
 # flight and a bounce; a bounce that slides and rolls into a cushion; flight with gaps
 STARTS = {
@@ -158,7 +160,9 @@ def test_slopes_are_those_of_differences(name: str, air: Air | None) -> None:
             moved[j] += sign * move
             ends.append(follow(scene, moved.tolist(), stamps, on)[0])
         central = (ends[0] - ends[1]) / (2 * move)
-        np.testing.assert_allclose(slopes[:, :, j], central, atol=1e-4 * max(1, abs(central).max()))
+        np.testing.assert_allclose(
+            slopes[:, :, j], central, atol=1e-4 * max(1, abs(central).max())
+        )
 
 
 def test_a_part_of_the_start_that_is_held_has_no_slope() -> None:
