@@ -54,7 +54,8 @@ def drawn_motion(
     moves = h * velocities[:, :-1] + 0.5 * h * (changes + kicks)
     positions[:, 1:] = np.cumsum(moves + np.sqrt(q * h**3 / 12.0) * second, axis=1)
     if tracker.forecast_acceleration:
-        still = generator.normal(size=(shape[0], 1, *shape[2:])) * tracker.forecast_acceleration
+        still = generator.normal(size=positions[:, :1].shape)
+        still *= tracker.forecast_acceleration
         times = h * np.arange(positions.shape[1])[:, None, None]
         positions += 0.5 * times**2 * still
         velocities += times * still

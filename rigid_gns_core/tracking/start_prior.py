@@ -81,9 +81,18 @@ class StartPrior:
         apart = self.spins - mean
         covariance = np.einsum('i,ia,ib->ab', share, apart, apart)
         covariance += np.einsum('i,iab->ab', share, self.covariances)
-        arrays = (self.features, self.spins, self.covariances, _KNOWN / spread, self.scales)
-        own = (self.bandwidth, self.shrinkage, self.floor)
-        return SpinWindows(*map(plain, (*arrays, mean, covariance)), *map(float, own))
+        return SpinWindows(
+            features=plain(self.features),
+            spins=plain(self.spins),
+            covariances=plain(self.covariances),
+            counted=plain(_KNOWN / spread),
+            scales=plain(self.scales),
+            mean=plain(mean),
+            covariance=plain(covariance),
+            bandwidth=float(self.bandwidth),
+            shrinkage=float(self.shrinkage),
+            floor=float(self.floor),
+        )
 
     def at(
         self, position: Array, velocity: Array, left_out: Array | None = None
