@@ -56,7 +56,7 @@ def drawn_motion(
     if tracker.forecast_acceleration:
         still = generator.normal(size=positions[:, :1].shape)
         still *= tracker.forecast_acceleration
-        times = h * np.arange(positions.shape[1])[:, None, None]
+        times = h * np.arange(paths.steps + 1)[:, None, None]
         positions += 0.5 * times**2 * still
         velocities += times * still
     return positions, velocities
