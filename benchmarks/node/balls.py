@@ -19,21 +19,21 @@ from pathlib import Path
 import sys
 import tempfile
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from rigid_gns_core import load_scene, load_simulator
+from rigid_gns_core import load_scene, load_simulator, Scene
 from rigid_gns_core.data.tracks import read_tracks, Track, TrackSet
 from rigid_gns_core.files.strict_json import write_json
 from rigid_gns_core.files.tables import format_rows, number
-from rigid_gns_core.forecasts.lead_times import positions_at
 from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.messages.trajectories import decode_trajectory, FutureFrame
 from rigid_gns_core.recordings.scoring.track_errors import Outcome, track_outcomes, Windows
-from rigid_gns_core.scenes.state import Trajectory
+from rigid_gns_core.rollout.paths import Paths
 from rigid_gns_ros.demo import node_environment
 from run import COMPILING, LEAST_STARTED, Process
 
@@ -117,7 +117,7 @@ def begins(found: TrackSet) -> Iterator[tuple[Track, int]]:
 
 
 def errors_of_node(
-    found: TrackSet, futures: dict[int, FutureFrame], outcomes: list[Outcome], gravity: Any
+    found: TrackSet, futures: dict[int, FutureFrame], outcomes: list[Outcome], scene: Scene
 ) -> np.ndarray:
     """Error of the node's future for each outcome of `evaluate` [m]; NaN where it made none."""
     at = {track.name: (track, begin) for track, begin in begins(found)}
@@ -129,14 +129,13 @@ def errors_of_node(
             errors.append(np.nan)
             continue
         times = np.array(future.times_ns) * 1e-9
-        run = Trajectory(
-            positions=future.poses[..., :3],
-            quaternions=future.poses[..., 3:],
-            velocities=future.twists[..., :3],
-            angular_velocities=future.twists[..., 3:],
-            dt=float(times[-1] / (len(times) - 1)),
+        states: Any = SimpleNamespace(
+            positions=future.poses[None, ..., :3],
+            velocities=future.twists[None, ..., :3],
+            angular_velocities=future.twists[None, ..., 3:],
         )
-        place = positions_at(run, np.array([one.lead]), np.asarray(gravity), exact=True)[0, 0]
+        run = Paths.of(scene, states, float(times[-1] / (len(times) - 1)), exact=True)
+        place = run.at(np.array([one.lead]))[0][0, 0, 0]
         frame = int(np.abs(track.times - one.start - one.lead).argmin())
         errors.append(float(np.linalg.norm(place - track.positions[frame, 0])))
     return np.array(errors)
@@ -160,7 +159,7 @@ def main() -> int:
     outcomes = track_outcomes(load_simulator(), found, scene, windows)
     with tempfile.TemporaryDirectory() as folder:
         player, share = play(found, args.scene.resolve(), horizons[-1] + 0.05, Path(folder))
-    errors = errors_of_node(found, player.futures, outcomes, scene.gravity)
+    errors = errors_of_node(found, player.futures, outcomes, scene)
     rows, report = [], {}
     for horizon in horizons:
         own = np.array([one.horizon == horizon for one in outcomes]) & np.isfinite(errors)

@@ -22,7 +22,7 @@ from rigid_gns_core.tracking.window import TrackingWindow
 
 NOISE, RATE = 1e-3, 180.0
 LEARNED = Scene(
-    surfaces=Plane(contact=ContactLaw(restitution=0.94, friction=0.25)),
+    surfaces=(Plane(contact=ContactLaw(restitution=0.94, friction=0.25)),),
     radius=0.02,
     mass=0.0027,
     inertia_factor=2 / 3,
@@ -132,7 +132,7 @@ def test_a_scene_without_air_and_tracker_starts_from_its_window() -> None:
 @pytest.mark.parametrize('noise', [0.3e-3, 3e-3])
 def test_the_noise_of_one_ball_is_estimated_and_a_guess_is_told(noise: float) -> None:
     """From eight third differences on each axis: a deviation within a factor of two."""
-    found = []
+    found: list[float] = []
     for seed in range(20):
         given = frames(tracked(VACUUM, 0.1, STARTS[:1]), noise, seed)
         target = window(VACUUM)
