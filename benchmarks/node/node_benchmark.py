@@ -5,7 +5,7 @@
 
     python benchmarks/node/node_benchmark.py --json docs/model/node_benchmark.json    # 50 minutes
     python benchmarks/node/node_benchmark.py rate horizon --seconds 10 --only '50 spheres'
-    python benchmarks/node/node_benchmark.py soak --minutes 30 --again
+    python benchmarks/node/node_benchmark.py soak --only '8 balls' --minutes 30 --again
 
 Tracker, simulator and listener are three processes that talk by DDS. The tracker plays a rollout
 of the laws of spheres that fall into a box, with noise of 0.5 % of the radius, forward and

@@ -68,7 +68,15 @@ CASES = {
             0.01,
             1,
             {'start': 'every', 'record_max_size': '50.0'},
-        )
+        ),
+        Case(
+            '8 balls at 240 Hz, futures of 0.5 s',
+            8,
+            0.02,
+            1,
+            {'start': 'every', 'horizon': '0.5', 'record_max_size': '50.0'},
+            bouncing_hz=240.0,
+        ),
     ],
 }
 

@@ -15,6 +15,7 @@ import sys
 import time
 from typing import Any
 
+from motion import poses_at, SCENE
 import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.prediction.load import load_simulator
@@ -30,6 +31,7 @@ import yaml
 PEERS = Path(__file__).with_name('peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm
 PLAYED = 150  # model steps that the tracker plays forward and backward
+BOUNCING = 20.0  # and so long balls that bounce [s]
 COMPILING = 600.0  # a first run compiles the engine [s]
 LEAST_STARTED = 30.0  # for discovery and the first frames [s]
 POLL = 0.1  # [s]
@@ -74,6 +76,8 @@ class Case:
         seed: Of places and noise.
         hertz: Frames per second of the tracker; 0: by `stride`.
         air: Whether there is air.
+        bouncing_hz: Frames per second of balls of 20 mm that bounce without loss; 0: a rollout of
+            the model is played.
     """
 
     name: str
@@ -85,10 +89,14 @@ class Case:
     seed: int = 0
     hertz: float = 0.0
     air: bool = False
+    bouncing_hz: float = 0.0
 
     @property
     def scene(self) -> dict[str, Any]:
         """An open box whose ground holds three times as many spheres side by side."""
+        if self.bouncing_hz:
+            found: dict[str, Any] = SCENE['scene']
+            return found
         side = float(2 * self.radius * np.sqrt(3 * self.spheres))
         return {
             **({'air': {'density': 1.2, 'drag_coefficient': 0.4}} if self.air else {}),
@@ -121,6 +129,7 @@ class Case:
             'seed': self.seed,
             'air': self.air,
             'noise_radii': NOISE,
+            'bouncing_hz': self.bouncing_hz,
         }
 
 
@@ -235,12 +244,17 @@ def _prepare(case: Case, folder: Path) -> tuple[Path, float, float]:
     """Write scene and poses; the file of poses, their interval and the model step [s]."""
     (folder / 'scene.yaml').write_text(yaml.safe_dump({'scene': case.scene}), encoding='utf-8')
     scene = Scene.from_mapping(case.scene)
+    path = folder / 'poses.npy'
+    if case.bouncing_hz:
+        heights = np.linspace(0.3, 1.0, case.spheres)
+        times = np.arange(round(BOUNCING * case.bouncing_hz)) / case.bouncing_hz
+        np.save(path, poses_at(times, heights, np.zeros(case.spheres)))
+        return path, 1 / case.bouncing_hz, load_simulator().native_dt(scene)
     start = sample_start(scene, case.recipe)
     trajectory = load_simulator().rollout(scene, start.positions, steps=PLAYED)
     if trajectory.diverged_at is not None:
         raise RuntimeError(f'{case.name}: the rollout that the tracker plays diverged')
     poses = np.concatenate([trajectory.positions, trajectory.quaternions], axis=2)
-    path = folder / 'poses.npy'
     if not case.hertz:
         np.save(path, poses[:: case.stride])
         return path, case.stride * trajectory.dt, trajectory.dt

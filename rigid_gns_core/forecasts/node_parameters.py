@@ -8,13 +8,13 @@ A test compares docs/node.md with these tables.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
 from .crossing_planes import planes_of
-from ..errors import UserError
+from ..errors import shown, UserError
 
 Value = bool | int | float | str | list[float]
 
@@ -56,8 +56,11 @@ class ParameterSpec:
             return f'{self.name} is {value:g}, allowed: 0, or {span}'
         if isinstance(self.default, list):
             values = list(value) if isinstance(value, Iterable) else []
-            if len(values) != len(self.default) or not all(map(isfinite, values)):
-                return f'{self.name} is {values}, allowed: {len(self.default)} finite numbers'
+            numbers = all(isinstance(one, (int, float)) and isfinite(one) for one in values)
+            if len(values) != len(self.default) or not numbers:
+                return (
+                    f'{self.name} is {shown(values)}, allowed: {len(self.default)} finite numbers'
+                )
         try:
             if self.check is not None:
                 self.check(value)
@@ -236,3 +239,32 @@ TRACKER = (
     ),
     ParameterSpec('wait_for_subscriber', True, 'start when a node subscribes to tracked_poses'),
 )
+
+
+def with_defaults(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters of the simulator, as recorded on ~/scene; missing ones have their defaults.
+
+    Raises:
+        UserError: One is of another type, or out of range: the recording is damaged.
+    """
+    values: dict[str, Any] = {}
+    for spec in SIMULATOR:
+        value: Any = recorded.get(spec.name, spec.default)
+        if type(spec.default) is float and type(value) is int and abs(value) < 2**63:
+            value = float(value)
+        counted = type(spec.default) in (int, float)
+        if type(value) is not type(spec.default):
+            raise UserError(
+                f'parameter {spec.name} is recorded as {shown(value)}, expected '
+                f'{type(spec.default).__name__}'
+            )
+        number: Any = value if counted else spec.low
+        if not spec.low <= number <= spec.high:
+            raise UserError(
+                f'parameter {spec.name} is recorded as {shown(value)}, expected {spec.low:g} to '
+                f'{spec.high:g}'
+            )
+        if problem := spec.problem(value):
+            raise UserError(f'parameter {problem}')
+        values[spec.name] = value
+    return values

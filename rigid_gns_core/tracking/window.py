@@ -200,7 +200,7 @@ class TrackingWindow:
         else:
             self._check_content(frame, now_ns)
         if self.lost:
-            self.counts['lost'] += int((~seen).sum())
+            self.counts['lost spheres'] += int((~seen).sum())
         for admitted_frame in admitted:
             self._take(admitted_frame, now_ns)
         return restarted

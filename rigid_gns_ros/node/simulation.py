@@ -31,6 +31,7 @@ from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
 from .markers import MarkerPublisher
+from .odd_poses import OddPoses
 from .silence import Silence
 from .throttle import Throttle
 from .topics import NodeTopics
@@ -77,6 +78,7 @@ class Simulation:
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
+        self._odd = OddPoses(model.scene, self.window, self.warn)
         self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
         self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
         self._reason: Reason = 'first'  # of the next start from an empty window
@@ -128,7 +130,8 @@ class Simulation:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
             cdr = restamped(cdr, -self._latency_ns)
-            restarted = self.window.add(decode_pose_array(cdr), now)
+            frame = decode_pose_array(cdr)
+            restarted = self.window.add(frame, now)
         except UserError as error:
             self.diagnostics.frame_rejected(str(error))
             kind = getattr(error, 'kind', 'bytes')
@@ -145,7 +148,9 @@ class Simulation:
             self.warn('unseen', f'taken as not seen: {self.window.lost}')
         self.topics.received(cdr, now)
         self.diagnostics.frame_accepted()
+        self._odd.take(frame)
         if restarted:
+            self._odd.clear()
             self._stop('restart')
             self.warn(
                 'restarted',
@@ -319,6 +324,7 @@ class Simulation:
     def forget(self, reason: Reason) -> None:
         """Drop all frames and predictions; `reason` is that of the next start."""
         self.window.clear()
+        self._odd.clear()
         self._stop(reason)
 
     def on_clock_jump(self, ahead_ns: int) -> None:
