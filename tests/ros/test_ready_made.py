@@ -106,7 +106,9 @@ def test_a_billiard_ball_slows_down_as_its_rolling_resistance_says() -> None:
     # dv/dt = -(rho + rho' v) g / (1 + i): v + rho / rho' falls as exp(-rho' g t / (1 + i))
     level, rate = law.rolling_friction / law.rolling_friction_slope, law.rolling_friction_slope
     decay = np.exp(-rate * 9.81 / 1.4 * 60 * trajectory.dt)
-    assert trajectory.velocities[-1, 0, 0] == pytest.approx((speed + level) * decay - level, rel=1e-3)
+    assert trajectory.velocities[-1, 0, 0] == pytest.approx(
+        (speed + level) * decay - level, rel=1e-3
+    )
 
 
 # --- what shows it ---
