@@ -12,7 +12,6 @@ from rigid_gns_core import load_scene, load_simulator, State
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
 from rigid_gns_core.data.records import Record, write_record
-from rigid_gns_core.forecasts.lead_times import positions_at
 from rigid_gns_core.recordings.decoded_topic import decode_topic
 from rigid_gns_core.recordings.recorded_forecasts import recorded_futures
 from rigid_gns_core.scenes.state import Array, Trajectory
@@ -37,10 +36,8 @@ def write_ball(path: Path) -> Record:
     """Write the record that the tracker plays: true positions by the laws, no rotations."""
     simulator, scene = load_simulator('laws'), load_scene(SCENE)
     start = State(**{name: np.array(value) for name, value in _START.items()})
-    steps = int(np.ceil(SECONDS / simulator.native_dt(scene))) + 1
-    (run,) = simulator.rollout_batch(scene, [start], steps, workers=1)
     times = np.arange(round(SECONDS * RATE) + 1) / RATE
-    positions = positions_at(run, times, np.asarray(scene.gravity), exact=True)
+    positions = simulator.forecast(scene, start, times).positions
     still = np.zeros_like(positions)
     turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*positions.shape[:2], 4))
     seen = Trajectory(

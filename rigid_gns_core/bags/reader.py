@@ -16,11 +16,11 @@ from typing import Any
 from mcap.records import Channel, Header, Message, Schema
 import numpy as np
 from numpy.typing import NDArray
-import yaml
 
 from .file import LIBRARY
 from .mcap_records import BagError, read_records, SQLITE_REMEDY, zstd_decompress
-from ..errors import UserError
+from ..errors import shown, UserError
+from ..files.config import parse_yaml
 from ..messages.definitions import HASHES
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
@@ -74,12 +74,13 @@ class Bag:
 
     @contextmanager
     def naming_damage(self) -> Iterator[None]:
-        """Add the warnings to a UserError raised within: they are often the reason for it."""
+        """Add the bag and its warnings to a UserError raised within: they often are its reason."""
         try:
             yield
         except UserError as error:
-            if self.warnings:
-                error.args = ('\n'.join([str(error), *self.warnings]),)
+            text = str(error)
+            text = text if str(self.path) in text else f'{self.path}: {text}'
+            error.args = ('\n'.join([text, *self.warnings]),)
             raise
 
 
@@ -113,7 +114,9 @@ def read_bag(path: str | Path) -> Bag:
         topics[name] = Topic(name, found.type_name, times[order], messages, indices)
     expected = information.get('message_count')
     if expected is not None and count != expected:
-        warnings.append(f'{path}: metadata.yaml counts {expected} messages, {count} were read')
+        warnings.append(
+            f'{path}: metadata.yaml counts {shown(expected)} messages, {count} were read'
+        )
     return Bag(path, topics, tuple(warnings))
 
 
@@ -153,15 +156,17 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
         )
         return files, {}
     try:
-        information = yaml.safe_load(metadata.read_text('utf-8'))['rosbag2_bagfile_information']
-        names = [str(name) for name in information['relative_file_paths']]
-        storage = information['storage_identifier']
-    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
-        raise BagError(f'{metadata}: not the metadata of a bag: {error!r}') from error
+        text = metadata.read_text('utf-8')
+        information = parse_yaml(text)['rosbag2_bagfile_information']
+        names, storage = information['relative_file_paths'], information['storage_identifier']
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f'relative_file_paths is {shown(names)}, expected names of files')
+    except (ValueError, KeyError, TypeError) as error:
+        raise BagError(f'{metadata}: not the metadata of a bag: {shown(error)}') from error
     if not storage:  # `ros2 bag reindex` leaves it empty
         storage = 'sqlite3' if any('.db3' in name for name in names) else 'mcap'
     if storage != 'mcap':
-        raise BagError(f'{path}: stored as {storage}, expected mcap; {SQLITE_REMEDY}')
+        raise BagError(f'{path}: stored as {shown(storage)}, expected mcap; {SQLITE_REMEDY}')
     files = [path / name for name in names]
     for file in [file for file in files if not file.is_file()]:
         warnings.append(f'{file}: named in metadata.yaml, but missing')
@@ -178,7 +183,8 @@ def _natural(path: Path) -> list[int | str]:
 
 def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
     """Decompressor of messages recorded with `ros2 bag record --compression-mode message`."""
-    if str(information.get('compression_mode', '')).lower() != 'message':
+    mode = information.get('compression_mode', '')
+    if not isinstance(mode, str) or mode.lower() != 'message':
         return lambda data: data
     return zstd_decompress
 
@@ -189,8 +195,11 @@ def _declared_types(information: dict[str, Any]) -> dict[str, str]:
     listed = information.get('topics_with_message_count')
     for entry in listed if isinstance(listed, list) else ():
         topic = entry.get('topic_metadata') if isinstance(entry, dict) else None
-        if isinstance(topic, dict) and topic.get('name') and topic.get('type'):
-            types[str(topic['name'])] = str(topic['type'])
+        name, kind = (
+            (topic.get('name'), topic.get('type')) if isinstance(topic, dict) else ('', '')
+        )
+        if isinstance(name, str) and isinstance(kind, str) and name and kind:
+            types[name] = kind
     return types
 
 

@@ -20,7 +20,7 @@ from .separation import separate_once
 from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
 from .substep import substep
-from .warm_start import active_impulses, impulses_of, WarmStart, with_sleepers
+from .warm_start import active_impulses, impulses_of, no_contacts, WarmStart, with_sleepers
 from .workspace import new_workspace, Workspace
 from .world import UNIT_GRAVITY, weight_of, World, world_among
 from ..kernels.jit import compiled, in_place
@@ -63,8 +63,7 @@ def advance(
     if len(candidates.a) == 0:
         fly(world, spheres, islands.touched, awake, dt, after)
         advance_planes(world, dt)
-        nothing = WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=True)
-        return after, with_sleepers(nothing, old, awake, len(world.point)), islands
+        return after, with_sleepers(no_contacts(), old, awake, len(world.point)), islands
     while True:
         # only spheres that may touch something take part, with indices of their own
         members, local = _members(candidates, len(awake))

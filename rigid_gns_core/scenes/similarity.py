@@ -25,7 +25,7 @@ from .air import Air
 from .contact_law import ContactLaw
 from .plane import Vector
 from .scene import Plane, Scene
-from .state import Array, quaternion_multiply, State
+from .state import Array, as_unit, quaternion_multiply, State
 from ..errors import UserError
 
 
@@ -117,14 +117,18 @@ class Similarity:
         )
 
     def to_model(self, state: State) -> State:
-        """State of the world in the model's units."""
+        """State of the world in the model's units; fields may have more axes before (n, k)."""
         turn = self.rotation.T
-        return State(
-            positions=state.positions @ turn / self.length,
-            quaternions=quaternion_multiply(self.quaternion, state.quaternions),
-            velocities=state.velocities @ turn * (self.time / self.length),
-            angular_velocities=state.angular_velocities @ turn * self.time,
-        )
+        fields = {
+            'positions': state.positions @ turn / self.length,
+            'quaternions': quaternion_multiply(self.quaternion, state.quaternions),
+            'velocities': state.velocities @ turn * (self.time / self.length),
+            'angular_velocities': state.angular_velocities @ turn * self.time,
+        }
+        if state.positions.ndim == 2:
+            return State(**fields)
+        fields['quaternions'] = as_unit(fields['quaternions'])
+        return State.unchecked(**fields)
 
     def to_world(self, state: State) -> State:
         """State of the model in the world's units; inverse of `to_model`."""

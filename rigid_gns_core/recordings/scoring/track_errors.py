@@ -11,20 +11,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from .regions import crps, region_probability, REGIONS
 from .track_contacts import contacts_of, held_times
 from ...data.tracks import Track, TrackSet
 from ...errors import UserError
 from ...forecasts.forecaster import scene_of
-from ...forecasts.lead_times import forecast_at
 from ...rollout.simulator import Simulator
 from ...scenes.scene import Scene
 from ...scenes.state import Array
 from ...tracking.state_estimate import estimate_state
-
-REGIONS = (0.5, 0.9)
-"""Probabilities of the regions whose coverage is counted."""
 
 # a sphere is forecast that was seen this often in a window
 _SAMPLES = 3
@@ -88,6 +84,7 @@ class Outcome:
         held: Whether a hand, or something else that the scene has not, held it on the way.
         probability: Of the smallest region about the forecast that holds the sample; None: the
             estimate has no covariance.
+        crps: Continuous ranked probability score [m]; None: likewise.
     """
 
     track: str
@@ -99,6 +96,7 @@ class Outcome:
     contacts: int
     held: bool
     probability: float | None
+    crps: float | None = None
 
 
 def track_outcomes(
@@ -152,9 +150,9 @@ def report_of(outcomes: Sequence[Outcome], horizons: Sequence[float]) -> dict[st
     """Errors by horizon [s], and in each by the number of contacts.
 
     Returns:
-        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50` and
-        `coverage_90` (None without regions), and the same in `contacts` for '0', '1', '2', '3+',
-        and 'held' of those that were held on the way.
+        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50`,
+        `coverage_90` and `crps_m` (None without regions), and the same in `contacts` for '0', '1',
+        '2', '3+', and 'held' of those that were held on the way.
     """
     report: dict[str, Any] = {}
     for horizon in horizons:
@@ -184,6 +182,8 @@ def _numbers(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     for region in REGIONS:
         inside = float(np.mean(np.array(known) <= region)) if known else None
         numbers[f'coverage_{100 * region:.0f}'] = inside
+    scores = [one.crps for one in outcomes if one.crps is not None]
+    numbers['crps_m'] = float(np.mean(scores)) if scores else None
     return numbers
 
 
@@ -240,16 +240,12 @@ def _from_window(
             turns = np.concatenate([track.quaternions[earlier][:, used], turns])
     estimate = estimate_state(own, times, positions, turns, noise=noise)
     leads = np.unique([lead for _, _, lead, _ in compared])
-    forecast = forecast_at(
-        simulator, own, estimate, leads, samples=windows.samples, seed=windows.seed
-    )
+    forecast = simulator.forecast(own, estimate, leads, windows.samples, windows.seed)
     outcomes = []
     for sphere, horizon, lead, place in compared:
         step, column = int(np.searchsorted(leads, lead)), int(np.searchsorted(used, sphere))
         off = forecast.positions[step, column] - place
-        error, probability = float(np.linalg.norm(off)), None
-        if forecast.covariance is not None:
-            probability = _probability(off, forecast.covariance[step, column], noise)
+        error, spread = float(np.linalg.norm(off)), forecast.covariance[step, column]
         between, hand = contacts[sphere], hands[sphere]
         outcomes.append(
             Outcome(
@@ -261,7 +257,8 @@ def _from_window(
                 error=error if np.isfinite(error) else float('inf'),
                 contacts=int(((between > start) & (between < start + lead)).sum()),
                 held=bool(((hand >= start) & (hand <= start + lead)).any()),
-                probability=probability,
+                probability=region_probability(off, spread, noise) if windows.samples else None,
+                crps=crps(off, spread, noise) if windows.samples else None,
             )
         )
     return outcomes
@@ -292,15 +289,3 @@ def _compared(
             if abs(lead - horizon) <= max(_TOLERANCE * horizon, frame):
                 found.append((sphere, horizon, lead, places[nearest]))
     return found
-
-
-def _probability(off: Array, covariance: Array, noise: float) -> float | None:
-    """Probability of the region of a normal distribution that a sample is on the edge of.
-
-    It is chi-squared with three degrees of freedom of off^T (C + s^2)^-1 off, with C of the
-    forecast and s the noise of the sample.
-    """
-    total = covariance + np.eye(3) * max(noise, 1e-9) ** 2
-    if not (np.isfinite(total).all() and np.isfinite(off).all()):
-        return None
-    return float(chi2.cdf(off @ np.linalg.solve(total, off), 3))

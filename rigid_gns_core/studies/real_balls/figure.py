@@ -16,7 +16,6 @@ from .judged import BULLET, FIRST, FITTED, HORIZONS, rivals_of
 from ..axes import clean_axes, GRID, INK
 from ...data.tracks import Track, TrackSet
 from ...forecasts.forecaster import scene_of
-from ...forecasts.lead_times import forecast_at
 from ...rollout.simulator import Simulator
 from ...scenes.scene import Scene
 from ...scenes.state import Array
@@ -121,7 +120,7 @@ def _draw_track(
         scene = scene_of(scenes[FITTED if name == BULLET else name], columns)
         model = BulletSimulator() if name == BULLET else simulator
         estimate = estimate_state(scene, track.times[inside], places[inside])
-        found = forecast_at(model, scene, estimate, leads, samples=0).positions
+        found = model.forecast(scene, estimate, leads, samples=0).positions
         for k, line in enumerate(np.moveaxis(found, 1, 0)):
             label = TEXTS[name] if k == 0 else None
             axes.plot(*view(line[:, None]), color=COLOURS[name], lw=1.6, label=label)

@@ -22,7 +22,6 @@ import numpy as np
 from .bullet import BulletSimulator
 from ...data.tracks import tracks_hash, TrackSet
 from ...forecasts.forecaster import scene_of
-from ...forecasts.lead_times import forecast_at
 from ...identification.card import card_of, write_lab
 from ...identification.ladder import Tried
 from ...identification.learn import learn
@@ -186,7 +185,7 @@ def _times(simulator: Simulator, outside: TrackSet, scene: Scene) -> dict[str, A
                 begin = perf_counter()
                 estimate = estimate_state(own, times[inside], places[inside, None])
                 middle = perf_counter()
-                forecast_at(simulator, own, estimate, leads, samples=0)
+                simulator.forecast(own, estimate, leads, samples=0)
                 seconds.append((middle - begin, perf_counter() - middle))
     if not seconds:
         return {}
