@@ -19,7 +19,7 @@ from .repeats import Repeats
 from .scene_laws import by_window, SceneLaws
 from .state_estimate import StateEstimate
 from .tracks import TrackerSettings, Tracks
-from .usable_frames import FrameOrder
+from .usable_frames import clock_was_set, FrameOrder
 from .warm import warm_up, warm_up_laws
 from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
@@ -247,9 +247,12 @@ class TrackingWindow:
             later.insert(0, last)
         ids_reused = tracks.next_id < next_id
         for queued in (frame, *later):
-            if len(tracks.stamps) and queued.stamp_ns - tracks.stamps[-1] > self.max_gap_ns:
-                if not self.full:
-                    self._on_gap((queued.stamp_ns - int(tracks.stamps[-1])) * 1e-9)
+            apart = queued.stamp_ns - int(tracks.stamps[-1]) if len(tracks.stamps) else 0
+            if apart > self.max_gap_ns or (
+                not later and clock_was_set(tracks.stamps, apart, now_ns - self.arrival_ns)
+            ):
+                if not self.full and apart > self.max_gap_ns:
+                    self._on_gap(apart * 1e-9)
                 frames.clear()
                 matched = self.settings.matched
                 tracks = (
