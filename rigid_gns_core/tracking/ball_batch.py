@@ -18,9 +18,6 @@ from ..scenes.state import Array
 
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
-# of more balls the fastest are estimated: of slow ones air and spin change little, and all of them
-# would take longer than a frame
-MOST_BALLS = 24
 
 
 @compiled
@@ -84,6 +81,7 @@ def estimate_balls(
     positions: Array,
     seen: Flags,
     begin: int,
+    most: int,
     states_out: Array,
     covariances_out: Array,
     ends_out: Indices,
@@ -103,6 +101,7 @@ def estimate_balls(
         positions: Centres [m], shape (m, n, 3); any number where a ball is not seen.
         seen: Whether it is, shape (m, n).
         begin: First frame of the memory.
+        most: Of more balls the fastest are estimated.
         states_out: States, shape (n, 9).
         covariances_out: Their covariances, shape (n, 9, 9).
         ends_out: Frame of the state, surface that the ball is on or FREE, shape (n, 2); the first
@@ -111,7 +110,7 @@ def estimate_balls(
     m, n = seen.shape
     near = np.zeros(n, dtype=np.int64)
     _last_near(positions, seen, balls[:, 7], begin, near)
-    taken = _fastest(times, positions, seen, near, MOST_BALLS)
+    taken = _fastest(times, positions, seen, near, most)
     own_times, places = np.zeros(m), np.zeros((m, 3))
     kinks = np.zeros(m, dtype=np.int64)
     state, covariance = np.zeros(9), np.zeros((9, 9))

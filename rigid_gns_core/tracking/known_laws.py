@@ -78,7 +78,7 @@ class KnownLaws:
         return plain(balls), first.planes, plain(np.array([model.laws for model in self.models]))
 
     def states(
-        self, times: Array, positions: Array, seen: NDArray[np.bool_]
+        self, times: Array, positions: Array, seen: NDArray[np.bool_], most: int | None = None
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """State of each ball at the last of some frames; see `estimate_balls`.
 
@@ -86,6 +86,7 @@ class KnownLaws:
             times: Rising times of the frames [s], shape (m,).
             positions: Centres [m], shape (m, n, 3).
             seen: Whether a ball was seen, shape (m, n).
+            most: Of more balls the fastest are estimated; None: all are.
 
         Returns:
             States, shape (n, 9), their covariances, shape (n, 9, 9), and which were found: of a
@@ -103,6 +104,7 @@ class KnownLaws:
             plain(positions),
             np.require(seen, np.bool_, ['C', 'W']),
             begin,
+            count if most is None else most,
             states,
             covariances,
             ends,
@@ -125,6 +127,7 @@ def state_by_laws(
     quaternions: Array,
     seen: NDArray[np.bool_],
     otherwise: Callable[[], tuple[Motion, Array]],
+    most: int | None = None,
 ) -> tuple[State, Array]:
     """State of spheres at the last of some frames, and its covariance, shape (n, 9, 9).
 
@@ -138,8 +141,9 @@ def state_by_laws(
         quaternions: Rotations (x, y, z, w), shape (m, n, 4).
         seen: Whether a sphere was seen, shape (m, n).
         otherwise: Makes the other estimate, a motion and its covariance.
+        most: See `KnownLaws.states`.
     """
-    states, covariances, found = laws.states(times, positions, seen)
+    states, covariances, found = laws.states(times, positions, seen, most)
     turned = rotating(quaternions, seen)
     if found.all() and not turned.any():
         last = len(seen) - 1 - np.argmax(seen[::-1], axis=0)

@@ -17,6 +17,10 @@ from .tracks import TrackerSettings, Tracks
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
+# of more balls the fastest are estimated by the laws: of slow ones air and spin change little, and
+# all would take longer than a frame
+MOST_BALLS = 8
+
 
 @dataclass(frozen=True, eq=False)
 class SceneLaws:
@@ -55,6 +59,7 @@ class SceneLaws:
             tracks.poses[..., 3:],
             tracks.seen,
             lambda: by_window(tracks, settings),
+            MOST_BALLS,
         )
         return StateEstimate(state, covariance)
 

@@ -14,10 +14,10 @@ from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import State
 from rigid_gns_core.scenes.tracker import Tracker
 from rigid_gns_core.tracking import estimate_state
-from rigid_gns_core.tracking.ball_batch import MOST_BALLS
 from rigid_gns_core.tracking.ball_contact import FREE
 from rigid_gns_core.tracking.ball_model import BallModel
 from rigid_gns_core.tracking.ball_path import path
+from rigid_gns_core.tracking.scene_laws import MOST_BALLS
 from rigid_gns_core.tracking.window import TrackingWindow
 
 NOISE, RATE = 1e-3, 180.0
