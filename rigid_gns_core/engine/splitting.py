@@ -12,10 +12,10 @@ With n_k the normal into the body, c = n_k . n_l, l the arm, w the weight of a c
 
 The sum for friction is that of all |C_kl| over C_kk (Gershgorin): l_k l_l / I >= 1 / m for a ball,
 so that no term is negative, and that bound is the larger one of `couplings`. That for normals is
-of c^2, not of |c|. Let D have D_kk = split_k / m, and A_kl = C_kl. For a unit vector u the largest
-eigenvalue of D^-1 A is at most the sum of (n_k . u)^2 w_k / n_k . T n_k, which is below 2 as steps
-need that do not diverge (`tests/engine/test_splitting.py`). Contacts at right angles do not damp
-each other, those in line halve each other.
+of c^2, not of |c|: steps D^-1, D_kk = split_k / m, may pass the solution, but do not diverge, since
+the largest eigenvalue of D^-1 A, that of the sum of w n n^T / (n . T n), stays below 2: at most
+(1 + sqrt(3)) / 2 in a search over directions and weights. Contacts at right angles do not damp each
+other, those in line halve each other.
 """
 
 from __future__ import annotations

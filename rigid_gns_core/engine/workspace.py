@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .blocks import Blocks, new_blocks
 from .broad_phase import Candidates
 from .contact_law import Law, new_law
 from .contacts import Contacts, Impacts
@@ -32,7 +33,7 @@ from ..scenes.state import Array
 class Workspace(NamedTuple):
     """Scratch for n spheres with m candidates.
 
-    Of a step: impacts, order, contacts, law, bodies, impulses, start, state, couplings, pivots,
+    Of a step: impacts, order, contacts, law, bodies, impulses, start, state, couplings, blocks, pivots,
     overlaps, cuts; path, mean: accelerations in air, shape (n, 3); positions: before the step,
     shape (n, 3).
 
@@ -53,6 +54,7 @@ class Workspace(NamedTuple):
     start: Impulses
     state: SolverState
     couplings: Couplings
+    blocks: Blocks
     pivots: Pivots
     overlaps: Overlaps
     cuts: Cuts
@@ -108,7 +110,8 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         impulses=no_impulses(size),
         start=no_impulses(size),
         state=new_state(size),
-        couplings=new_couplings(spheres + 1, size, _most_couplings(spheres, candidates)),
+        couplings=new_couplings(spheres + 1),
+        blocks=new_blocks(spheres, size),
         pivots=new_pivots(),
         overlaps=new_overlaps(spheres, size),
         cuts=new_cuts(spheres),
@@ -134,14 +137,3 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         place=begins[2],
     )
 
-
-@compiled
-def _most_couplings(spheres: int, candidates: Candidates) -> int:
-    """How many couplings there are where all candidates touch: sum of squares of their numbers."""
-    degree, most = np.zeros(spheres + 1, np.int64), 0
-    for k in range(len(candidates.a)):
-        degree[candidates.a[k]] += 1
-        degree[candidates.b[k]] += 1
-    for i in range(spheres):
-        most += degree[i] * degree[i]
-    return most
