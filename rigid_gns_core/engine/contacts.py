@@ -10,11 +10,28 @@ from typing import NamedTuple
 
 from .broad_phase import Candidates, PAD
 from .flight import Paths, position_on_path
-from .impact import impact_of_spheres, impact_with_plane
-from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
+from .impact import impact_of_spheres, impact_with_plane, straight_meeting
+from .impacts import (
+    ACCELERATION,
+    APPROACH_SPEED,
+    CROSSING_TIME,
+    find_impacts_of_spheres,
+    GAP,
+    Impacts,
+    NORMAL_TIME,
+    REST_GAP,
+    SPECULATIVE_GAP,
+    TIME,
+    TURNING_SPEED,
+    X,
+    Y,
+    Z,
+)
+from .rectangle import first_touch_of_spheres, from_plane, is_over_face, offset_from_rectangle, to_plane
 from .shielding import is_shielded, offset_from_plane
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
+from ..kernels.lanes import WIDTH
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
@@ -48,20 +65,6 @@ class Contacts(NamedTuple):
     rest_gap: Array
 
 
-class Impacts(NamedTuple):
-    """Impacts of all candidates, shapes (m,), (m, 3) and (m, 9).
-
-    values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed,
-    crossing_time, rest_gap.
-    """
-
-    found: Flags
-    edge: Flags
-    lasting: Flags
-    normal: Array
-    values: Array
-
-
 @in_place
 def find_impacts(
     world: World,
@@ -87,8 +90,11 @@ def find_impacts(
         lookback: Bodies that overlap are taken to have met at most so long ago.
         impacts_out: Those of the pairs are written.
     """
-    impacts, edges = impacts_out, False
-    for k in pairs:
+    impacts, edges, lanes = impacts_out, False, 0
+    if len(pairs) == len(candidates.a) and not world.in_air:
+        lanes = candidates.pairs // WIDTH * WIDTH
+        find_impacts_of_spheres(world, paths, candidates, lanes, chosen, h, lookback, impacts)
+    for k in pairs[lanes:]:  # all of them, or none of the first
         impacts.found[k] = impacts.edge[k] = impacts.lasting[k] = False
         if chosen[k] and _may_meet(world, paths, candidates, k, h):
             _find(world, paths, candidates, k, h, lookback, False, impacts)
@@ -155,12 +161,22 @@ def _find(
         relative = (0.0, 0.0, 0.0)  # in a vacuum both fall alike
         if world.in_air:
             relative = minus(row(paths.accelerations, a), row(paths.accelerations, b))
+        offset = minus(row(paths.positions, a), row(paths.positions, b))
+        velocity = minus(row(paths.velocities, a), row(paths.velocities, b))
+        touching, bends = world.radius[a] + world.radius[b], dot(relative, relative) > 0
+        hits, time = straight_meeting(offset, velocity, touching, h)
+        if bends:
+            time = first_touch_of_spheres(offset, velocity, relative, touching, h)
+            hits = length(offset) > touching and time <= h
         impact = impact_of_spheres(
-            offset=minus(row(paths.positions, a), row(paths.positions, b)),
-            velocity=minus(row(paths.velocities, a), row(paths.velocities, b)),
+            offset=offset,
+            velocity=velocity,
             acceleration=relative,
+            bends=bends,
             radius_a=world.radius[a],
             radius_b=world.radius[b],
+            hits=hits,
+            time=time,
             h=h,
             lookback=lookback,
             margin=margin,
@@ -170,13 +186,15 @@ def _find(
     impacts.found[k], impacts.edge[k] = impact.found, impact.edge
     if impact.found:
         impacts.lasting[k] = impact.lasting
-        put(impacts.normal, k, impact.normal)
-        values[k, 0], values[k, 1], values[k, 2] = impact.normal_time, impact.time, impact.gap
-        values[k, 3], values[k, 4] = impact.speculative_gap, impact.approach_speed
-        values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
-        values[k, 7], values[k, 8] = impact.crossing_time, impact.rest_gap
+        values[X, k], values[Y, k], values[Z, k] = impact.normal
+        values[NORMAL_TIME, k], values[TIME, k] = impact.normal_time, impact.time
+        values[GAP, k], values[SPECULATIVE_GAP, k] = impact.gap, impact.speculative_gap
+        values[APPROACH_SPEED, k] = impact.approach_speed
+        values[ACCELERATION, k] = impact.acceleration
+        values[TURNING_SPEED, k] = impact.turning_speed
+        values[CROSSING_TIME, k], values[REST_GAP, k] = impact.crossing_time, impact.rest_gap
         if impact.crossing_time < h and _continues(world, paths, candidates, k, h):
-            values[k, 7] = math.inf
+            values[CROSSING_TIME, k] = math.inf
 
 
 @in_place
@@ -196,7 +214,7 @@ def _shield(
     impacts, a, current = impacts_out, candidates.a[k], k
     pull = row(paths.accelerations, a)
     for hand in range(_HANDS):
-        time = impacts.values[current, 0]
+        time = impacts.values[NORMAL_TIME, current]
         centre = position_on_path(row(paths.positions, a), row(paths.velocities, a), pull, time)
         other = _shielding(world, candidates, current, centre)
         if other < 0:
@@ -211,10 +229,12 @@ def _shield(
             return  # it meets that face only later, and is held until then
         _find(world, paths, candidates, other, h, lookback, True, impacts)
         # a sphere that leaves a face within h is on it until then, whose ever its edge is
-        crossing = impacts.values[current, 7]
+        crossing = impacts.values[CROSSING_TIME, current]
         if crossing < h:
-            impacts.values[other, 7] = min(impacts.values[other, 7], crossing)
-            impacts.values[other, 4] = impacts.values[current, 4]
+            bound = min(impacts.values[CROSSING_TIME, other], crossing)
+            impacts.values[CROSSING_TIME, other] = bound
+            speed = impacts.values[APPROACH_SPEED, current]
+            impacts.values[APPROACH_SPEED, other] = speed
         if not impacts.edge[other]:
             return
         current = other
@@ -238,7 +258,7 @@ def _drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) 
         q = k - 1
         while q >= 0 and candidates.a[q] == candidates.a[k] and candidates.plane[q] >= 0:
             if impacts.found[q] and _is_parallel(impacts, q, k):
-                farther = impacts.values[q, 2] > impacts.values[k, 2] + _PARALLEL
+                farther = impacts.values[GAP, q] > impacts.values[GAP, k] + _PARALLEL
                 impacts.found[q if farther else k] = False
                 if not farther:
                     break
@@ -247,7 +267,9 @@ def _drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) 
 
 @in_place
 def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
-    return dot(row(impacts.normal, q), row(impacts.normal, k)) > 1.0 - _PARALLEL**2
+    v = impacts.values
+    cosine = v[X, q] * v[X, k] + v[Y, q] * v[Y, k] + v[Z, q] * v[Z, k]
+    return cosine > 1.0 - _PARALLEL**2
 
 
 @in_place

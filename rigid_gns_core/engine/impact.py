@@ -21,7 +21,6 @@ from .rectangle import (
     curvature_of_path,
     first_touch_of_plane,
     first_touch_of_rectangle,
-    first_touch_of_spheres,
     from_plane,
     is_over_face,
     offset_from_rectangle,
@@ -29,6 +28,7 @@ from .rectangle import (
 )
 from .world import THRESHOLD_TIME, UNIT_GRAVITY, World
 from ..kernels.jit import in_place
+from ..kernels.lanes import choose, larger, smaller
 from ..kernels.vector import dot, length, minus, plus, row, times, Vector
 
 # gaps [radii of the smaller one] up to which bodies touch: rounding
@@ -116,83 +116,102 @@ def _lasts(
 
 
 @in_place
+def straight_meeting(
+    offset: Vector, velocity: Vector, touching: float, h: float
+) -> tuple[bool, float]:
+    """Whether and when two spheres that fall alike meet within h.
+
+    Relative paths are straight, and the time of impact is the first root of |x + y t| = R. With
+    d = |x| - R and b = x . y it is t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses
+    no digits.
+
+    Args:
+        offset: x, position of one relative to the other.
+        velocity: y, likewise.
+        touching: R, sum of the radii.
+        h: Length of the substep.
+    """
+    distance = length(offset)
+    gap, far = distance - touching, distance + touching
+    along = dot(offset, velocity)
+    inside = along * along - dot(velocity, velocity) * gap * far
+    time = gap * far / larger(math.sqrt(larger(inside, 0.0)) - along, 1e-30)
+    return (gap > 0.0) & (along < 0.0) & (inside >= 0.0) & (time <= h), time
+
+
+@in_place
 def impact_of_spheres(
     offset: Vector,
     velocity: Vector,
     acceleration: Vector,
+    bends: bool,
     radius_a: float,
     radius_b: float,
+    hits: bool,
+    time: float,
     h: float,
     lookback: float,
     margin: float,
     pressed: bool,
 ) -> Impact:
-    """Contact of two spheres that touch or meet within h.
-
-    Where both fall alike, relative paths are straight, and the time of impact is the first root of
-    |x + y t| = R, R = r_a + r_b. With d = |x| - R and b = x . y it is
-    t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits. Where air bends
-    their paths differently, it is found by Newton's method.
+    """Contact of two spheres that touch or meet within h; of eight such pairs, as lanes.
 
     Args:
-        offset: x, position of a relative to b.
-        velocity: y, velocity of a relative to b.
+        offset: Position of a relative to b.
+        velocity: Of a relative to b.
         acceleration: Of a relative to b.
-        radius_a: r_a.
-        radius_b: r_b.
+        bends: Whether there is any, so that paths are not straight.
+        radius_a: Radius of a.
+        radius_b: Radius of b.
+        hits: Whether they meet within h.
+        time: When.
         h: Length of the substep.
         lookback: Spheres that overlap are taken to have met at most so long ago.
         margin: Gap up to which spheres that do not meet are speculative contacts.
         pressed: Whether gravity may press bodies together, so that contacts last.
     """
     touching, distance = radius_a + radius_b, length(offset)
-    gap = distance - touching
-    along = dot(offset, velocity)
-    hits, time, bends = False, 0.0, dot(acceleration, acceleration) > 0
-    if gap > 0 and bends:
-        time = first_touch_of_spheres(offset, velocity, acceleration, touching, h)
-        hits = time <= h
-    elif gap > 0 and along < 0:
-        inside = along * along - dot(velocity, velocity) * gap * (distance + touching)
-        if inside >= 0:
-            time = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
-            hits = time <= h
-    approach_speed = -along / max(distance, 1e-30)
-    smaller = min(radius_a, radius_b)
-    lasting = _lasts(gap, smaller, pressed, approach_speed, velocity, distance, h)
-    touches = lasting or gap <= TOUCH * smaller
-    if not (hits or touches or gap <= margin):
-        return _no_impact()
-    if not hits:
-        time = _missed_time(gap, approach_speed, lookback)
-    before = max(time, 0.0)
-    normal_time = 0.5 * (before + h) if lasting else before
+    gap, smallest = distance - touching, smaller(radius_a, radius_b)
+    approach_speed = -dot(offset, velocity) / larger(distance, 1e-30)
+    tangential = dot(velocity, velocity) - approach_speed * approach_speed
+    turn = 0.5 * h * math.sqrt(larger(tangential, 0.0))
+    near = _LASTING_GAP if pressed else -math.inf
+    lasting = (gap <= near * smallest) & (turn <= _LARGEST_TURN * distance)
+    lasting = lasting & (approach_speed <= _LASTING_SPEED) & (-approach_speed <= _LASTING_SPEED)
+    touches = lasting | (gap <= TOUCH * smallest)
+    missed = (gap < 0.0) & (approach_speed > 0.0)
+    since = larger(gap / choose(missed, approach_speed, 1.0), -lookback)
+    time = choose(hits, time, choose(missed, since, 0.0))
+    before = larger(time, 0.0)
+    normal_time = choose(lasting, 0.5 * (before + h), before)
     at, moving = plus(offset, times(normal_time, velocity)), velocity
     if bends:
         at = position_on_path(offset, velocity, acceleration, normal_time)
         moving = velocity_on_path(velocity, acceleration, normal_time)
     far = length(at)
-    normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
-    if not lasting:
-        gap_then, approach_speed = far - touching, -dot(normal, moving)
-    else:
-        gap_then = gap
-        approach_speed -= before * dot(normal, acceleration)
-    curving = centrifugal(at, moving)
+    apart, scale = far > 1e-9, 1.0 / larger(far, 1e-30)
+    normal = (
+        choose(apart, scale * at[0], 0.0),
+        choose(apart, scale * at[1], 0.0),
+        choose(apart, scale * at[2], 1.0),
+    )
+    gap_then = choose(lasting, gap, far - touching)
+    pull, curving = dot(acceleration, normal), centrifugal(at, moving)
+    approach_speed = choose(lasting, approach_speed - before * pull, -dot(normal, moving))
     return Impact(
-        found=True,
+        found=hits | touches | (gap <= margin),
         edge=False,
         lasting=lasting,
         normal=normal,
         normal_time=normal_time,
         time=time,
         gap=gap_then,
-        speculative_gap=0.0 if hits or touches else gap,
+        speculative_gap=choose(hits | touches, 0.0, gap),
         approach_speed=approach_speed,
-        acceleration=dot(acceleration, normal) + curving if bends else curving,
+        acceleration=pull + curving,
         turning_speed=curving * (h - normal_time),
         crossing_time=math.inf,
-        rest_gap=max(gap_then, 0.0) if lasting and not hits else 0.0,
+        rest_gap=choose(hits, 0.0, choose(lasting, larger(gap_then, 0.0), 0.0)),
     )
 
 

@@ -16,11 +16,12 @@ import numpy as np
 from .blocks import Blocks, new_blocks
 from .broad_phase import Candidates
 from .contact_law import Law, new_law
-from .contacts import Contacts, Impacts
+from .contacts import Contacts
 from .containment import Cuts, new_cuts
 from .couplings import Couplings, new_couplings
 from .direct import new_pivots, Pivots
 from .groups import new_contacts, new_order, Order
+from .impacts import Impacts, new_impacts
 from .impulses import Bodies, Impulses, no_impulses
 from .motion import Motion, new_motion
 from .overlap import new_overlaps, Overlaps
@@ -86,16 +87,10 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
     size = len(candidates.a)
     vectors, numbers = np.empty((8, spheres + 1, 3)), np.empty((4, spheres + 1))
     labels, begins = np.empty((3, spheres), np.int64), np.empty((3, spheres + 2), np.int64)
-    flags = np.empty((6, size), np.bool_)
-    flags[3] = True
+    flags = np.empty((3, size), np.bool_)
+    flags[0] = True
     return Workspace(
-        impacts=Impacts(
-            found=flags[0],
-            edge=flags[1],
-            lasting=flags[2],
-            normal=np.empty((size, 3)),
-            values=np.empty((size, 9)),
-        ),
+        impacts=new_impacts(spheres, size),
         order=new_order(spheres, size),
         contacts=new_contacts(size),
         law=new_law(size),
@@ -123,9 +118,9 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         speeds=numbers[1],
         everyone=np.arange(spheres),
         every_pair=np.arange(size),
-        every=flags[3],
-        chosen=flags[4],
-        missed=flags[5],
+        every=flags[0],
+        chosen=flags[1],
+        missed=flags[2],
         label=labels[0],
         opening=numbers[2],
         inner_label=labels[1],

@@ -156,34 +156,48 @@ def store(typing: Any, array: Any, place: Any, value: Any) -> Any:
     return types.void(array, types.int64, LANES), emit
 
 
+def _widen(builder: Any, wide: bool, kinds: Any, values: Any) -> list[Any]:
+    """Values as lanes, if they are to be."""
+    return [
+        _same(builder, value) if wide and kind == types.float64 else value
+        for kind, value in zip(kinds, values, strict=True)
+    ]
+
+
 @intrinsic  # type: ignore[untyped-decorator]
 def choose(typing: Any, mask: Any, yes: Any, no: Any) -> Any:
-    """Of each lane `yes` where the mask holds, else `no`."""
+    """Of each lane `yes` where the mask holds, else `no`; of numbers likewise."""
+    wide = mask == MASK
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.select(args[0], args[1], args[2])
+        return builder.select(args[0], *_widen(builder, wide, sig.args[1:], args[1:]))
 
-    return LANES(MASK, LANES, LANES), emit
+    kinds = [LANES if wide and kind == LANES else types.float64 for kind in (yes, no)]
+    return (LANES if wide else types.float64)(MASK if wide else types.boolean, *kinds), emit
+
+
+def _extreme(a: Any, b: Any, comparison: str) -> Any:
+    """Signature and code of the larger or smaller one of numbers or lanes."""
+    wide = LANES in (a, b)
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        values = _widen(builder, wide, sig.args, args)
+        return builder.select(builder.fcmp_ordered(comparison, *values), *values)
+
+    kinds = [LANES if kind == LANES else types.float64 for kind in (a, b)]
+    return (LANES if wide else types.float64)(*kinds), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def larger(typing: Any, a: Any, b: Any) -> Any:
-    """The larger one of each lane; the second where they are equal."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.select(builder.fcmp_ordered('>', *args), *args)
-
-    return LANES(LANES, LANES), emit
+    """The larger number of each lane, or of two numbers; the second where they are equal."""
+    return _extreme(a, b, '>')
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def smaller(typing: Any, a: Any, b: Any) -> Any:
-    """The smaller one of each lane; the second where they are equal."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.select(builder.fcmp_ordered('<', *args), *args)
-
-    return LANES(LANES, LANES), emit
+    """The smaller number of each lane, or of two numbers; the second where they are equal."""
+    return _extreme(a, b, '<')
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import compiled, entry, in_place
+from .vector import dot, minus, row, Vector
 from ..scenes.state import Array
 
 Indices = NDArray[np.int64]
@@ -115,38 +116,40 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
     grid = make_grid(positions, extent)
     mask = len(grid.start) - 2
     near = np.empty(count, np.int64)
+    # what a cell holds in a row of memory
+    places, cells = positions[grid.members], grid.cell[grid.members]
+    reaches, levels = extent[grid.members], grid.level[grid.members]
     for i in range(count):
-        found = 0
+        found, place, reach = 0, row(positions, i), extent[i]
         for level in range(grid.level[i], len(grid.size)):
             first, last = grid.level_start[level], grid.level_start[level + 1]
             own = level == grid.level[i]
             if last - first <= _FEW:
                 for k in range(first, last):
                     j = grid.by_level[k]
-                    if (j > i or not own) and _within(positions, extent, i, j):
+                    if (j > i or not own) and _within(place, reach, row(positions, j), extent[j]):
                         near[found] = j
                         found += 1
                 continue
-            cx = math.floor(positions[i, 0] / grid.size[level])
-            cy = math.floor(positions[i, 1] / grid.size[level])
-            cz = math.floor(positions[i, 2] / grid.size[level])
-            for x in range(cx - 1, cx + 2):
-                for y in range(cy - 1, cy + 2):
-                    for z in range(cz - 1, cz + 2):
-                        bucket = _bucket(level, x, y, z, mask)
-                        for k in range(grid.start[bucket], grid.start[bucket + 1]):
-                            j = grid.members[k]
-                            if own and j <= i:
-                                continue
-                            if (
-                                grid.cell[j, 0] == x
-                                and grid.cell[j, 1] == y
-                                and grid.cell[j, 2] == z
-                                and grid.level[j] == level
-                                and _within(positions, extent, i, j)
-                            ):
-                                near[found] = j
-                                found += 1
+            cx = math.floor(place[0] / grid.size[level])
+            cy = math.floor(place[1] / grid.size[level])
+            cz = math.floor(place[2] / grid.size[level])
+            # of its own level only the cells from its own on: the others find it
+            for step in range(13 if own else 0, 27):
+                x, y, z = cx + step // 9 - 1, cy + step // 3 % 3 - 1, cz + step % 3 - 1
+                bucket = _bucket(level, x, y, z, mask)
+                for k in range(grid.start[bucket], grid.start[bucket + 1]):
+                    if (
+                        cells[k, 0] == x
+                        and cells[k, 1] == y
+                        and cells[k, 2] == z
+                        and levels[k] == level
+                        and _within(place, reach, row(places, k), reaches[k])
+                    ):
+                        j = grid.members[k]
+                        if step != 13 or j > i or not own:
+                            near[found] = j
+                            found += 1
         for k in range(found):
             j = near[k]
             if not (awake[i] or awake[j]):
@@ -198,12 +201,9 @@ def _mark_near(
 
 
 @in_place
-def _within(positions: Array, extent: Array, i: int, j: int) -> bool:
-    reach = extent[i] + extent[j]
-    square = 0.0
-    for axis in range(3):
-        square += (positions[i, axis] - positions[j, axis]) ** 2
-    return square <= reach * reach
+def _within(one: Vector, reach: float, other: Vector, other_reach: float) -> bool:
+    offset, sum_of_both = minus(one, other), reach + other_reach
+    return dot(offset, offset) <= sum_of_both * sum_of_both
 
 
 @compiled
