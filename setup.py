@@ -50,6 +50,7 @@ EXTRAS = {
     'test': [
         'pytest>=7.4',
         'pytest-xdist>=3.5',
+        'hypothesis>=6.100',
         'rosbags>=0.10',
         'distributed>=2024.1',
         'mcap-ros2-support>=0.5',

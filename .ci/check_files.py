@@ -41,6 +41,7 @@ def files() -> Iterator[Path]:
         made = (
             parts[0] in SKIPPED
             or parts[0].startswith('.venv')
+            or parts[:2] == ('tests', 'corpus')  # damaged on purpose
             or any(part.endswith(('_cache', '__pycache__', '.egg-info')) for part in parts)
         )
         if path.is_file() and not made:

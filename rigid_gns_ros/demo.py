@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`make demo`: tracker and simulator in two processes, a recorded bag, and its evaluation."""
+"""`make demo`: tracker and simulator in two processes, recorded bags, and their evaluation."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from types import FrameType
 from typing import NoReturn
 
 from rigid_gns_core.commands import cli
+
+from .demo_ball import ball_errors, NOISE, RATE, SCENE, told, write_ball
 
 LOG_TAIL = 25  # lines of the log shown when a process failed
 POLL = 0.1  # [s]
@@ -60,6 +62,10 @@ class NodeProcess:
         """Check that the process runs; DemoError: it has ended."""
         if self._process.poll() is not None:
             raise self._failure(f'ended with exit code {self._process.returncode}')
+
+    def ended(self) -> bool:
+        """Whether the process has ended; `stop` tells how."""
+        return self._process.poll() is not None
 
     def wait_for(self, text: str, timeout: float) -> None:
         """Wait until the log holds `text`.
@@ -106,54 +112,102 @@ class NodeProcess:
 
 
 def run_demo(folder: Path, duration: float) -> int:
-    """Run both nodes and evaluate the recorded bag.
+    """Run both nodes on the box, then on a table tennis ball, and evaluate what they recorded.
 
     Args:
-        folder: Folder to create for bag, report, figure and logs.
-        duration: Time to predict [s].
+        folder: Folder to create for bags, reports, figure and logs.
+        duration: Time to predict in the box [s].
 
     Returns:
-        The exit code of evaluation and report.
+        The exit code of evaluation and reports.
 
     Raises:
         DemoError: A process failed.
         FileExistsError: The folder exists.
     """
     folder.mkdir(parents=True)
-    environment = node_environment(folder)
     bag = folder / 'bag'
-    processes: list[NodeProcess] = []
-    try:
-        print('demo: starting the simulator', flush=True)
-        simulator = NodeProcess('simulator_node', folder, {'record': str(bag)}, environment)
-        processes.append(simulator)
-        simulator.wait_for('ready: ', 60.0)
-        print('demo: starting the tracker', flush=True)
-        tracker = NodeProcess('tracker_node', folder, {}, environment)
-        processes.append(tracker)
-        tracker.wait_for('ready: ', 30.0)
-        simulator.wait_for('started from stamp', 20.0)
-        print(
-            f'demo: predicting for {duration:g} s; to watch: '
-            f'ROS_DOMAIN_ID={environment["ROS_DOMAIN_ID"]} ros2 topic hz /predicted_poses',
-            flush=True,
-        )
-        end = time.monotonic() + duration
-        while time.monotonic() < end:
-            for process in processes:
-                process.check()
-            time.sleep(POLL)
-        for process in reversed(processes):
-            process.stop()
-    finally:
-        for process in processes:
-            process.kill()
+    run_nodes(folder, {'record': str(bag)}, {}, duration)
     print('demo: evaluating the bag\n', flush=True)
     code = cli.evaluate(
         [str(bag), '--json', str(folder / 'report.json'), '--figure', str(folder / 'report.png')]
     )
     # the replay, for any browser
-    return code or cli.main(['report', str(bag), '--out', str(folder / 'report.html')])
+    code = code or cli.main(['report', str(bag), '--out', str(folder / 'report.html')])
+    return code or run_ball(folder / 'ball')
+
+
+def run_ball(folder: Path) -> int:
+    """Forecast a table tennis ball of which positions alone are seen; the exit code of the report.
+
+    Args:
+        folder: Folder to create.
+
+    Raises:
+        DemoError: A process failed.
+    """
+    folder.mkdir()
+    record = folder / 'ball.h5'
+    truth = write_ball(record)
+    print(
+        f'\ndemo: a table tennis ball, {RATE:g} positions a second with {1e3 * NOISE:g} mm of '
+        'noise, and a spin that is not seen',
+        flush=True,
+    )
+    bag = folder / 'bag'
+    simulator = {'record': str(bag), 'scene': SCENE, 'start': 'every', 'horizon': '0.5'}
+    tracker = {'trajectory': str(record), 'noise': str(NOISE)}
+    run_nodes(folder, simulator, tracker, None)
+    print(f'demo: errors of the forecasts\n{told(ball_errors(bag, truth))}', flush=True)
+    return cli.main(['report', str(bag), '--out', str(folder / 'report.html')])
+
+
+def run_nodes(
+    folder: Path, simulating: dict[str, str], tracking: dict[str, str], duration: float | None
+) -> None:
+    """Run simulator and tracker, and stop both.
+
+    Args:
+        folder: Folder of their logs.
+        simulating: Parameters of the simulator.
+        tracking: Parameters of the tracker.
+        duration: How long [s]; None: until the tracker ends.
+
+    Raises:
+        DemoError: A process failed.
+    """
+    environment = node_environment(folder)
+    processes: list[NodeProcess] = []
+    try:
+        print('demo: starting the simulator', flush=True)
+        simulator = NodeProcess('simulator_node', folder, simulating, environment)
+        processes.append(simulator)
+        simulator.wait_for('ready: ', 60.0)
+        print('demo: starting the tracker', flush=True)
+        tracker = NodeProcess('tracker_node', folder, tracking, environment)
+        processes.append(tracker)
+        tracker.wait_for('ready: ', 30.0)
+        simulator.wait_for('started from stamp', 20.0)
+        if duration is None:
+            while not tracker.ended():
+                simulator.check()
+                time.sleep(POLL)
+        else:
+            print(
+                f'demo: predicting for {duration:g} s; to watch: '
+                f'ROS_DOMAIN_ID={environment["ROS_DOMAIN_ID"]} ros2 topic hz /predicted_poses',
+                flush=True,
+            )
+            end = time.monotonic() + duration
+            while time.monotonic() < end:
+                for process in processes:
+                    process.check()
+                time.sleep(POLL)
+        for process in reversed(processes):
+            process.stop()
+    finally:
+        for process in processes:
+            process.kill()
 
 
 def node_environment(folder: Path) -> dict[str, str]:

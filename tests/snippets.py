@@ -40,7 +40,9 @@ NODES = {'simulator': SIMULATOR, 'tracker': TRACKER}
 # Ways of others to install and set up, which need a network or an apt ROS.
 FOREIGN = {'python3', 'pip', 'rosdep', 'colcon', '.'}
 # Only parsed, where one of these words is in it: a cluster, a browser, hours.
-PARSED = {'--scheduler', 'benchmarks/only_what_is_needed.py', 'benchmarks/film.py'}
+PARSED = {
+    '--scheduler', 'recordings', 'benchmarks/only_what_is_needed.py', 'benchmarks/film.py',
+}  # fmt: skip
 # Numbers of a page may be rounded, and another processor rounds differently; counts are exact.
 CLOSE = 0.25
 NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)')

@@ -71,8 +71,8 @@ def poses(number: int) -> np.ndarray:
     return found
 
 
-def record(folder: Path, notes: Path, split: bool) -> None:
-    """Record until killed."""
+def record(folder: Path, notes: Path, split: float) -> None:
+    """Record until killed, in files of so many MB; 0: in one."""
     codec, scene = PoseArrayCodec('world', SPHERES), load_scene('box_154')
     said = {
         'scene': scene.to_mapping(),
@@ -83,7 +83,7 @@ def record(folder: Path, notes: Path, split: bool) -> None:
     }
     with open(notes, 'r+b') as file:
         note = mmap.mmap(file.fileno(), NOTE.size)
-    bag = BagWriter(folder, max_size=SPLIT_MB if split else 0.0)
+    bag = BagWriter(folder, max_size=split)
     bag.add_topic('/tracked_poses', POSE_ARRAY, 'sensor_data')
     bag.add_topic('/predicted_poses', POSE_ARRAY, 'reliable')
     bag.add_topic('/simulator/scene', 'std_msgs/msg/String', 'latched')
@@ -101,13 +101,13 @@ def record(folder: Path, notes: Path, split: bool) -> None:
         note[:] = NOTE.pack(number + 1, now)
 
 
-def kill_recorder(folder: Path, after: float, split: bool) -> Kill:
-    """Start a recorder, kill it after `after` [s], and read its bag."""
+def kill_recorder(folder: Path, after: float, split: float) -> Kill:
+    """Start a recorder, kill it after `after` [s], and read its bag; `split` as in `record`."""
     folder.mkdir()
     notes, bag = folder / 'notes', folder / 'bag'
     notes.write_bytes(bytes(NOTE.size))
     command = [sys.executable, __file__, '--recorder', str(bag), str(notes)]
-    process = subprocess.Popen(command + (['--split'] if split else []))
+    process = subprocess.Popen([*command, '--split', str(split)])
     while not bag.is_dir():
         if process.poll() is not None:
             raise SystemExit(f'a recorder ended with exit code {process.returncode}')
@@ -116,7 +116,7 @@ def kill_recorder(folder: Path, after: float, split: bool) -> Kill:
     process.send_signal(signal.SIGKILL)
     process.wait()
     written, last_ns = NOTE.unpack(notes.read_bytes())
-    return look_at(bag, Kill(after, split, False, written=written), last_ns)
+    return look_at(bag, Kill(after, split > 0, False, written=written), last_ns)
 
 
 def look_at(folder: Path, kill: Kill, last_ns: int) -> Kill:
@@ -224,7 +224,7 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=0, help='of the moments')
     parser.add_argument('--json', type=Path, help='where to write all numbers')
     parser.add_argument('--recorder', nargs=2, type=Path, help=argparse.SUPPRESS)
-    parser.add_argument('--split', action='store_true', help=argparse.SUPPRESS)
+    parser.add_argument('--split', type=float, default=0.0, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.recorder:
         record(*arguments.recorder, arguments.split)
@@ -244,7 +244,8 @@ def main() -> int:
         folder = Path(scratch)
 
         def one(number: int) -> Kill:
-            return kill_recorder(folder / str(number), float(moments[number]), number % 2 == 1)
+            split = SPLIT_MB * (number % 2)
+            return kill_recorder(folder / str(number), float(moments[number]), split)
 
         with ThreadPoolExecutor(AT_ONCE) as pool:
             report['recorder'] = summary(list(pool.map(one, range(arguments.kills))))

@@ -5,7 +5,7 @@
 
     python benchmarks/node/node_benchmark.py --json docs/model/node_benchmark.json    # 50 minutes
     python benchmarks/node/node_benchmark.py rate horizon --seconds 10 --only '50 spheres'
-    python benchmarks/node/node_benchmark.py soak --minutes 30 --again
+    python benchmarks/node/node_benchmark.py soak --only '8 balls' --minutes 30 --again
 
 Tracker, simulator and listener are three processes that talk by DDS. The tracker plays a rollout
 of the laws of spheres that fall into a box, with noise of 0.5 % of the radius, forward and
@@ -19,6 +19,8 @@ horizon  From the arrival of a tracked frame to the publication of its future of
          from just before it is published to the arrival of its future at the listener (`heard`):
          also both ways through DDS, and the wake-up of two Python processes. Recorded too. A frame
          overtaken by the next one has no future.
+crossing From a tracked frame to the crossing of a plane that is forecast from it, of one ball at
+         240 Hz; as `horizon`.
 kills    What is left of a bag after a SIGKILL: made by benchmarks/bags/bag_kills.py, shown here.
 soak     100 Hz, recorded in files of 50 MB (1.2 GB in 30 minutes, into a temporary folder): memory
          of the simulator, which must not grow after the first minute, and errors in its log.
@@ -36,15 +38,20 @@ import sys
 import tempfile
 from typing import Any
 
-from parts import CASES, measure_horizon, measure_rate, measure_soak
+from parts import CASES, measure_crossing, measure_horizon, measure_rate, measure_soak
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.running.machine import describe_machine
 from rigid_gns_ros.demo import DemoError
 from run import Case, run
 from table import BOUNDS, broken_bounds, format_kills, format_part
 
-PARTS = ('rate', 'horizon', 'kills', 'soak')
-MEASURES = {'rate': measure_rate, 'horizon': measure_horizon, 'soak': measure_soak}
+PARTS = ('rate', 'horizon', 'crossing', 'kills', 'soak')
+MEASURES = {
+    'rate': measure_rate,
+    'horizon': measure_horizon,
+    'crossing': measure_crossing,
+    'soak': measure_soak,
+}
 KILLS = Path(__file__).parents[2] / 'docs' / 'model' / 'bag_kills.json'
 TOLD = 30.0  # period of the lines of a soak [s]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from mcap.records import Channel, Message
 import numpy as np
-from peers import stamp_of
+from peers import frame_of, stamp_of
 from rigid_gns_core.bags.mcap_records import read_records
 from rigid_gns_core.messages.poses import decode_float64
 import yaml
@@ -30,6 +30,7 @@ class Recorded:
         lateness: Log time less stamp of each [s].
         step_times: Of the model [s].
         waits: From the arrival of each frame that has a future to its publication [s].
+        crossing_waits: Likewise to that of its crossings [s].
         files: Number of files.
         warnings: What is wrong with the bag.
     """
@@ -38,6 +39,7 @@ class Recorded:
     lateness: np.ndarray
     step_times: np.ndarray
     waits: np.ndarray
+    crossing_waits: np.ndarray
     files: int
     warnings: tuple[str, ...]
 
@@ -94,6 +96,7 @@ def read_recorded(folder: Path) -> Recorded:
     predicted: list[tuple[int, int]] = []
     arrivals: dict[int, int] = {}
     waits: list[int] = []
+    crossing_waits: list[int] = []
     step_times: list[float] = []
     for file in files:
         topics: dict[int, str] = {}
@@ -108,6 +111,8 @@ def read_recorded(folder: Path) -> Recorded:
                     arrivals[stamp_of(record.data)] = record.log_time
                 elif topic == '/predicted_trajectory':
                     waits.append(record.log_time - arrivals[stamp_of(record.data)])
+                elif topic == '/simulator/crossings':
+                    crossing_waits.append(record.log_time - arrivals[frame_of(record.data)])
                 elif topic == '/simulator/step_time':
                     step_times.append(decode_float64(record.data))
     rows = np.array(sorted(predicted), dtype=np.int64).reshape(-1, 2)
@@ -118,6 +123,7 @@ def read_recorded(folder: Path) -> Recorded:
         lateness=lateness,
         step_times=np.array(step_times),
         waits=1e-9 * np.array(waits, dtype=np.float64),
+        crossing_waits=1e-9 * np.array(crossing_waits, dtype=np.float64),
         files=len(files),
         warnings=told,
     )

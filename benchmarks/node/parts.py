@@ -44,6 +44,23 @@ CASES = {
         )
         for start in ('first', 'every')
     ],
+    'crossing': [
+        Case(
+            f'one ball in air, tracker at 240 Hz, {samples} samples',
+            1,
+            0.02,
+            1,
+            {
+                'start': 'every',
+                'horizon': '0.5',
+                'samples': str(samples),
+                'crossing_planes': "'{height: {point: [0, 0, 0.1], normal: [0, 0, 1]}}'",
+            },
+            hertz=240.0,
+            air=True,
+        )
+        for samples in (32, 64)
+    ],
     'soak': [
         Case(
             '50 spheres of 10 mm, 100 Hz',
@@ -51,7 +68,15 @@ CASES = {
             0.01,
             1,
             {'start': 'every', 'record_max_size': '50.0'},
-        )
+        ),
+        Case(
+            '8 balls at 240 Hz, futures of 0.5 s',
+            8,
+            0.02,
+            1,
+            {'start': 'every', 'horizon': '0.5', 'record_max_size': '50.0'},
+            bouncing_hz=240.0,
+        ),
     ],
 }
 
@@ -88,6 +113,21 @@ def measure_horizon(outcome: Outcome) -> dict[str, Any]:
         'horizon_heard_ms': quantiles(1e-9 * np.array(waits, dtype=np.float64)),
         'horizon_bag_ms': quantiles(outcome.recorded.waits),
         'message_bytes': int(futures[:, 3].max(initial=0)),
+    }
+
+
+def measure_crossing(outcome: Outcome) -> dict[str, Any]:
+    """Time from a tracked frame to the crossing that is forecast from it."""
+    told = outcome.heard['simulator/crossings']
+    arrivals = {int(row[0]): int(row[2]) for row in told}
+    first, last = (min(arrivals), max(arrivals)) if arrivals else (0, -1)
+    frames = [(int(stamp), int(sent)) for stamp, sent in outcome.sent if first <= stamp <= last]
+    waits = [arrivals[stamp] - sent for stamp, sent in frames if stamp in arrivals]
+    return {
+        'frames': len(frames),
+        'without_crossing': len(frames) - len(waits),
+        'crossing_heard_ms': quantiles(1e-9 * np.array(waits, dtype=np.float64)),
+        'crossing_bag_ms': quantiles(outcome.recorded.crossing_waits),
     }
 
 

@@ -13,6 +13,8 @@ which all processes of a machine share, and of the system's, which is the node's
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+import json
 from pathlib import Path
 import signal
 import struct
@@ -27,10 +29,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from rigid_gns_core.messages.poses import PoseArrayCodec
+from rigid_gns_core.messages.poses import decode_string, PoseArrayCodec
+from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-TOPICS = {'predicted_poses': PoseArray, 'predicted_trajectory': MultiDOFJointTrajectory}
+TOPICS = {
+    'predicted_poses': PoseArray,
+    'predicted_trajectory': MultiDOFJointTrajectory,
+    'simulator/crossings': String,
+}
 SETTLE = 0.5  # from discovery to the first frame: the node's side may discover later [s]
 LEAD = 0.2  # from there to the first frame's stamp [s]
 STEP = 0.05  # longest sleep, after which the end is looked for [s]
@@ -46,6 +53,11 @@ class Ending:
 
     def _ask(self, *_: Any) -> None:
         self.asked = True
+
+
+def frame_of(cdr: bytes) -> int:
+    """Stamp of the frame that a message on ~/crossings is of [ns]."""
+    return int(json.loads(decode_string(cdr))['stamp_ns'])
 
 
 def stamp_of(cdr: bytes) -> int:
@@ -100,7 +112,13 @@ def listen(ending: Ending) -> dict[str, np.ndarray]:
     heard: dict[str, list[tuple[int, int, int, int]]] = {name: [] for name in TOPICS}
     # the queue is long enough for a listener that is held up for a second
     subscriptions = [
-        node.create_subscription(kind, name, _note(heard[name]), QoSProfile(depth=100), raw=True)
+        node.create_subscription(
+            kind,
+            name,
+            _note(heard[name], frame_of if kind is String else stamp_of),
+            QoSProfile(depth=100),
+            raw=True,
+        )
         for name, kind in TOPICS.items()
     ]
     executor = SingleThreadedExecutor()
@@ -113,10 +131,10 @@ def listen(ending: Ending) -> dict[str, np.ndarray]:
     return {name: np.array(rows, dtype=np.int64).reshape(-1, 4) for name, rows in heard.items()}
 
 
-def _note(rows: list[tuple[int, int, int, int]]) -> Any:
+def _note(rows: list[tuple[int, int, int, int]], stamp: Callable[[bytes], int]) -> Any:
     def take(cdr: bytes) -> None:
         monotonic, system = time.monotonic_ns(), time.time_ns()
-        rows.append((stamp_of(cdr), system, monotonic, len(cdr)))
+        rows.append((stamp(cdr), system, monotonic, len(cdr)))
 
     return take
 

@@ -15,19 +15,23 @@ import sys
 import time
 from typing import Any
 
+from motion import poses_at, SCENE
 import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.rollout.paths import Paths
 from rigid_gns_core.running.machine import load_average
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.start import StartRecipe
+from rigid_gns_core.scenes.state import State
 from rigid_gns_ros.demo import node_environment, NodeProcess
 import yaml
 
 PEERS = Path(__file__).with_name('peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm
 PLAYED = 150  # model steps that the tracker plays forward and backward
+BOUNCING = 20.0  # and so long balls that bounce [s]
 COMPILING = 600.0  # a first run compiles the engine [s]
 LEAST_STARTED = 30.0  # for discovery and the first frames [s]
 POLL = 0.1  # [s]
@@ -70,6 +74,10 @@ class Case:
         parameters: Of the simulator, besides its scene.
         busy: Whether another process keeps one core busy.
         seed: Of places and noise.
+        hertz: Frames per second of the tracker; 0: by `stride`.
+        air: Whether there is air.
+        bouncing_hz: Frames per second of balls of 20 mm that bounce without loss; 0: a rollout of
+            the model is played.
     """
 
     name: str
@@ -79,12 +87,19 @@ class Case:
     parameters: Mapping[str, str]
     busy: bool = False
     seed: int = 0
+    hertz: float = 0.0
+    air: bool = False
+    bouncing_hz: float = 0.0
 
     @property
     def scene(self) -> dict[str, Any]:
         """An open box whose ground holds three times as many spheres side by side."""
+        if self.bouncing_hz:
+            found: dict[str, Any] = SCENE['scene']
+            return found
         side = float(2 * self.radius * np.sqrt(3 * self.spheres))
         return {
+            **({'air': {'density': 1.2, 'drag_coefficient': 0.4}} if self.air else {}),
             'box': {'length_x': side, 'length_y': side},
             'radius': self.radius,
             'mass': self.radius**3,
@@ -112,7 +127,9 @@ class Case:
             'parameters': dict(self.parameters),
             'busy_core': self.busy,
             'seed': self.seed,
+            'air': self.air,
             'noise_radii': NOISE,
+            'bouncing_hz': self.bouncing_hz,
         }
 
 
@@ -227,14 +244,27 @@ def _prepare(case: Case, folder: Path) -> tuple[Path, float, float]:
     """Write scene and poses; the file of poses, their interval and the model step [s]."""
     (folder / 'scene.yaml').write_text(yaml.safe_dump({'scene': case.scene}), encoding='utf-8')
     scene = Scene.from_mapping(case.scene)
+    path = folder / 'poses.npy'
+    if case.bouncing_hz:
+        heights = np.linspace(0.3, 1.0, case.spheres)
+        times = np.arange(round(BOUNCING * case.bouncing_hz)) / case.bouncing_hz
+        np.save(path, poses_at(times, heights, np.zeros(case.spheres)))
+        return path, 1 / case.bouncing_hz, load_simulator().native_dt(scene)
     start = sample_start(scene, case.recipe)
     trajectory = load_simulator().rollout(scene, start.positions, steps=PLAYED)
     if trajectory.diverged_at is not None:
         raise RuntimeError(f'{case.name}: the rollout that the tracker plays diverged')
     poses = np.concatenate([trajectory.positions, trajectory.quaternions], axis=2)
-    path = folder / 'poses.npy'
-    np.save(path, poses[:: case.stride])
-    return path, case.stride * trajectory.dt, trajectory.dt
+    if not case.hertz:
+        np.save(path, poses[:: case.stride])
+        return path, case.stride * trajectory.dt, trajectory.dt
+    names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
+    states = State.unchecked(*(getattr(trajectory, name)[None] for name in names))
+    times = np.arange(int(trajectory.times[-1] * case.hertz)) / case.hertz
+    places, _ = Paths.of(scene, states, trajectory.dt, exact=True).at(times)
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*places.shape[1:3], 4))  # not tracked
+    np.save(path, np.concatenate([places[0], still], axis=2))
+    return path, 1.0 / case.hertz, trajectory.dt
 
 
 def _wait(

@@ -19,9 +19,11 @@ BOUNDS = {
     'lateness_p99_idle_ms': 2.0,
     'lateness_p99_busy_core_ms': 10.0,
     'horizon_p99_ms': 50.0,
+    'crossing_p99_ms': 10.0,
     'memory_growth_percent': 1.0,
 }
 LATENESS = {'lateness_heard_ms': 'heard', 'lateness_bag_ms': 'bag'}
+CROSSING = {'crossing_heard_ms': 'heard', 'crossing_bag_ms': 'bag'}
 HORIZON = {'horizon_heard_ms': 'heard', 'horizon_bag_ms': 'bag'}
 
 
@@ -39,6 +41,10 @@ def _broken(part: str, case: Mapping[str, Any]) -> Iterator[str]:
     if part == 'horizon':
         for key, where in HORIZON.items():
             yield from _over(f'horizon p99 ({where})', case[key], BOUNDS['horizon_p99_ms'])
+        return
+    if part == 'crossing':
+        for key, where in CROSSING.items():
+            yield from _over(f'crossing p99 ({where})', case[key], BOUNDS['crossing_p99_ms'])
         return
     if case['missed'] or case['counts']['skipped']:
         yield f'{case["missed"]} steps missed, {case["counts"]["skipped"]} skipped'
@@ -62,7 +68,12 @@ def _over(name: str, found: Mapping[str, float] | None, bound: float) -> Iterato
 def format_part(part: str, report: Mapping[str, Any]) -> str:
     """Table of a part: one line per case."""
     cases = report['parts'].get(part, {})
-    columns = {'rate': _rate_cells, 'horizon': _horizon_cells, 'soak': _soak_cells}[part]
+    columns = {
+        'rate': _rate_cells,
+        'horizon': _horizon_cells,
+        'crossing': _crossing_cells,
+        'soak': _soak_cells,
+    }[part]
     rows = [{part: name, **columns(case), **_machine_cells(case)} for name, case in cases.items()]
     return _aligned(rows) if rows else f'{part}: no case'
 
@@ -102,6 +113,14 @@ def _horizon_cells(case: Mapping[str, Any]) -> dict[str, str]:
         'without': str(case['without_future']),
         **{f'{where} p50/p99/worst ms': _quantiles(case[key]) for key, where in HORIZON.items()},
         'kB': f'{case["message_bytes"] / 1e3:.0f}',
+    }
+
+
+def _crossing_cells(case: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        'frames': str(case['frames']),
+        'without': str(case['without_crossing']),
+        **{f'{where} p50/p99/worst ms': _quantiles(case[key]) for key, where in CROSSING.items()},
     }
 
 

@@ -16,11 +16,11 @@ from typing import Any
 from mcap.records import Channel, Header, Message, Schema
 import numpy as np
 from numpy.typing import NDArray
-import yaml
 
 from .file import LIBRARY
 from .mcap_records import BagError, read_records, SQLITE_REMEDY, zstd_decompress
-from ..errors import UserError
+from ..errors import shown, UserError
+from ..files.config import parse_yaml
 from ..messages.definitions import HASHES
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
@@ -74,12 +74,13 @@ class Bag:
 
     @contextmanager
     def naming_damage(self) -> Iterator[None]:
-        """Add the warnings to a UserError raised within: they are often the reason for it."""
+        """Add the bag and its warnings to a UserError raised within: they often are its reason."""
         try:
             yield
         except UserError as error:
-            if self.warnings:
-                error.args = ('\n'.join([str(error), *self.warnings]),)
+            text = str(error)
+            text = text if str(self.path) in text else f'{self.path}: {text}'
+            error.args = ('\n'.join([text, *self.warnings]),)
             raise
 
 
@@ -153,11 +154,12 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
         )
         return files, {}
     try:
-        information = yaml.safe_load(metadata.read_text('utf-8'))['rosbag2_bagfile_information']
+        text = metadata.read_text('utf-8')
+        information = parse_yaml(text)['rosbag2_bagfile_information']
         names = [str(name) for name in information['relative_file_paths']]
         storage = information['storage_identifier']
-    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
-        raise BagError(f'{metadata}: not the metadata of a bag: {error!r}') from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise BagError(f'{metadata}: not the metadata of a bag: {shown(error)}') from error
     if not storage:  # `ros2 bag reindex` leaves it empty
         storage = 'sqlite3' if any('.db3' in name for name in names) else 'mcap'
     if storage != 'mcap':

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-import json
 from typing import Any
 
 from .reader import Bag, BagError, Topic
-from ..messages.poses import decode_string, MessageError
+from ..errors import UserError
+from ..files.strict_json import parse_json
+from ..messages.poses import decode_string
 
 POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 _STRING = 'std_msgs/msg/String'
 _FLOAT64 = 'std_msgs/msg/Float64'
+# topics in an error message, poses first, and characters of a name
+_LISTED, _LONGEST = 20, 200
+# what a simulator says on ~/scene, where it is not damaged
+_SAID: dict[str, Any] = {'parameters': dict, 'model_card': dict, 'topics': dict, 'dt': float}
 _TRAJECTORY = 'trajectory_msgs/msg/MultiDOFJointTrajectory'
 
 
@@ -30,6 +35,7 @@ class Topics:
         recorded: Content of ~/scene: scene, model, parameters, topics; empty: not recorded.
         start: Starts of forecasts; None: not recorded.
         trajectory: Predicted trajectories; None: not recorded.
+        deviations: Deviations of these; None: not recorded.
     """
 
     tracked: Topic
@@ -38,6 +44,7 @@ class Topics:
     recorded: dict[str, Any]
     start: Topic | None = None
     trajectory: Topic | None = None
+    deviations: Topic | None = None
 
 
 def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = None) -> Topics:
@@ -78,6 +85,7 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
         _recorded(bag, predicted_topic),
         own_topics['start'],
         _of_type(bag.topics.get(names.get('trajectory', '')), _TRAJECTORY),
+        _of_type(bag.topics.get(names.get('deviations', '')), _TRAJECTORY),
     )
 
 
@@ -101,20 +109,29 @@ def _of_type(topic: Topic | None, type_name: str) -> Topic | None:
 
 def list_topics(bag: Bag) -> str:
     """The topics of a bag with types and numbers of messages, for an error message."""
-    listed = [f'{t.name} ({t.type_name}, {len(t)} messages)' for t in bag.topics.values()]
-    return ', '.join(sorted(listed)) or 'no topics'
+    topics = sorted(bag.topics.values(), key=lambda t: (t.type_name != POSE_ARRAY, t.name))
+    listed = [
+        f'{t.name[:_LONGEST]} ({t.type_name[:_LONGEST]}, {len(t)} messages)'
+        for t in topics[:_LISTED]
+    ]
+    more = f' and {len(topics) - _LISTED} more' if len(topics) > _LISTED else ''
+    return ', '.join(listed) + more or 'no topics'
 
 
 def recorded_scenes(bag: Bag) -> dict[str, dict[str, Any]]:
-    """Content of the ~/scene of each simulator, by topic; other texts are left out."""
+    """Content of the ~/scene of each simulator, by topic; what is damaged is left out."""
     scenes = {}
     for topic in scene_topics(bag):
         try:
-            content = json.loads(decode_string(topic.messages[-1]))
-        except (MessageError, json.JSONDecodeError):
+            content = parse_json(decode_string(topic.messages[-1]))
+        except UserError:
             continue
         if isinstance(content, dict):
-            scenes[topic.name] = content
+            scenes[topic.name] = {
+                key: value
+                for key, value in content.items()
+                if isinstance(value, _SAID.get(key, object))
+            }
     return scenes
 
 

@@ -14,7 +14,7 @@ from ..errors import UserError
 from ..rollout.simulator import Simulator
 from ..scenes.air import Air
 from ..scenes.contact_law import ContactLaw, RestitutionCurve
-from ..scenes.plane import Plane
+from ..scenes.plane import Plane, Vector
 from ..scenes.scene import Scene
 from ..scenes.state import State, Trajectory
 
@@ -50,7 +50,17 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
             length_x=length * plane.length_x,
             length_y=length * plane.length_y,
             contact=law(plane.contact),
+            velocity=faster(plane.velocity),
+            angular_velocity=scaled_by(1.0 / time, plane.angular_velocity),
+            surface_velocity=faster(plane.surface_velocity),
         )
+
+    def scaled_by(factor: float, vector: Vector) -> Vector:
+        x, y, z = (factor * value for value in vector)
+        return x, y, z
+
+    def faster(velocity: Vector) -> Vector:
+        return scaled_by(length / time, velocity)
 
     def law(of: ContactLaw | None) -> ContactLaw | None:
         if of is None:
@@ -64,8 +74,7 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
     def air(of: Air | None) -> Air | None:
         if of is None:
             return None
-        x, y, z = (length / time * part for part in of.wind)
-        return replace(of, wind=(x, y, z), spin_decay=of.spin_decay / time)
+        return replace(of, wind=faster(of.wind), spin_decay=of.spin_decay / time)
 
     def simulate_scaled(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         larger = replace(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns benchmark`: speed against error of all peers, in one run."""
+"""`rigid-gns benchmark`: speed against error of all peers, in one run; or recordings."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from . import recordings
 from .arguments import completes
 from ..errors import UserError
 from ..files.strict_json import write_json
@@ -68,10 +69,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--figures', type=Path, metavar='DIR', help='write a chart per scene (PNG, SVG) here'
     )
+    others = parser.add_subparsers(metavar='recordings', help='another benchmark:')
+    text = 'laws fitted to half of recorded tracks of real balls, judged on the other half'
+    other = others.add_parser(
+        'recordings', help=text, description=f'{text}.'.capitalize(), allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    recordings.add_arguments(other)
+    other.set_defaults(run=recordings.run)
     parser.epilog = '\n'.join(
         [
-            'example:',
+            'examples:',
             '  rigid-gns benchmark --cache runs/benchmark --figures runs/benchmark',
+            '  rigid-gns benchmark recordings balls',
             'scenes:',
             *(f'  {name:10} {text}' for name, (text, _) in SCENES.items()),
             'peers:',

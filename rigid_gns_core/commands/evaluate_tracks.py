@@ -98,11 +98,12 @@ def format_horizons(horizons: dict[str, Any]) -> str:
         if len(values['contacts']) > 1 or '0' not in values['contacts']:
             rows += [['', name, *_cells(own)] for name, own in values['contacts'].items()]
     head = ['position error [cm]', 'contacts', 'n', 'mean', 'median', '90 %']
-    return format_rows([*head, 'in 50 %', 'in 90 %'], rows)
+    return format_rows([*head, 'in 50 %', 'in 90 %', 'CRPS'], rows)
 
 
 def _cells(values: dict[str, Any]) -> list[str]:
     errors = [number(100 * values[key]) for key in ('mean_m', 'median_m', 'p90_m')]
     inside = [values[key] for key in ('coverage_50', 'coverage_90')]
     shares = ['' if one is None else f'{100 * one:.0f} %' for one in inside]
-    return [str(values['n']), *errors, *shares]
+    score = '' if values['crps_m'] is None else number(100 * values['crps_m'])
+    return [str(values['n']), *errors, *shares, score]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns fuzz`: random scenes, and properties of their motion that need no reference."""
+"""`rigid-gns fuzz`: random scenes, and what holds of their motion without a reference."""
 
 from __future__ import annotations
 
@@ -48,14 +48,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     completes(kinds, KINDS)
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='write each case that fails as a scene file'
+        '--out', type=Path, metavar='DIR', help='write each case that fails as a file'
+    )
+    completes(
+        parser.add_argument(
+            '--files',
+            nargs='*',
+            metavar='FORMAT',
+            help='instead of scenes, changed files of these formats (default: all); --cases is '
+            'of each format, 200 unless given',
+        ),
+        _formats,
     )
     parser.epilog = (
-        'exit code: 1 where a property fails\n'
+        'exit code: 1 where a property fails, or a file is not read or refused as it should be\n'
         'examples:\n'
         '  rigid-gns fuzz --cases 50\n'
         '  rigid-gns fuzz --seconds 600 --seed 7 --out failed\n'
         '  rigid-gns rollout --scene failed/7_123.yaml --steps 60 --out failed.h5\n'
+        '  rigid-gns fuzz --files bag csv --seconds 3600 --out failed\n'
         f'kinds: {", ".join(KINDS)}\n'
         'What each property means: docs/fuzzing.md.'
     )
@@ -64,6 +75,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns fuzz`; the exit code, 1 where a property fails."""
     _check(arguments)
+    if arguments.files is not None:
+        from .fuzz_files import run as fuzz_files
+
+        return fuzz_files(arguments)
     engines = engines_of(
         load_simulator(LAWS), *(load_simulator(LAWS, substeps=k) for k in SUBSTEPS)
     )
@@ -88,6 +103,12 @@ def run(arguments: argparse.Namespace) -> int:
         if tally.done:
             print(tally)
     return int(tally.total_failed > 0)
+
+
+def _formats() -> list[str]:
+    from ..studies.foreign_files.formats import FORMATS
+
+    return list(FORMATS)
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -13,12 +13,16 @@ from pathlib import Path
 
 import h5py
 
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..files.atomic_file import whole_file
 
 # HDF5 leaves the first bytes of a file to others: they hold a line with a checksum of the rest,
 # since HDF5 itself may loop for ever or crash on a damaged file
 HEAD_SIZE = 512
+
+
+# what h5py, NumPy and JSON raise where an attribute or an array is absent or another one
+_OTHER = (KeyError, ValueError, TypeError, AttributeError, OverflowError, OSError, RuntimeError)
 
 
 class DatasetError(UserError):
@@ -78,9 +82,15 @@ def read_checked(path: Path, kind: str, version: int, remedy: str) -> Iterator[h
             raise DatasetError(f'{path}: not a {kind} file, or its beginning is damaged; {remedy}')
         if hashlib.file_digest(stream, 'sha256').hexdigest().encode() != expected:
             raise DatasetError(f'{path}: damaged, its checksum differs; {remedy}')
-    with h5py.File(path, 'r') as file:
-        if (found := int(file.attrs['format_version'])) != version:
-            raise DatasetError(
-                f'{path}: format version {found}, this program reads {version}; {remedy}'
-            )
-        yield file
+    try:
+        with h5py.File(path, 'r') as file:
+            if (found := int(file.attrs['format_version'])) != version:
+                raise DatasetError(f'format version {found}, this program reads {version}')
+            yield file
+    except DatasetError as error:
+        raise DatasetError(f'{path}: {error}; {remedy}') from error
+    except _OTHER as error:
+        raise DatasetError(
+            f'{path}: holds something else than a {kind} file of this program: {shown(error)}; '
+            f'{remedy}'
+        ) from error

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .tracks import sorted_labels, Track
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..scenes.state import Array
 
 _TEXT, _NUMBERS, _ROTATION = ('track', 'sphere'), ('time', 'x', 'y', 'z'), ('qx', 'qy', 'qz', 'qw')
@@ -26,6 +26,8 @@ _TEXT, _NUMBERS, _ROTATION = ('track', 'sphere'), ('time', 'x', 'y', 'z'), ('qx'
 _NORM = 0.1
 # no larger number is a measurement: nanoseconds since 1970 are 2e18
 _LARGEST = 1e19
+# longest name of a track or a sphere [characters]
+_LONGEST = 200
 
 
 class CsvError(UserError):
@@ -87,7 +89,13 @@ def _read(path: Path) -> tuple[list[tuple[str, str]], Array, NDArray[np.int64], 
                         f'{path} line {reader.line_num}: {len(row)} cells, expected '
                         f'{len(header)} as in the header; complete or remove the line'
                     )
-                names.append((row[columns[0]].strip(), row[columns[1]].strip()))
+                name = row[columns[0]].strip(), row[columns[1]].strip()
+                if max(map(len, name)) > _LONGEST:
+                    raise CsvError(
+                        f'{path} line {reader.line_num}: track or sphere is a name of '
+                        f'{max(map(len, name))} characters, expected at most {_LONGEST}'
+                    )
+                names.append(name)
                 numbers.append([row[column] for column in columns[2:]])
                 lines.append(reader.line_num)
     except (UnicodeDecodeError, csv.Error) as error:
@@ -133,9 +141,10 @@ def _numbers(
         track, sphere = names[row]
         rows = len(np.unique(bad[:, 0]))
         more = f' (and {rows - 1} more rows)' if rows > 1 else ''
+        value = shown(cells[row][place].strip() or 'empty')
         raise CsvError(
             f'{path} line {lines[row]}: track {track}, sphere {sphere}: '
-            f'{header[columns[place + 2]]} is {cells[row][place].strip() or "empty"!r}{more}, '
+            f'{header[columns[place + 2]]} is {value}{more}, '
             'expected a number under 1e19; leave out the rows in which a sphere is not seen'
         )
     return values
@@ -159,13 +168,16 @@ def _assemble(
     labels = sorted_labels(spheres)
     place = {label: index for index, label in enumerate(labels)}
     columns = np.array([place[sphere] for sphere in spheres])
+    # differences first: a clock since 1970 leaves 0.2 microseconds in a float64
+    begin = float(values[:, 0].min())
+    since = values[:, 0] - begin
     for column, label in enumerate(labels):
         own = np.flatnonzero(columns == column)
-        back = np.flatnonzero(np.diff(values[own, 0]) <= 0)
+        back = np.flatnonzero(np.diff(since[own]) <= 0)
         if len(back):
             before, after = values[own[back[0]], 0], values[own[back[0] + 1], 0]
             where = f'{path} line {lines[own[back[0] + 1]]}: track {name}, sphere {label}'
-            if before == after:
+            if since[own[back[0]]] == since[own[back[0] + 1]]:
                 raise CsvError(
                     f'{where}: a second row at {after:.9g} s, expected one row per sphere and '
                     'time; give two balls two numbers, or remove the row'
@@ -174,7 +186,7 @@ def _assemble(
                 f'{where}: time goes back from {before:.9g} to {after:.9g} s, expected rising '
                 'times; sort the rows, or begin a new track where the clock restarts'
             )
-    times, frames = np.unique(values[:, 0], return_inverse=True)
+    times, frames = np.unique(since, return_inverse=True)
     shape = len(times), len(labels)
     positions, where_from = np.full((*shape, 3), np.nan), np.zeros(shape, dtype=np.int64)
     positions[frames, columns] = values[:, 1:4]
@@ -191,6 +203,5 @@ def _assemble(
             )
         quaternions = np.full((*shape, 4), np.nan)
         quaternions[frames, columns] = values[:, 4:] / norm
-    # differences first: a clock since 1970 leaves 0.2 microseconds in a float64
-    track = Track(name, times - times[0], positions, quaternions, labels, float(times[0]))
+    track = Track(name, times, positions, quaternions, labels, begin)
     return CsvTrack(track, path, where_from)

@@ -22,6 +22,7 @@ from .recipe import DataRecipe, recipe_hash
 from .tracks import TRACKS_NAME
 from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, from_mapping, load_yaml
+from ..files.strict_json import parse_json
 from ..scenes.scene import Scene
 from ..scenes.state import Array, as_unit, Trajectory
 
@@ -115,7 +116,7 @@ def read_record(path: str | Path) -> Record:
     with read_checked(Path(path), _KIND, FORMAT_VERSION, _REMEDY) as file:
         attributes: dict[str, Any] = dict(file.attrs)
         arrays = {str(name): np.asarray(file[name], dtype=np.float64) for name in file}
-    return _assemble(attributes, arrays)
+        return _assemble(attributes, arrays)
 
 
 def read_records(path: str | Path) -> list[Record]:
@@ -237,9 +238,9 @@ def _assemble(attributes: dict[str, Any], arrays: dict[str, Array]) -> Record:
     make = Trajectory.from_poses if attributes['contents'] == 'poses' else Trajectory
     return Record(
         trajectory=make(**arrays, dt=float(attributes['dt'])),
-        scene=Scene.from_mapping(json.loads(attributes['scene'])),
+        scene=Scene.from_mapping(parse_json(attributes['scene'])),
         seed=int(attributes['seed']),
-        teacher=json.loads(attributes['teacher']),
+        teacher=parse_json(attributes['teacher']),
         name=str(attributes['name']),
         index=int(attributes['index']),
         recipe=str(attributes['recipe']),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from .checked_hdf5 import DatasetError, read_checked, write_checked
 from ..errors import UserError
+from ..files.strict_json import parse_json
 from ..scenes.scene import Scene
 from ..scenes.state import Array, rotation_between
 
@@ -183,7 +184,7 @@ def read_tracks(data: str | Path) -> TrackSet:
         tracks = tuple(
             Track(
                 name=str(group.attrs['name']),
-                spheres=tuple(json.loads(group.attrs['spheres'])),
+                spheres=tuple(parse_json(group.attrs['spheres'])),
                 begin=float(group.attrs['begin']),
                 times=np.asarray(group['times']),
                 positions=np.asarray(group['positions']),
@@ -193,9 +194,9 @@ def read_tracks(data: str | Path) -> TrackSet:
         )
         return TrackSet(
             tracks=tracks,
-            scene=Scene.from_mapping(json.loads(file.attrs['scene'])),
+            scene=Scene.from_mapping(parse_json(file.attrs['scene'])),
             noise=float(file.attrs['noise']),
-            origin=json.loads(file.attrs['origin']),
+            origin=parse_json(file.attrs['origin']),
         )
 
 

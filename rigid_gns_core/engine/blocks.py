@@ -24,7 +24,7 @@ from .world import given_law, gravity_of, GRIP, SLOPE, SPIN, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.lanes import load, skip_lines, store, WIDTH
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.vector import across, length, row, times
+from ..kernels.vector import across, length, minus, row
 from ..scenes.state import Array
 
 # residuals below this [g h], and this [approach speed], press no bodies together
@@ -62,15 +62,15 @@ STRIDE = 64 * WIDTH
 
 
 class Blocks(NamedTuple):
-    """Contacts in blocks, and their bodies as rows of four numbers; n spheres, c contacts.
+    """Contacts in blocks, and their bodies; b bodies, c contacts.
 
     values: fields, block by block, shape (blocks * `STRIDE`,); a, b: bodies, shape
     (8 blocks,); place: where each contact is, shape (c,); rolls: blocks with rolling friction; on:
     those that still change, shape (blocks,). Rows of eight numbers for each body, shape
-    (8 (n + 1),): motion, new_motion: velocity, inverse mass, spin, inverse inertia at the start of
+    (8 b,): motion, new_motion: velocity, inverse mass, spin, inverse inertia at the start of
     a pass, and at its end; moments, more_moments: of the normals of its contacts, see `splitting`.
-    strongest: force of the strongest contact, shape (n + 1,); own: bodies of the island; marked:
-    scratch, shape (n + 1,).
+    strongest: force of the strongest contact, shape (b,); own: bodies of the island; marked:
+    scratch, shape (b,).
     """
 
     values: Array
@@ -89,13 +89,19 @@ class Blocks(NamedTuple):
 
 
 @compiled
-def new_blocks(spheres: int, contacts: int) -> Blocks:
+def new_blocks(bodies: int, contacts: int) -> Blocks:
     """Room for so many, to be written; none where all islands are small."""
-    bodies, blocks, placed = 0, 0, 0
+    blocks, placed = 0, 0
     if contacts > MOST_CONTACTS:
-        bodies, blocks, placed = spheres + 1, contacts // WIDTH + 2, contacts
+        blocks, placed = contacts // WIDTH + 2, contacts
+    else:
+        bodies = 0
     indices, rows = np.empty((2, blocks * WIDTH), np.int64), np.empty(4 * WIDTH * bodies + 8)
-    flags, values, size = np.empty((2, blocks), np.bool_), np.empty(blocks * STRIDE + 8), 8 * bodies
+    flags, values, size = (
+        np.empty((2, blocks), np.bool_),
+        np.empty(blocks * STRIDE + 8),
+        8 * bodies,
+    )
     rows = rows[skip_lines(rows) :]
     return Blocks(
         values=values[skip_lines(values) :],
@@ -224,7 +230,10 @@ def _fill_in(
         v[at + REBOUND] = world.laws[given, GRIP]
         v[at + SPINNING] = world.laws[given, SPIN] * world.radius[a]
         v[at + GROWTH] = world.laws[given, SLOPE] * world.radius[a]
-        v[at + ALONG] = length(across(row(bodies.free_velocity, a), normal))
+        velocity = row(bodies.free_velocity, a)
+        if plane >= 0:
+            velocity = minus(velocity, row(bodies.free_velocity, contacts.b[k]))
+        v[at + ALONG] = length(across(velocity, normal))
         arm = law.arm_a[k]
         inertia = 1.0 / world.inverse_inertia[a] + arm * arm / world.inverse_mass[a]
         v[at + LEVER] = 0.5 * arm / inertia
@@ -235,9 +244,7 @@ def _fill_in(
 
 
 @in_place
-def _fill_bodies(
-    world: World, contacts: Contacts, bodies: Bodies, blocks_out: Blocks
-) -> int:
+def _fill_bodies(world: World, contacts: Contacts, bodies: Bodies, blocks_out: Blocks) -> int:
     """Write the free motion of the bodies of an island; returns how many there are."""
     count, marked, fixed = 0, blocks_out.marked, len(world.restitution)
     marked[fixed] = False

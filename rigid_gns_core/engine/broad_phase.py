@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .flight import reach_in_wind, reach_of
+from .plane_motion import speed_of_plane
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import find_pairs, Flags, Indices
@@ -63,13 +64,19 @@ def find_candidates(
     first, second = find_pairs(positions, extent, awake)
     near = np.zeros((count, planes), np.bool_)
     for k in range(planes):
-        _mark_near_plane(world, k, positions, extent, awake, near)
+        _mark_near_plane(world, k, positions, extent, dt, awake, near)
     return _merged(first, second, near)
 
 
 @in_place
 def _mark_near_plane(
-    world: World, plane: int, positions: Array, extent: Array, awake: Flags, near_out: Flags
+    world: World,
+    plane: int,
+    positions: Array,
+    extent: Array,
+    dt: float,
+    awake: Flags,
+    near_out: Flags,
 ) -> None:
     """Mark spheres that may reach a plane."""
     axes, half = world.axes[plane], world.half[plane]
@@ -78,6 +85,8 @@ def _mark_near_plane(
     half_x, half_y = half[0], half[1]
     for i in range(len(positions)):
         offset, reach = minus(row(positions, i), point), extent[i]
+        if world.moving:
+            reach += speed_of_plane(world, plane, row(positions, i)) * dt
         height = dot(up, offset)
         if two_sided:
             height = math.fabs(height)

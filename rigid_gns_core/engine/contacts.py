@@ -27,13 +27,14 @@ from .impacts import (
     Y,
     Z,
 )
-from .rectangle import first_touch_of_spheres, from_plane, is_over_face, offset_from_rectangle, to_plane
+from .plane_motion import in_world, moves, path_on_plane
+from .rectangle import first_touch_of_spheres, is_over_face
 from .shielding import is_shielded, offset_from_plane
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.lanes import WIDTH
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.vector import cross, dot, length, minus, put, row, times, Vector
+from ..kernels.vector import cross, dot, length, minus, put, row, Vector
 from ..scenes.state import Array
 
 # most planes in a row to which a contact is handed on within a substep
@@ -116,11 +117,16 @@ def _may_meet(world: World, paths: Paths, candidates: Candidates, k: int, h: flo
         if plane < 0:
             fall += length(row(paths.accelerations, b)) * h * h
     if plane >= 0:
-        normal = row(world.axes[plane], 2)
+        normal, velocity = row(world.axes[plane], 2), row(paths.velocities, a)
         height = dot(normal, minus(row(paths.positions, a), row(world.point, plane)))
         if world.two_sided[plane]:
             height = math.fabs(height)
-        reach = math.fabs(dot(normal, row(paths.velocities, a))) * h + fall
+        if moves(world, plane):
+            velocity, turning = path_on_plane(
+                world, plane, row(paths.positions, a), velocity, (0.0, 0.0, 0.0)
+            )
+            fall += length(turning) * h * h
+        reach = math.fabs(dot(normal, velocity)) * h + fall
         return height <= (1.0 + PAD) * world.radius[a] + reach
     offset = minus(row(paths.positions, a), row(paths.positions, b))
     velocity = minus(row(paths.velocities, a), row(paths.velocities, b))
@@ -144,13 +150,17 @@ def _find(
     weight = weight_of(world)
     margin, pressed = weight * h**2, weight > 0
     if plane >= 0:
+        velocity, acceleration = path_on_plane(
+            world, plane, row(paths.positions, a), row(paths.velocities, a),
+            row(paths.accelerations, a) if world.in_air else gravity_of(world),
+        )  # fmt: skip
         impact = impact_with_plane(
             world=world,
             plane=plane,
             radius=world.radius[a],
             position=row(paths.positions, a),
-            velocity=row(paths.velocities, a),
-            acceleration=row(paths.accelerations, a) if world.in_air else gravity_of(world),
+            velocity=velocity,
+            acceleration=acceleration,
             h=h,
             lookback=lookback,
             margin=margin,
@@ -193,6 +203,15 @@ def _find(
         values[ACCELERATION, k] = impact.acceleration
         values[TURNING_SPEED, k] = impact.turning_speed
         values[CROSSING_TIME, k], values[REST_GAP, k] = impact.crossing_time, impact.rest_gap
+        if moves(world, plane):
+            normal, turning, surface = in_world(
+                world, plane, world.radius[a], row(paths.positions, a), row(paths.velocities, a),
+                row(paths.accelerations, a) if world.in_air else gravity_of(world), acceleration,
+                impact, h,
+            )  # fmt: skip
+            values[X, k], values[Y, k], values[Z, k] = normal
+            values[TURNING_SPEED, k] = turning
+            put(impacts.surface_velocity, k, surface)
         if impact.crossing_time < h and _continues(world, paths, candidates, k, h):
             values[CROSSING_TIME, k] = math.inf
 
@@ -212,10 +231,14 @@ def _shield(
     A sphere that rolls over a seam hands its contact on: it lasts on the other plane.
     """
     impacts, a, current = impacts_out, candidates.a[k], k
-    pull = row(paths.accelerations, a)
+    start = row(paths.positions, a)
     for hand in range(_HANDS):
         time = impacts.values[NORMAL_TIME, current]
-        centre = position_on_path(row(paths.positions, a), row(paths.velocities, a), pull, time)
+        velocity, pull = path_on_plane(
+            world, candidates.plane[current], start, row(paths.velocities, a),
+            row(paths.accelerations, a),
+        )  # fmt: skip
+        centre = position_on_path(start, velocity, pull, time)
         other = _shielding(world, candidates, current, centre)
         if other < 0:
             return
@@ -276,9 +299,11 @@ def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
 def _continues(world: World, paths: Paths, candidates: Candidates, k: int, h: float) -> bool:
     """Whether the plane of a contact goes on in another one where the sphere leaves it."""
     a = candidates.a[k]
-    centre = position_on_path(
-        row(paths.positions, a), row(paths.velocities, a), row(paths.accelerations, a), h
+    start, velocity = row(paths.positions, a), row(paths.velocities, a)
+    velocity, pull = path_on_plane(
+        world, candidates.plane[k], start, velocity, row(paths.accelerations, a)
     )
+    centre = position_on_path(start, velocity, pull, h)
     other = _shielding(world, candidates, k, centre)
     if other < 0:
         return False
@@ -298,22 +323,3 @@ def _shielding(world: World, candidates: Candidates, k: int, centre: Vector) -> 
             return q
         q += 1
     return -1
-
-
-@in_place
-def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[float, Vector]:
-    """Gap and unit normal of contact k at these positions."""
-    a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
-    sign, place = 1.0, row(positions, a)
-    if plane < 0:
-        offset = minus(place, row(positions, b))
-    else:
-        axes = world.axes[plane]
-        local = to_plane(axes, minus(place, row(world.point, plane)))
-        rim = offset_from_rectangle(local, world.half[plane])
-        if rim[2] < 0 and not world.two_sided[plane]:
-            sign = -1.0  # the centre is behind the face
-        offset = from_plane(axes, rim)
-    far = length(offset)
-    normal = times(sign / far, offset) if far > 1e-9 else row(contacts.normal, k)
-    return sign * far - (world.radius[a] + world.radius[b]), normal

@@ -6,7 +6,8 @@
 Blows are solved on the free paths of a substep; a path that several of them bend may still lead
 through a plane. So the straight way of each centre over a substep is cut where it would, and the
 side of a plane that a sphere is on needs no memory. A plane without end, which has one face, cuts
-only ways that begin in front of it: it pushes out what is behind it.
+only ways that begin in front of it: it pushes out what is behind it. The way is that in the frame
+of the plane, where it moves.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from .broad_phase import Candidates, PAD
 from .flight import reach_of
+from .plane_motion import carried, moves, velocity_of_plane
 from .rectangle import to_plane
 from .restitution import restitution_on_plane
 from .world import weight_of, World
@@ -76,25 +78,29 @@ def keep_sides(
     for k in pairs:
         i, p = candidates.a[k], candidates.plane[k]
         if p >= 0:
-            _cut(world, p, i, before, positions_out, first, plane)
+            _cut(world, p, i, before, positions_out, h, first, plane)
     gravity = weight_of(world)
     for i in members:
         way = length(minus(row(positions_out, i), row(before, i)))
         if way > reach_of(speeds[i], gravity, h) + 0.5 * PAD * world.radius[i]:
             for p in range(len(world.point)):  # it was struck, and meets what it could not before
-                _cut(world, p, i, before, positions_out, first, plane)
+                _cut(world, p, i, before, positions_out, h, first, plane)
     for i in members:
         p = plane[i]
         if p < 0:
             continue
-        start, velocity = row(before, i), row(velocities_out, i)
+        start, velocity = carried(world, p, row(before, i), h), row(velocities_out, i)
+        given = (0.0, 0.0, 0.0)
+        if moves(world, p):
+            given = velocity_of_plane(world, p, start)
+            velocity = minus(velocity, given)
         way = minus(row(positions_out, i), start)
         put(positions_out, i, plus(start, times(first[i], way)))
         normal = row(world.axes[p], 2)
         if dot(normal, way) * dot(normal, velocity) > 0:
             e = restitution_on_plane(world, i, p, math.fabs(dot(normal, velocity)))
             turned = times((1.0 + e) * dot(normal, velocity), normal)
-            put(velocities_out, i, minus(velocity, turned))
+            put(velocities_out, i, plus(minus(velocity, turned), given))
 
 
 @in_place
@@ -104,11 +110,13 @@ def _cut(
     i: int,
     before: Array,
     after: Array,
+    h: float,
     share_out: Array,
     plane_out: Indices,
 ) -> None:
     """Shorten the way of a sphere where a plane stops it first."""
-    share = _share_of_way(world, plane, i, row(before, i), row(after, i))
+    start = carried(world, plane, row(before, i), h)
+    share = _share_of_way(world, plane, i, start, row(after, i))
     if share < share_out[i]:
         share_out[i], plane_out[i] = share, plane
 

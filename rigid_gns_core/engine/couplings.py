@@ -66,9 +66,7 @@ def new_couplings(bodies: int) -> Couplings:
 
 
 @in_place
-def find_couplings(
-    world: World, contacts: Contacts, law: Law, couplings_out: Couplings
-) -> None:
+def find_couplings(world: World, contacts: Contacts, law: Law, couplings_out: Couplings) -> None:
     """Find the couplings among the contacts of a small island; the fixed body couples none.
 
     Args:

@@ -110,24 +110,31 @@ def fly(
 ) -> None:
     """Free flight of all but the excluded; sleepers stay."""
     for i in range(len(excluded)):
-        if excluded[i]:
-            continue
-        if world.in_air and awake[i]:
-            _fly_in_air(world, before, i, time, spheres_out)
-            continue
-        for axis in range(3):
-            fall, speed = time * world.gravity[axis], before.velocities[i, axis]
-            displacement = time * (speed + 0.5 * fall)
-            if not awake[i]:
-                displacement = fall = 0.0
-            spheres_out.positions[i, axis] = before.positions[i, axis] + displacement
-            spheres_out.velocities[i, axis] = speed + fall
-        spin = row(before.angular_velocities, i)
-        put(spheres_out.angular_velocities, i, spin)
-        for part in range(4):
-            spheres_out.quaternions[i, part] = before.quaternions[i, part]
-        if dot(spin, spin) > 0:
-            turn(spheres_out.quaternions, i, spin, time)
+        if not excluded[i]:
+            fly_one(world, before, i, awake[i], time, spheres_out)
+
+
+@in_place
+def fly_one(
+    world: World, before: Spheres, i: int, awake: bool, time: float, spheres_out: Spheres
+) -> None:
+    """Free flight of sphere i; a sleeper stays."""
+    if world.in_air and awake:
+        _fly_in_air(world, before, i, time, spheres_out)
+        return
+    for axis in range(3):
+        fall, speed = time * world.gravity[axis], before.velocities[i, axis]
+        displacement = time * (speed + 0.5 * fall)
+        if not awake:
+            displacement = fall = 0.0
+        spheres_out.positions[i, axis] = before.positions[i, axis] + displacement
+        spheres_out.velocities[i, axis] = speed + fall
+    spin = row(before.angular_velocities, i)
+    put(spheres_out.angular_velocities, i, spin)
+    for part in range(4):
+        spheres_out.quaternions[i, part] = before.quaternions[i, part]
+    if dot(spin, spin) > 0:
+        turn(spheres_out.quaternions, i, spin, time)
 
 
 @in_place

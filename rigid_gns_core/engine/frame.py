@@ -14,11 +14,13 @@ from .groups import contacts_by_island
 from .impulses import no_impulses
 from .islands import Islands, join, no_islands
 from .motion import copy_motion, Motion, Settings
+from .plane_bodies import bodies_of_planes
+from .plane_motion import advance_planes, set_clock
 from .separation import separate_once
 from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
 from .substep import substep
-from .warm_start import active_impulses, impulses_of, WarmStart, with_sleepers
+from .warm_start import active_impulses, impulses_of, no_contacts, WarmStart, with_sleepers
 from .workspace import new_workspace, Workspace
 from .world import UNIT_GRAVITY, weight_of, World, world_among
 from ..kernels.jit import compiled, in_place
@@ -57,23 +59,26 @@ def advance(
     candidates, awake = wake(world, spheres.positions, spheres.velocities, dt, sleepers_out)
     islands, h, started = no_islands(len(awake)), dt / settings.substeps, 0
     now, after, old = spheres, copy_spheres(spheres), warm_start
+    clock = world.twists.clock[0]
     if len(candidates.a) == 0:
         fly(world, spheres, islands.touched, awake, dt, after)
-        nothing = WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=True)
-        return after, with_sleepers(nothing, old, awake, len(world.point)), islands
+        advance_planes(world, dt)
+        return after, with_sleepers(no_contacts(), old, awake, len(world.point)), islands
     while True:
         # only spheres that may touch something take part, with indices of their own
         members, local = _members(candidates, len(awake))
-        members_world = world_among(world, members)
+        moved = bodies_of_planes(world, local.plane)
+        members_world = world_among(world, members, 1 + moved)
         members_islands = no_islands(len(members))
         motion = Motion(
             positions=now.positions[members],
             velocities=now.velocities[members],
             angular_velocities=now.angular_velocities[members],
             awake=awake[members],
+            work=np.zeros(len(members)),
         )
         impulses, quaternions = impulses_of(warm_start, candidates.key), now.quaternions[members]
-        work = new_workspace(len(members), local)
+        work = new_workspace(len(members), 1 + moved, local)
         if not warm_start.known:  # at a start: a substep of a copy, for its impulses
             substep(
                 world=members_world,
@@ -87,6 +92,7 @@ def advance(
                 impulses_out=impulses,
                 islands_out=no_islands(len(members)),
             )
+            set_clock(world, clock)
         start, reach, done = motion.positions.copy(), _reaches(members_world, motion, dt), started
         while done < settings.substeps and not _outrun(
             members_world, motion, start, reach, dt - done * h
@@ -134,6 +140,7 @@ def advance(
         now, after, started = after, copy_spheres(after), done
         warm_start = WarmStart(key=candidates.key, impulses=impulses, known=True)
         candidates = find_candidates(world, now.positions, now.velocities, dt, awake)
+    set_clock(world, clock + dt)
     # spheres without contact fly in one step from the start of the frame
     fly(world, spheres, islands.touched, awake, dt, after)
     new = active_impulses(candidates.key, impulses)
@@ -238,4 +245,5 @@ def _scatter(
         put(spheres_out.angular_velocities, i, row(motion.angular_velocities, m))
         for part in range(4):
             spheres_out.quaternions[i, part] = quaternions[m, part]
+        islands_out.work[i] += motion.work[m]
     join(members_islands, members, islands_out)

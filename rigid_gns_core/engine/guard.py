@@ -8,6 +8,8 @@ solver that has not converged, and push-out, may add some. The guard acts after 
 counts how often it did. Off the surfaces it keeps both momenta; on one:
 v <- v sqrt(1 - dE / E_kin), and w.
 
+Surfaces that move do work, which is counted where they push.
+
 Wind may give energy. Drag opposes u = v - wind and lift is across it, so that the air's force F
 gives at most F . v = F . u + F . wind <= |F| |wind|.
 """
@@ -131,6 +133,7 @@ def limit_energy(
             moving += kinetic
             gain += kinetic + potential - kinetic_before - potential_before
             size += kinetic + kinetic_before + math.fabs(potential - potential_before)
+            gain -= islands.work[i]
             if world.in_air:
                 gain -= _from_wind(world, before, after, i, dt)
         if gain <= _ROUNDING * size:

@@ -25,7 +25,8 @@ class Impacts(NamedTuple):
     """Impacts of all candidates, shape (m,) and (12, m).
 
     values: those of `Impact`, by the columns below; flat: the same, shape (12 m,); rows: paths of
-    the spheres, see `find_impacts_of_spheres`, shape (8 n,).
+    the spheres, see `find_impacts_of_spheres`, shape (8 n,); surface_velocity: of planes that move,
+    at the contact, shape (m, 3), or (0, 3) where none does.
     """
 
     found: Flags
@@ -34,6 +35,7 @@ class Impacts(NamedTuple):
     values: Array
     flat: Array
     rows: Array
+    surface_velocity: Array
 
 
 # columns of `Impacts.values`
@@ -54,8 +56,8 @@ class Impacts(NamedTuple):
 
 
 @compiled
-def new_impacts(spheres: int, candidates: int) -> Impacts:
-    """Room for so many, to be written."""
+def new_impacts(spheres: int, moving: int, candidates: int) -> Impacts:
+    """Room for so many, to be written; moving: how many may be of planes that move."""
     flags, values = np.empty((3, candidates), np.bool_), np.empty((12, candidates))
     rows = np.empty(8 * (spheres + 1))
     return Impacts(
@@ -65,6 +67,7 @@ def new_impacts(spheres: int, candidates: int) -> Impacts:
         values=values,
         flat=values.reshape(-1),
         rows=rows[skip_lines(rows) :],
+        surface_velocity=np.empty((moving, 3)),
     )
 
 

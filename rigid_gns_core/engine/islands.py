@@ -11,18 +11,21 @@ import numpy as np
 
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import counting_sort, Flags, Indices
+from ..scenes.state import Array
 
 
 class Islands(NamedTuple):
     """Spheres that touched something in a frame, and the islands they form.
 
     parent: forest over the spheres, whose roots name the islands, shape (n,); touched: spheres
-    with a contact, shape (n,); grounded: spheres that touch a surface, shape (n,).
+    with a contact, shape (n,); grounded: spheres that touch a surface, shape (n,); work: done on
+    each by surfaces that move, shape (n,).
     """
 
     parent: Indices
     touched: Flags
     grounded: Flags
+    work: Array
 
 
 class Groups(NamedTuple):
@@ -44,6 +47,7 @@ def no_islands(count: int) -> Islands:
         parent=np.arange(count),
         touched=np.zeros(count, np.bool_),
         grounded=np.zeros(count, np.bool_),
+        work=np.zeros(count),
     )
 
 

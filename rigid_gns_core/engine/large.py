@@ -88,7 +88,9 @@ def solve_large(
     fall = UNIT_GRAVITY * nominal_h
     if _change(blocks, count) > _UNCONVERGED * fall:
         for _ in range(_EXTRA_ITERATIONS):
-            if not _choose_blocks(blocks, count, bodies, _CONVERGED * fall):
+            if not _choose_blocks(
+                blocks, count, bodies, len(world.restitution), _CONVERGED * fall
+            ):
                 break
             for q in range(count):
                 if blocks.on[q]:
@@ -142,17 +144,18 @@ def _change(blocks: Blocks, count: int) -> float:
 
 
 @in_place
-def _choose_blocks(blocks_out: Blocks, count: int, bodies: int, tolerance: float) -> bool:
+def _choose_blocks(
+    blocks_out: Blocks, count: int, bodies: int, spheres: int, tolerance: float
+) -> bool:
     """Choose the blocks around bodies whose contacts changed by more; whether there are any."""
-    blocks, moved, fixed, found = blocks_out, blocks_out.marked, len(blocks_out.marked) - 1, False
+    blocks, moved, found = blocks_out, blocks_out.marked, False
     for m in range(bodies):
         moved[blocks.own[m]] = False
     for q in range(count):
         for lane in range(WIDTH):
             if blocks.values[q * STRIDE + CHANGE + lane] > tolerance * tolerance:
-                moved[blocks.a[q * WIDTH + lane]] = moved[blocks.b[q * WIDTH + lane]] = True
-                found = True
-    moved[fixed] = False
+                a, b = blocks.a[q * WIDTH + lane], blocks.b[q * WIDTH + lane]
+                moved[a], moved[b], found = True, b < spheres, True
     for q in range(count):
         was, now = blocks.on[q], False
         for place in range(q * WIDTH, q * WIDTH + WIDTH):

@@ -242,4 +242,3 @@ def whole_impulse(v: Array, at: int) -> tuple[Lanes, Lanes, Lanes]:
     """Normal and friction impulse of the contacts of a block."""
     from_normal = times(load(v, at + NORMAL), vector_at(v, at + NX))
     return plus(from_normal, vector_at(v, at + TX))
-

@@ -160,7 +160,10 @@ def rub(blocks_out: Blocks, q: int, pairs: int, curved: bool) -> None:
         slip = minus(_slip(v, at, moving, spin, spin_b), rest)
         sticking = minus(old, times(mobility, slip))
         sticks = dot(sticking, sticking) <= most * most
-        rolled = _step_rolling(v, at, velocity, spin, sticks, curved)
+        rolling = spin
+        if q >= pairs:  # on a surface that may move
+            velocity, rolling = moving, minus(spin, spin_b)
+        rolled = _step_rolling(v, at, velocity, rolling, sticks, curved)
         spin = plus(spin, times(turn_a, rolled))
     slip = minus(_slip(v, at, moving, spin, spin_b), rest)
     repeated = times(load(v, at + MOMENTUM), minus(old, vector_at(v, at + TX_0)))

@@ -16,12 +16,16 @@ from ..scenes.state import Array
 
 
 class Motion(NamedTuple):
-    """Moving state of the spheres that take part, shapes (m, 3); awake: shape (m,)."""
+    """Moving state of the spheres that take part, shapes (m, 3).
+
+    awake: shape (m,); work: done by surfaces that move, so far in the frame, shape (m,).
+    """
 
     positions: Array
     velocities: Array
     angular_velocities: Array
     awake: Flags
+    work: Array
 
 
 class Settings(NamedTuple):
@@ -43,6 +47,7 @@ def new_motion(spheres: int) -> Motion:
         velocities=vectors[1],
         angular_velocities=vectors[2],
         awake=np.ones(spheres, np.bool_),
+        work=np.zeros(spheres),
     )
 
 
@@ -51,7 +56,11 @@ def copy_motion(motion: Motion) -> Motion:
     """Motion in arrays of its own."""
     p, v, w = motion.positions, motion.velocities, motion.angular_velocities
     return Motion(
-        positions=p.copy(), velocities=v.copy(), angular_velocities=w.copy(), awake=motion.awake
+        positions=p.copy(),
+        velocities=v.copy(),
+        angular_velocities=w.copy(),
+        awake=motion.awake,
+        work=motion.work.copy(),
     )
 
 
@@ -62,3 +71,4 @@ def restore_motion(motion: Motion, members: Indices, motion_out: Motion) -> None
         put(motion_out.positions, i, row(motion.positions, i))
         put(motion_out.velocities, i, row(motion.velocities, i))
         put(motion_out.angular_velocities, i, row(motion.angular_velocities, i))
+        motion_out.work[i] = motion.work[i]

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .contacts import Contacts, gap_of
+from .contacts import Contacts
+from .rectangle import from_plane, offset_from_rectangle, to_plane
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.vector import add_to, dot, minus, put, row, times
+from ..kernels.vector import add_to, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
 # most sweeps of push-out at the end of a substep
@@ -22,10 +23,10 @@ ROUNDING = 1e-12
 
 
 class Overlaps(NamedTuple):
-    """Scratch of `push_out`; c contacts, n spheres.
+    """Scratch of `push_out`; c contacts, b bodies.
 
     depth: of each contact, shape (c,); normal: its direction now, shape (c, 3); deepest, load: of
-    each body, shape (n + 1,).
+    each body, shape (b,).
     """
 
     depth: Array
@@ -35,12 +36,31 @@ class Overlaps(NamedTuple):
 
 
 @compiled
-def new_overlaps(spheres: int, contacts: int) -> Overlaps:
+def new_overlaps(bodies: int, contacts: int) -> Overlaps:
     """Room for so many, to be written."""
-    bodies = np.empty((2, spheres + 1))
+    own = np.empty((2, bodies))
     return Overlaps(
-        depth=np.empty(contacts), normal=np.empty((contacts, 3)), deepest=bodies[0], load=bodies[1]
+        depth=np.empty(contacts), normal=np.empty((contacts, 3)), deepest=own[0], load=own[1]
     )
+
+
+@in_place
+def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[float, Vector]:
+    """Gap and unit normal of contact k at these positions."""
+    a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
+    sign, place = 1.0, row(positions, a)
+    if plane < 0:
+        offset = minus(place, row(positions, b))
+    else:
+        axes = world.axes[plane]
+        local = to_plane(axes, minus(place, row(world.point, plane)))
+        rim = offset_from_rectangle(local, world.half[plane])
+        if rim[2] < 0 and not world.two_sided[plane]:
+            sign = -1.0  # the centre is behind the face
+        offset = from_plane(axes, rim)
+    far = length(offset)
+    normal = times(sign / far, offset) if far > 1e-9 else row(contacts.normal, k)
+    return sign * far - (world.radius[a] + world.radius[b]), normal
 
 
 @in_place

@@ -8,11 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from .broad_phase import Candidates, find_candidates
-from .contacts import find_impacts, gap_of
+from .contacts import find_impacts
 from .containment import keep_sides
 from .flight import Paths
 from .groups import contacts_among, contacts_by_island
-from .overlap import push_out
+from .overlap import gap_of, push_out
+from .plane_bodies import bodies_of_planes
 from .workspace import new_workspace, Workspace
 from .world import World
 from ..kernels.jit import entry, in_place
@@ -79,6 +80,8 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
         candidates = find_candidates(world, positions_out, still, dt, everyone)
         if len(candidates.a) == 0:
             return
-        work = new_workspace(len(positions_out), candidates)
+        work = new_workspace(
+            len(positions_out), 1 + bodies_of_planes(world, candidates.plane), candidates
+        )
         if not separate_once(world, positions_out, still, candidates, work):
             return

@@ -33,6 +33,17 @@ def copy_spheres(spheres: Spheres) -> Spheres:
     )
 
 
+@compiled
+def part_of(spheres: Spheres, k: int) -> Spheres:
+    """View of one of several states in arrays of one more axis."""
+    return Spheres(
+        positions=spheres.positions[k],
+        quaternions=spheres.quaternions[k],
+        velocities=spheres.velocities[k],
+        angular_velocities=spheres.angular_velocities[k],
+    )
+
+
 @in_place
 def is_finite(spheres: Spheres) -> bool:
     """Whether all values are finite."""

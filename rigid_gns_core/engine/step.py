@@ -18,6 +18,8 @@ from .impulses import Bodies, clear_impulses, copy_impulse, Impulses
 from .islands import connect, Islands
 from .motion import Motion
 from .overlap import push_out
+from .plane_bodies import count_work, give_bodies
+from .plane_motion import advance_planes
 from .solver import solve, solve_isolated
 from .workspace import Workspace
 from .world import World
@@ -84,6 +86,7 @@ def step(
         for i in members:
             label_out[i] = -1
         fly_in_place(path, mean, motion.awake, members, h, p, v)
+        advance_planes(world, h)
         clear_impulses(pairs, impulses_out)
         # one that was struck in this substep may meet planes that are no candidates
         keep_sides(
@@ -93,6 +96,7 @@ def step(
     contacts, impulses, bodies = contacts_among(work.contacts, 0, size), work.impulses, work.bodies
     find_law(world, contacts, work.law)
     _free_motion(motion, mean, members, h, bodies)
+    give_bodies(world, work.impacts, size, contacts, bodies)
     begin = work.order.begin
     for k in range(size):
         copy_impulse(impulses_out, contacts.candidate[k], work.start, k)
@@ -132,7 +136,9 @@ def step(
         world, contacts, work.law, bodies, impulses_out, impulses, begin, islands, members, h,
         last_h, nominal_h, label_out, opening_out,
     )  # fmt: skip
+    count_work(world, contacts, impulses, bodies, motion)
     fly_in_place(path, mean, motion.awake, members, h, p, v)
+    advance_planes(world, h)
     for i in members:
         add_to(p, i, row(bodies.displacement, i))
         put(v, i, row(bodies.velocity, i))

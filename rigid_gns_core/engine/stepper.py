@@ -6,42 +6,25 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .frame import advance
-from .guard import limit_energy
-from .islands import Islands
+from .frames import advance_frames
 from .motion import Settings
+from .plane_motion import set_clock
 from .separation import separate
-from .sleep import all_awake, put_to_sleep, Sleepers
-from .spheres import is_finite, Spheres, store
+from .sleep import all_awake, Sleepers
+from .spheres import part_of, Spheres
 from .warm_start import cold_start, WarmStart
 from .world import World, world_of
-from ..kernels.jit import compiled, compiling, entry, is_compiled
+from ..kernels.flight import accelerations
+from ..kernels.jit import compiling, entry, is_compiled
+from ..kernels.neighbours import Indices
 from ..rollout.stepper import Advance, state_at, Stepper
+from ..scenes.air import Air
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
 
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'
-
-
-@compiled
-def _finish(
-    world: World,
-    before: Spheres,
-    islands: Islands,
-    dt: float,
-    guards: bool,
-    sleeps: bool,
-    after_out: Spheres,
-    sleepers_out: Sleepers,
-) -> tuple[int, float]:
-    """Guard and sleep; returns how many islands the guard limited, and the energy it took."""
-    acted, removed = 0, 0.0
-    if guards:
-        acted, removed = limit_energy(world, before, islands, dt, after_out)
-    if sleeps:
-        put_to_sleep(world.radius[:-1], islands, dt, after_out, sleepers_out)
-    return acted, removed
 
 
 @entry
@@ -56,33 +39,55 @@ def _advance(
     sleepers_out: Sleepers,
     frames_out: Spheres,
 ) -> tuple[int, WarmStart, int, float]:
-    """Write frames into `frames_out`, shapes (frames, n, k), up to one that is not finite.
+    """`advance_frames`, in one call, since a call of compiled code costs a fifth of a frame."""
+    return advance_frames(
+        world, spheres, dt, warm_start, settings, guards, sleeps, sleepers_out, frames_out
+    )
 
-    Returns how many there are, the warm start, how many islands the guard limited, and the energy
-    it took. All in one call, since a call of compiled code costs a fifth of a frame.
+
+@entry
+def _advance_starts(
+    world: World,
+    starts: Spheres,
+    dt: float,
+    settings: Settings,
+    guards: bool,
+    sleeps: bool,
+    sleepers_out: Sleepers,
+    frames_out: Spheres,
+    done_out: Indices,
+) -> None:
+    """Frames of many starts, shapes (s, n, k), in one call.
+
+    Args:
+        world: What does not move.
+        starts: The starts; overlaps are undone in them.
+        dt: Length of a frame.
+        settings: Substeps and iterations.
+        guards: Limit the energy.
+        sleeps: Let islands sleep.
+        sleepers_out: Scratch.
+        frames_out: Frames, shapes (s, frames, n, k).
+        done_out: Number of finite frames of each start, shape (s,).
     """
-    acted, removed = 0, 0.0
-    for frame in range(len(frames_out.positions)):
-        after, warm_start, islands = advance(
-            world, spheres, dt, warm_start, settings, sleepers_out
+    for k in range(len(done_out)):
+        sleepers_out.asleep[:] = False
+        sleepers_out.island[:] = -1
+        sleepers_out.quiet[:] = 0
+        sleepers_out.islands[:] = 0
+        set_clock(world, 0.0)
+        separate(world, dt, starts.positions[k])
+        done_out[k], _, _, _ = advance_frames(
+            world,
+            part_of(starts, k),
+            dt,
+            cold_start(),
+            settings,
+            guards,
+            sleeps,
+            sleepers_out,
+            part_of(frames_out, k),
         )
-        held, taken = _finish(
-            world=world,
-            before=spheres,
-            islands=islands,
-            dt=dt,
-            guards=guards,
-            sleeps=sleeps,
-            after_out=after,
-            sleepers_out=sleepers_out,
-        )
-        if not is_finite(after):
-            return frame, warm_start, acted, removed
-        acted += held
-        removed += taken
-        store(after, frame, frames_out)
-        spheres = after
-    return len(frames_out.positions), warm_start, acted, removed
 
 
 def warm_up() -> None:
@@ -91,6 +96,10 @@ def warm_up() -> None:
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
     with compiling():
         EngineStepper(scene, start, 0.1, substeps=1, rounds=1).step()
+        starts = State.unchecked(*(values[None].copy() for values in vars(start).values()))
+        advance_starts(scene, starts, 0.1, 1, substeps=1, rounds=1)
+        flight = Air().flight(np.ones(2), np.ones(2), scene.gravity)
+        accelerations(starts.velocities, starts.angular_velocities, flight, np.empty((1, 2, 3)))
 
 
 class EngineStepper(Stepper):
@@ -120,8 +129,9 @@ class EngineStepper(Stepper):
         if not is_compiled():
             warm_up()
         self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
-        self.guards, self.sleeps = guard, sleep
         self.world = world_of(scene, len(state))
+        # what rests on a surface that moves may be carried anywhere
+        self.guards, self.sleeps = guard, sleep and not self.world.moving
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))
         self.warm_start = cold_start()
         self.frames, self.acted, self.removed = 0, 0, 0.0
@@ -168,3 +178,58 @@ class EngineStepper(Stepper):
         return Advance(
             State.unchecked(*(values[:done] for values in states)), _DIVERGED if diverged else ''
         )
+
+
+def advance_starts(
+    scene: Scene,
+    starts: State,
+    dt: float,
+    steps: int,
+    *,
+    substeps: int,
+    rounds: int,
+    guard: bool = True,
+    sleep: bool = True,
+) -> tuple[State, NDArray[np.int64]]:
+    """Roll many starts of one scene out, each to the bit as an `EngineStepper` would.
+
+    One call of compiled code, since a stepper of its own costs more than a second of one sphere.
+
+    Args:
+        scene: Surfaces and sphere properties.
+        starts: Fields of shape (s, n, k).
+        dt: Length of a frame.
+        steps: Number of frames.
+        substeps: See `EngineStepper`, as of the next three.
+        rounds: See there.
+        guard: See there.
+        sleep: See there.
+
+    Returns:
+        States after each frame, fields of shape (s, steps, n, k), and how many of each start are
+        finite, shape (s,): those after them are undefined.
+    """
+    if not is_compiled():
+        warm_up()
+    count, spheres = np.shape(starts.positions)[:2]
+    begin = Spheres(
+        positions=np.array(starts.positions),
+        quaternions=np.array(starts.quaternions),
+        velocities=np.array(starts.velocities),
+        angular_velocities=np.array(starts.angular_velocities),
+    )
+    world = world_of(scene, spheres)
+    frames = Spheres(*(np.empty((count, steps, spheres, part.shape[2])) for part in begin))
+    done = np.zeros(count, np.int64)
+    _advance_starts(
+        world=world,
+        starts=begin,
+        dt=dt,
+        settings=Settings(substeps=substeps, iterations=rounds),
+        guards=guard,
+        sleeps=sleep and not world.moving,
+        sleepers_out=all_awake(world.radius[:-1], float(np.linalg.norm(scene.gravity))),
+        frames_out=frames,
+        done_out=done,
+    )
+    return State.unchecked(*frames), done

@@ -75,7 +75,10 @@ def _limits(
     rolls by l L / (I + m l^2), so that v = v_0 - l L / 2 (I + m l^2). And L = sigma r N.
     """
     a, normal, force = contacts.a[k], row(contacts.normal, k), impulses.normal[k]
-    speed, arm = length(across(row(bodies.free_velocity, a), normal)), law.arm_a[k]
+    velocity = row(bodies.free_velocity, a)
+    if contacts.plane[k] >= 0:
+        velocity = minus(velocity, row(bodies.free_velocity, contacts.b[k]))
+    speed, arm = length(across(velocity, normal)), law.arm_a[k]
     inertia = 1.0 / world.inverse_inertia[a] + arm * arm / world.inverse_mass[a]
     slope = world.laws[given, SLOPE] * world.radius[a] * force
     rolling = (law.rolling[k] * force + slope * speed) / (1.0 + 0.5 * slope * arm / inertia)
@@ -106,12 +109,14 @@ def step_rolling(
         a, normal, old = contacts.a[k], row(contacts.normal, k), row(impulses_out.rolling, k)
         slip, inverse_mass = _slip_and_inverse_mass(world, contacts, law, bodies_out, state_out, k)
         sticking = minus(row(impulses_out.tangential, k), times(1.0 / inverse_mass, slip))
-        w = row(bodies_out.angular_velocity, a)
+        w, v = row(bodies_out.angular_velocity, a), row(bodies_out.velocity, a)
+        if contacts.plane[k] >= 0:  # on a surface that moves
+            w = minus(w, row(bodies_out.angular_velocity, contacts.b[k]))
+            v = minus(v, row(bodies_out.velocity, contacts.b[k]))
         about_centre = times(1.0 / world.inverse_inertia[a], w)
         flat = across(about_centre, normal)
         rolls = flat
         if length(sticking) <= law.friction[k] * impulses_out.normal[k]:
-            v = row(bodies_out.velocity, a)
             orbit = times(law.arm_a[k] / world.inverse_mass[a], cross(normal, across(v, normal)))
             rolls = across(plus(about_centre, orbit), normal)
         about_normal = minus(about_centre, flat)

@@ -19,6 +19,7 @@ from .groups import contacts_among, contacts_by_island
 from .impulses import clear_impulses, copy_impulses, Impulses, scale_impulses
 from .islands import Islands
 from .motion import Motion, restore_motion
+from .plane_motion import set_clock
 from .step import step
 from .workspace import Workspace
 from .world import World
@@ -44,7 +45,7 @@ def substep(
     islands_out: Islands,
 ) -> None:
     """Advance the motion of all spheres by `h`; see `step`."""
-    work = work_out
+    work, clock = work_out, world.twists.clock[0]
     restore_motion(motion_out, work.everyone, work.before)
     copy_impulses(impulses_out, work.every_pair, work.warm)
     for i in work.everyone:
@@ -72,6 +73,7 @@ def substep(
     _sort_by_label(candidates, chosen, events, work)
     for event in range(events):
         spheres, pairs = work.sphere_begin, work.pair_begin
+        set_clock(world, clock)
         _advance_by_events(
             world=world,
             candidates=candidates,
@@ -86,6 +88,7 @@ def substep(
             impulses_out=impulses_out,
             islands_out=islands_out,
         )
+    set_clock(world, clock + h)
 
 
 @in_place

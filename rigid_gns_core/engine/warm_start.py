@@ -30,6 +30,12 @@ def cold_start() -> WarmStart:
 
 
 @compiled
+def no_contacts() -> WarmStart:
+    """Warm start after a frame in which nothing touched: it is known that there are none."""
+    return WarmStart(key=np.zeros(0, np.int64), impulses=no_impulses(0), known=True)
+
+
+@compiled
 def impulses_of(warm_start: WarmStart, key: Indices) -> Impulses:
     """Impulses of the candidates of these keys, zero where they are new."""
     impulses = no_impulses(len(key))

@@ -82,15 +82,16 @@ class Workspace(NamedTuple):
 
 
 @compiled
-def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
-    """Room for so many spheres with these candidates."""
-    size = len(candidates.a)
-    vectors, numbers = np.empty((8, spheres + 1, 3)), np.empty((4, spheres + 1))
+def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace:
+    """Room for so many spheres and fixed bodies with these candidates."""
+    size, bodies = len(candidates.a), spheres + fixed
+    moving = size if fixed > 1 else 0
+    vectors, numbers = np.empty((8, bodies, 3)), np.empty((4, bodies))
     labels, begins = np.empty((3, spheres), np.int64), np.empty((3, spheres + 2), np.int64)
     flags = np.empty((3, size), np.bool_)
     flags[0] = True
     return Workspace(
-        impacts=new_impacts(spheres, size),
+        impacts=new_impacts(spheres, moving, size),
         order=new_order(spheres, size),
         contacts=new_contacts(size),
         law=new_law(size),
@@ -105,10 +106,10 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         impulses=no_impulses(size),
         start=no_impulses(size),
         state=new_state(size),
-        couplings=new_couplings(spheres + 1),
-        blocks=new_blocks(spheres, size),
+        couplings=new_couplings(bodies),
+        blocks=new_blocks(bodies, size),
         pivots=new_pivots(),
-        overlaps=new_overlaps(spheres, size),
+        overlaps=new_overlaps(bodies, size),
         cuts=new_cuts(spheres),
         path=vectors[5, :spheres],
         mean=vectors[6, :spheres],
@@ -131,4 +132,3 @@ def new_workspace(spheres: int, candidates: Candidates) -> Workspace:
         pair_begin=begins[1],
         place=begins[2],
     )
-

@@ -4,7 +4,8 @@
 """What does not change, as arrays: properties of spheres and planes, and gravity.
 
 Body n, one past the last sphere, stands for everything that is fixed: its inverse mass is zero, so
-that a contact with a surface is a contact of two bodies like any other.
+that a contact with a surface is a contact of two bodies like any other. Contacts with planes that
+move have fixed bodies of their own after it.
 """
 
 from __future__ import annotations
@@ -31,6 +32,23 @@ THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 GIVEN, SLOW, FAST, MIDDLE, SLIDE, GRIP, ROLL, SLOPE, SPIN = range(9)
 
 
+class Twists(NamedTuple):
+    """How planes move, s of them.
+
+    moves: whether it does, shape (s,); velocity, spin: of its point, and about it, shape (s, 3);
+    point, axes, belt: at the start of a rollout, as in `World`, and the velocity of the surface on
+    it, shape (s, 3); clock: time since the start, where the planes of `World` are, shape (1,).
+    """
+
+    moves: NDArray[np.bool_]
+    velocity: Array
+    spin: Array
+    point: Array
+    axes: Array
+    belt: Array
+    clock: Array
+
+
 class World(NamedTuple):
     """Properties in the model's units; n spheres, s planes.
 
@@ -42,7 +60,7 @@ class World(NamedTuple):
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
     shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
     has_laws: whether there are contact laws; laws: those, or the materials, of the planes and,
-    last, of two spheres, shape (s + 1, 9).
+    last, of two spheres, shape (s + 1, 9); moving: whether any plane moves; twists: how.
     """
 
     radius: Array
@@ -60,6 +78,8 @@ class World(NamedTuple):
     two_sided: NDArray[np.bool_]
     has_laws: bool
     laws: Array
+    moving: bool
+    twists: Twists
 
 
 def world_of(scene: Scene, count: int) -> World:
@@ -92,6 +112,16 @@ def world_of(scene: Scene, count: int) -> World:
         two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
         has_laws=bool(laws[:, GIVEN].any()),
         laws=laws,
+        moving=any(plane.moves for plane in planes),
+        twists=Twists(
+            moves=np.array([plane.moves for plane in planes], dtype=bool),
+            velocity=array([plane.velocity for plane in planes], -1, 3),
+            spin=array([plane.angular_velocity for plane in planes], -1, 3),
+            point=array([plane.point for plane in planes], -1, 3),
+            axes=array([plane.axes for plane in planes], -1, 3, 3),
+            belt=array([plane.surface_velocity for plane in planes], -1, 3),
+            clock=np.zeros(1),
+        ),
     )
 
 
@@ -135,9 +165,10 @@ def weight_of(world: World) -> float:
 
 
 @compiled
-def world_among(world: World, members: NDArray[np.int64]) -> World:
-    """World of these spheres alone."""
-    bodies = np.append(members, len(world.restitution))
+def world_among(world: World, members: NDArray[np.int64], fixed: int) -> World:
+    """World of these spheres alone, and so many fixed bodies."""
+    bodies = np.full(len(members) + fixed, len(world.restitution))
+    bodies[: len(members)] = members
     return World(
         radius=world.radius[bodies],
         inverse_mass=world.inverse_mass[bodies],
@@ -154,4 +185,6 @@ def world_among(world: World, members: NDArray[np.int64]) -> World:
         two_sided=world.two_sided,
         has_laws=world.has_laws,
         laws=world.laws,
+        moving=world.moving,
+        twists=world.twists,
     )

@@ -27,9 +27,9 @@ def whole_file(path: Path) -> Iterator[Path]:
         yield partial
         os.replace(partial, path)
     except OSError as error:
-        if error.filename is not None or error.errno is None:
+        if error.errno is None or error.filename not in (None, str(partial)):
             raise
-        # a failed write does not know its file
+        # a failed write does not know its file, and nobody else knows the temporary one
         raise OSError(error.errno, f'cannot be written: {error.strerror}', str(path)) from error
     finally:
         partial.unlink(missing_ok=True)

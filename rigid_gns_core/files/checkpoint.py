@@ -17,7 +17,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from .atomic_file import whole_file
-from ..errors import UserError
+from .strict_json import parse_json
+from ..errors import shown, UserError
 
 FORMAT_VERSION = 1
 WEIGHTS_FOLDER = Path(__file__).resolve().parents[1] / 'weights'
@@ -126,22 +127,22 @@ def load_card(path: Path) -> dict[str, Any]:
     """
     card_path = path.with_suffix('.json')
     try:
-        card: dict[str, Any] = json.loads(card_path.read_text(encoding='utf-8'))
+        card: dict[str, Any] = parse_json(card_path.read_bytes())
     except FileNotFoundError:
         raise CheckpointError(f'{path}: its card {card_path.name} is missing') from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise CheckpointError(f'{card_path}: not valid JSON: {error}') from error
+    except UserError as error:
+        raise CheckpointError(f'{card_path}: {error}') from error
     version = card.get('format_version') if isinstance(card, dict) else None
     if version != FORMAT_VERSION or version is True:
         raise CheckpointError(
-            f'{card_path}: format_version is {version!r}, this program reads {FORMAT_VERSION}; '
-            'train again or use the program version that wrote it'
+            f'{card_path}: format_version is {shown(version)}, this program reads '
+            f'{FORMAT_VERSION}; train again or use the program version that wrote it'
         )
     for key in sorted(CARD_KEYS - set(card)):
         raise CheckpointError(f'{card_path}: {key} is missing')
     for key in sorted(set(card) - CARD_KEYS):
         raise CheckpointError(
-            f'{card_path}: unknown key {key!r}, allowed: {", ".join(sorted(CARD_KEYS))}'
+            f'{card_path}: unknown key {shown(key)}, allowed: {", ".join(sorted(CARD_KEYS))}'
         )
     return card
 

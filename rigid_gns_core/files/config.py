@@ -15,12 +15,14 @@ from typing import Any, TypeVar
 
 import yaml
 
-from ..errors import UserError
+from ..errors import shown, UserError
 
 T = TypeVar('T')
 
 # whole numbers beyond are neither counts nor seeds, and NumPy and HDF5 hold none
 _LARGEST_INT = 2**63 - 1
+# levels of a YAML file; those of scenes and recipes have five
+_DEEPEST = 50
 
 
 class ConfigError(UserError):
@@ -40,11 +42,13 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T
     """
     where = where or cls.__name__
     if not isinstance(mapping, Mapping):
-        raise ConfigError(f'{where} is {mapping!r}, expected a mapping')
+        raise ConfigError(f'{where} is {shown(mapping)}, expected a mapping')
     members = dataclasses.fields(cls)  # type: ignore[arg-type]
     fields = {field.name: field for field in members if field.init}
     if unknown := sorted(set(mapping) - set(fields), key=str):
-        raise ConfigError(f'{where}: unknown key {unknown[0]!r}, allowed: {", ".join(fields)}')
+        raise ConfigError(
+            f'{where}: unknown key {shown(unknown[0])}, allowed: {", ".join(fields)}'
+        )
     hints = typing.get_type_hints(cls)
     values = {key: _convert(hints[key], value, f'{where}.{key}') for key, value in mapping.items()}
     missing = [
@@ -58,10 +62,9 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str = '') -> T
         raise ConfigError(f'{where}: missing key {missing[0]!r}')
     try:
         return cls(**values)
-    except ConfigError:
-        raise
     except UserError as error:
-        raise ConfigError(f'{where}: {error}') from error
+        text = str(error)
+        raise ConfigError(text if where in text else f'{where}: {text}') from error
 
 
 def to_mapping(config: Any) -> dict[str, Any]:
@@ -72,17 +75,46 @@ def to_mapping(config: Any) -> dict[str, Any]:
     }
 
 
+class _ShallowLoader(yaml.SafeLoader):
+    """Loader that stops at a depth: PyYAML's time grows with its square, until Python gives up."""
+
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Compose a node within others."""
+        if self.depth >= _DEEPEST:
+            raise ConfigError(f'it is nested too deeply, expected at most {_DEEPEST} levels')
+        self.depth += 1
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self.depth -= 1
+
+
+def parse_yaml(text: str) -> Any:
+    """Value of a YAML text.
+
+    Raises:
+        ConfigError: It is no YAML, or nested too deeply.
+    """
+    try:
+        return yaml.load(text, Loader=_ShallowLoader)  # noqa: S506 - a safe one
+    # no text, a date or a number that is none, a key that is a list
+    except (yaml.YAMLError, ValueError, TypeError) as error:
+        raise ConfigError(f'not valid YAML: {error}') from error
+
+
 def load_yaml(path: str | Path) -> dict[str, Any]:
     """Read a YAML file that holds one mapping; ConfigError where it cannot be read."""
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = parse_yaml(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise ConfigError(f'{path}: no such file') from None
-    except RecursionError:
-        raise ConfigError(f'{path}: not valid YAML: it is nested too deeply') from None
-    except (yaml.YAMLError, ValueError) as error:  # no text, a date or a number that is none
+    except UnicodeDecodeError as error:
         raise ConfigError(f'{path}: not valid YAML: {error}') from error
+    except ConfigError as error:
+        raise ConfigError(f'{path}: {error}') from error
     if not isinstance(content, dict):
         raise ConfigError(f'{path}: holds {type(content).__name__}, expected a mapping')
     return content
@@ -155,16 +187,16 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             except ConfigError as error:
                 errors.append(str(error))
         raise ConfigError(
-            errors[-1] if len(errors) == 1 else f'{where} is {_shown(value)}: {errors}'
+            errors[-1] if len(errors) == 1 else f'{where} is {shown(value)}: {errors}'
         )
     if origin is typing.Literal:
         if value not in arguments:
             allowed = ', '.join(str(argument) for argument in arguments)
-            raise ConfigError(f'{where} is {_shown(value)}, allowed: {allowed}')
+            raise ConfigError(f'{where} is {shown(value)}, allowed: {allowed}')
         return value
     if origin is tuple:
         if isinstance(value, str) or not isinstance(value, (list, tuple)):
-            raise ConfigError(f'{where} is {_shown(value)}, expected a list')
+            raise ConfigError(f'{where} is {shown(value)}, expected a list')
         if len(arguments) == 2 and arguments[1] is Ellipsis:
             arguments = (arguments[0],) * len(value)
         if len(arguments) != len(value):
@@ -186,19 +218,13 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             except OverflowError:
                 raise ConfigError(f'{where} {_too_large(value, sys.float_info.max)}') from None
         hint_text = ' (YAML reads 1e-3 as text: write 1.0e-3)' if isinstance(value, str) else ''
-        raise ConfigError(f'{where} is {_shown(value)}, expected a number{hint_text}')
+        raise ConfigError(f'{where} is {shown(value)}, expected a number{hint_text}')
     is_bool = isinstance(value, bool)  # a subclass of int
     if isinstance(hint, type) and (not isinstance(value, hint) or (is_bool and hint is not bool)):
-        raise ConfigError(f'{where} is {_shown(value)}, expected {hint.__name__}')
+        raise ConfigError(f'{where} is {shown(value)}, expected {hint.__name__}')
     if hint is int and abs(value) > _LARGEST_INT:
         raise ConfigError(f'{where} {_too_large(value, _LARGEST_INT)}')
     return value
-
-
-def _shown(value: Any) -> str:
-    """Value for a message, cut in the middle where it is long."""
-    text = repr(value)
-    return text if len(text) <= 100 else f'{text[:40]}...{text[-20:]}'
 
 
 def _too_large(value: float, bound: float) -> str:

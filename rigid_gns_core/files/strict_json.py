@@ -55,6 +55,20 @@ def read_json(path: str | Path) -> dict[str, Any]:
     return report
 
 
+def parse_json(text: str | bytes) -> Any:
+    """Value of a JSON text from elsewhere.
+
+    Raises:
+        UserError: It is no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, TypeError) as error:  # digits without end, bytes that are no text
+        raise UserError(f'not valid JSON: {error}') from error
+    except RecursionError:
+        raise UserError('not valid JSON: it is nested too deeply') from None
+
+
 def encode(value: Any, digits: int | None = None) -> Any:
     """Value of JSON's types: from mappings, sequences and NumPy's values; NaN stays as it is."""
     if isinstance(value, Mapping):

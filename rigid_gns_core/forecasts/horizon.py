@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .spread import Spread, spread_of_future, SpreadJob
 from ..messages.trajectories import encode_trajectory
 from ..rollout.outcome import Recording
 from ..scenes.state import Array
@@ -37,6 +38,7 @@ class Job:
         steps: Number of model steps.
         frame_id: Coordinate frame.
         ids: Id of each sphere.
+        spread: What its spread is computed from; None: it is not.
     """
 
     rollout: Rollout
@@ -44,6 +46,7 @@ class Job:
     steps: int
     frame_id: str
     ids: tuple[int, ...]
+    spread: SpreadJob | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Future:
         positions: Centres at the start and after each step [m], shape (points, n, 3).
         took: Time of the computation [s].
         error: Why it ends early; empty: it does not.
+        spread: How sure it is; None: that was not asked for.
     """
 
     job: Job
@@ -63,11 +67,7 @@ class Future:
     positions: Array
     took: float
     error: str
-
-
-def steps_of(horizon: float, dt: float) -> int:
-    """Least number of model steps of `dt` [s] that reach `horizon` [s]."""
-    return int(np.ceil(horizon / dt - 1e-9))
+    spread: Spread | None = None
 
 
 class Horizon:
@@ -150,4 +150,8 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     times = [round(step * rollout.dt * 1e9) for step in range(len(poses))]
     names = [f'sphere_{sphere}' for sphere in job.ids]
     cdr = encode_trajectory(job.stamp_ns, job.frame_id, names, times, poses, twists)
-    return Future(job, cdr, future.positions, time.perf_counter() - begun, recording.error)
+    spread = None
+    if job.spread is not None:
+        spread = spread_of_future(job.spread, len(poses), rollout.dt)
+    took = time.perf_counter() - begun
+    return Future(job, cdr, future.positions, took, recording.error, spread)

@@ -8,10 +8,13 @@ A test compares docs/node.md with these tables.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
+
+from .crossing_planes import planes_of
+from ..errors import shown, UserError
 
 Value = bool | int | float | str | list[float]
 
@@ -30,6 +33,7 @@ class ParameterSpec:
         least: Lower bound of values other than 0, where 0 has a meaning of its own.
         choices: Allowed values of a string; empty: any.
         dynamic: Whether it may change while the node runs; if not, it is read-only.
+        check: Called with a value; raises UserError where it is not allowed.
     """
 
     name: str
@@ -41,6 +45,7 @@ class ParameterSpec:
     least: float = 0.0
     choices: tuple[str, ...] = ()
     dynamic: bool = False
+    check: Callable[[Any], object] | None = None
 
     def problem(self, value: Any) -> str | None:
         """Why a value is not allowed, beyond type and range, which ROS checks; None: it is."""
@@ -51,8 +56,16 @@ class ParameterSpec:
             return f'{self.name} is {value:g}, allowed: 0, or {span}'
         if isinstance(self.default, list):
             values = list(value) if isinstance(value, Iterable) else []
-            if len(values) != len(self.default) or not all(map(isfinite, values)):
-                return f'{self.name} is {values}, allowed: {len(self.default)} finite numbers'
+            numbers = all(isinstance(one, (int, float)) and isfinite(one) for one in values)
+            if len(values) != len(self.default) or not numbers:
+                return (
+                    f'{self.name} is {shown(values)}, allowed: {len(self.default)} finite numbers'
+                )
+        try:
+            if self.check is not None:
+                self.check(value)
+        except UserError as error:
+            return str(error)
         return None
 
 
@@ -120,6 +133,23 @@ SIMULATOR = (
         dynamic=True,
     ),
     ParameterSpec(
+        'samples',
+        0,
+        'states drawn from the estimate of a frame for the spread of its future; 0: none',
+        '',
+        0,
+        10_000,
+        dynamic=True,
+    ),
+    ParameterSpec(
+        'crossing_planes',
+        '',
+        'planes whose crossing within the horizon is forecast, as YAML of name and plane: '
+        '{racket: {point: [0.5, 0, 0.3], normal: [-1, 0, 0]}}; empty: none',
+        dynamic=True,
+        check=planes_of,
+    ),
+    ParameterSpec(
         'velocity_window',
         6,
         'number of tracked frames from which velocities are fitted; 1: start at rest',
@@ -139,6 +169,15 @@ SIMULATOR = (
         'm',
         0.0,
         1000.0,
+    ),
+    ParameterSpec(
+        'latency',
+        0.0,
+        'how long before its stamp a frame was captured, of trackers that stamp on receipt; it is '
+        'taken off each stamp',
+        's',
+        0.0,
+        10.0,
     ),
     ParameterSpec(
         'coast_time',
@@ -200,3 +239,32 @@ TRACKER = (
     ),
     ParameterSpec('wait_for_subscriber', True, 'start when a node subscribes to tracked_poses'),
 )
+
+
+def with_defaults(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters of the simulator, as recorded on ~/scene; missing ones have their defaults.
+
+    Raises:
+        UserError: One is of another type, or out of range: the recording is damaged.
+    """
+    values: dict[str, Any] = {}
+    for spec in SIMULATOR:
+        value: Any = recorded.get(spec.name, spec.default)
+        if type(spec.default) is float and type(value) is int and abs(value) < 2**63:
+            value = float(value)
+        counted = type(spec.default) in (int, float)
+        if type(value) is not type(spec.default):
+            raise UserError(
+                f'parameter {spec.name} is recorded as {shown(value)}, expected '
+                f'{type(spec.default).__name__}'
+            )
+        number: Any = value if counted else spec.low
+        if not spec.low <= number <= spec.high:
+            raise UserError(
+                f'parameter {spec.name} is recorded as {shown(value)}, expected {spec.low:g} to '
+                f'{spec.high:g}'
+            )
+        if problem := spec.problem(value):
+            raise UserError(f'parameter {problem}')
+        values[spec.name] = value
+    return values

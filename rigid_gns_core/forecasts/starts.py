@@ -15,7 +15,8 @@ from dataclasses import asdict, dataclass
 import json
 from typing import Literal
 
-from ..errors import UserError
+from ..errors import shown, UserError
+from ..files.strict_json import parse_json
 
 Reason = Literal['first', 'every', 'diverged', 'reset', 'restart', 'spheres']
 
@@ -58,7 +59,7 @@ class Start:
             UserError: The text is not such a start.
         """
         try:
-            content = json.loads(text)
+            content = parse_json(text)
             return cls(
                 int(content['stamp_ns']),
                 tuple(int(stamp) for stamp in content['window_ns']),
@@ -67,7 +68,7 @@ class Start:
                 float(content['noise']) if 'noise' in content else None,
                 index,
             )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
             raise UserError(
-                f'{error!r}; expected JSON with stamp_ns, window_ns and reason'
+                f'{shown(error)}; expected JSON with stamp_ns, window_ns and reason'
             ) from error

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .forecaster import Forecaster
-from .node_parameters import SIMULATOR
+from .node_parameters import with_defaults
 from ..tracking.usable_frames import WINDOW_GAP
 from ..tracking.window import TrackingWindow
 
@@ -36,8 +36,11 @@ def window_of(
         parameters: Parameters by name; missing ones have their defaults.
         check: See `TrackingWindow`.
         on_gap: See `TrackingWindow`.
+
+    Raises:
+        UserError: A parameter is of another type, or out of range.
     """
-    parameters = {**{spec.name: spec.default for spec in SIMULATOR}, **parameters}
+    parameters = with_defaults(parameters)
 
     def given(name: str) -> float | None:
         return float(parameters[name]) or None  # 0: the default

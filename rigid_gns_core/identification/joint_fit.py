@@ -11,7 +11,7 @@ anew, so that a stretch at the verge of a contact does not hold up the others.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -65,9 +65,14 @@ class JointFit(Problem):
         values: Mapping[str, float],
         starts: Array | None = None,
         rounds: int = 8,
+        new: Collection[str] | None = None,
     ) -> Fitted:
-        """Fit parameters from values, the others stay."""
+        """Fit parameters from values, the others stay.
+
+        Of frictions in `new` other starts are tried as well; None: of those without a value.
+        """
         free = list(parameters)
+        new = {p.name for p in free} - set(values) if new is None else new
         now = {**{p.name: p.start for p in free}, **values}
         # also anew: what was best under other laws may be at a wrong bounce under these
         found, losses = self.solve(now, None)
@@ -77,7 +82,7 @@ class JointFit(Problem):
             found[better], losses[better] = others[better], after[better]
         starts = found
         for p in free:
-            if p.name.endswith('.friction') and p.name not in values:
+            if p.name.endswith('.friction') and p.name in new:
                 now, starts, losses = self._scanned(p, now, starts, losses)
         total = losses.sum() + _prior(free, now)
         damping = 1e-3
@@ -124,10 +129,14 @@ class JointFit(Problem):
         return fitted
 
     def fit_known(
-        self, parameters: Sequence[Parameter], fitted: Fitted, known: NDArray[np.int64]
+        self,
+        parameters: Sequence[Parameter],
+        fitted: Fitted,
+        known: NDArray[np.int64],
+        new: Collection[str] = (),
     ) -> Fitted:
         """Fit parameters to some stretches, from an earlier fit; starts of all with them."""
-        part = self.part(known).fit(parameters, fitted.values, fitted.starts[known])
+        part = self.part(known).fit(parameters, fitted.values, fitted.starts[known], new=new)
         whole = self.fit((), part.values, fitted.starts)
         whole.errors, whole.formal = part.errors, part.formal
         return whole

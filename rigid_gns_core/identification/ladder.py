@@ -39,12 +39,14 @@ class Setup:
             tracks.
         bandwidth: Of the prior, see `StartPrior`; infinite: all windows count alike.
         noise: s, q, kappa.
+        memory: Frames of this time before the last count in an estimate [s].
     """
 
     names: tuple[str, ...]
     spin: str
     bandwidth: float
     noise: tuple[float, float, float]
+    memory: float = 0.4
 
 
 def always(setup: Setup) -> bool:  # noqa: ARG001
@@ -161,7 +163,8 @@ class Ladder:
         for fold in self.folds:
             assert fold.fitted is not None
             values, noise = fold.fitted.values, np.array(self.setup.noise)
-            found += forecasts(self.laws, values, noise, fold.prior, fold.outside, samples)
+            memory = self.setup.memory
+            found += forecasts(self.laws, values, noise, fold.prior, memory, fold.outside, samples)
         return found
 
     def settle(self) -> bool:
@@ -190,8 +193,8 @@ class Ladder:
     def _predict(self, setup: Setup, folds: Sequence[Fold]) -> list[Forecast]:
         def predict(fold: Fold) -> list[Forecast]:
             fold.fitted, fold.prior, _ = fit_setup(self.laws, setup, fold.inside, fold.fitted)
-            noise = np.array(setup.noise)
-            return forecasts(self.laws, fold.fitted.values, noise, fold.prior, fold.outside)
+            values, noise = fold.fitted.values, np.array(setup.noise)
+            return forecasts(self.laws, values, noise, fold.prior, setup.memory, fold.outside)
 
         # compiled code does most of it, and releases the interpreter
         parts = in_threads(predict, folds, usable_cores())
@@ -227,6 +230,7 @@ def fit_setup(
     parameters = [laws.start_of(name) for name in setup.names]
     values = {} if before is None else {n: v for n, v in before.values.items() if n in setup.names}
     starts = None if before is None else before.starts
+    new = {p.name for p in parameters} - set(values)
     noise = np.array(setup.noise)
     radius = laws.models[0].radius
     spin = None if setup.spin == 'none' else broad_prior(radius)
@@ -238,7 +242,8 @@ def fit_setup(
         fitted = fit.fit((), {**{p.name: p.start for p in parameters}, **values}, starts)
         for _trim in range(_TRIMS):
             known = np.flatnonzero(known_stretches(fitted))
-            fitted = fit.fit_known(parameters, fitted, known)
+            fitted = fit.fit_known(parameters, fitted, known, new)
+            new = set()
             if np.array_equal(np.flatnonzero(known_stretches(fitted)), known):
                 break
         if setup.spin == 'none':

@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .collisions import shown_collisions, usual_restitution
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
@@ -21,7 +22,9 @@ from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
 from ..errors import UserError
 from ..running.threads import in_threads, usable_cores
+from ..scenes.contact_law import ContactLaw
 from ..scenes.scene import Scene
+from ..scenes.state import Array
 from ..scenes.tracker import Spins, Tracker
 from ..tracking.start_prior import StartPrior
 
@@ -87,6 +90,7 @@ def learn(
     scene: Scene,
     labels: Sequence[str],
     say: Callable[[Tried], object] = lambda _: None,
+    terms: Collection[str] | None = None,
 ) -> Learned:
     """Fit a scene to tracks.
 
@@ -95,10 +99,18 @@ def learn(
         scene: Surfaces, radii, masses; where fits begin.
         labels: Labels of the scene's spheres in the tracks.
         say: Called with each line of the table.
+        terms: Names of the terms that are fitted, of those of the core, for a comparison; None:
+            all that earn their place.
 
     Raises:
-        UserError: There are too few tracks, or none has enough frames.
+        UserError: There are too few tracks, or none has enough frames, or a surface changes place.
     """
+    for k, surface in enumerate(scene.surfaces):
+        if surface.changes_place:
+            raise UserError(
+                f'surface {k} of the scene moves, and tracks do not say where it was; fit a scene '
+                'without it, and add it to the result'
+            )
     laws = Laws(scene, max(len(labels), 1))
     noise = 1e-3
     for _ in range(2):  # where tracks are cut depends on the noise
@@ -116,8 +128,24 @@ def learn(
     met = met_by(laws, every, noise)
     _look(laws, found, met)
     ladder = _ladder(laws, found, numbers, noise)
-    _climb(ladder, laws, met, say)
-    return _finish(ladder, laws, met, every, len(numbers))
+    _climb(ladder, laws, met, say, terms)
+    learned = _finish(ladder, laws, met, every, len(numbers))
+    return _with_collisions(learned, shown_collisions(tracks, laws.models[0].radius))
+
+
+def _with_collisions(learned: Learned, shown: Array) -> Learned:
+    """The same with the restitution of two balls, where enough collisions show it."""
+    if not len(shown):
+        return learned
+    value, error = usual_restitution(shown)
+    if not np.isfinite(error):
+        note = f'{len(shown)} collisions of two balls show, too few to tell their restitution'
+        return replace(learned, notes=(*learned.notes, note))
+    scene = learned.scene
+    friction = float(np.mean(scene.friction)) ** 2
+    law = replace(scene.sphere_contact or ContactLaw(friction=friction), restitution=value)
+    told = learned.parameters | {'balls.restitution': Told(value, error, '')}
+    return replace(learned, scene=replace(scene, sphere_contact=law), parameters=told)
 
 
 def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
@@ -140,7 +168,13 @@ def _ladder(laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise:
     return Ladder(laws, folds, Setup((), 'none', np.inf, (noise, _DRIFT, _KICK)))
 
 
-def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object]) -> None:
+def _climb(
+    ladder: Ladder,
+    laws: Laws,
+    met: Met,
+    say: Callable[[Tried], object],
+    terms: Collection[str] | None,
+) -> None:
     def done() -> None:
         say(ladder.table[-1])
 
@@ -148,11 +182,14 @@ def _climb(ladder: Ladder, laws: Laws, met: Met, say: Callable[[Tried], object])
     done()
     core = core_terms(laws, met)
     for rung, _ in core:
-        ladder.add(rung)
-        done()
+        if terms is None or rung.name in terms:
+            ladder.add(rung)
+            done()
     ladder.refit_noise()
     done()
-    for rung in further_terms(met):
+    if terms is not None:
+        return
+    for rung in further_terms(laws, met):
         if ladder.climb(rung) is not None:
             done()
     for _, removal in core:
@@ -187,6 +224,7 @@ def _finish(
         spread=spread,
         forecast_drift=ahead,
         forecast_impact=kick,
+        memory=setup.memory,
         spins=_spins(setup, prior),
     )
     counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}

@@ -17,7 +17,7 @@ from ..scenes.state import Array
 from ..tracking.ball_estimate import estimate_ball, forecast_ball, sampled_covariances
 from ..tracking.start_prior import StartPrior
 
-WINDOW, EVERY, MEMORY = 0.2, 0.2, 0.4  # [s]
+WINDOW, EVERY = 0.2, 0.2  # [s]
 HORIZONS = (0.2, 0.4, 0.6, 1.0)  # [s]
 # a frame is compared with a horizon no farther off than this [s], [median intervals]
 _APART, _FRAMES = 0.01, 0.6
@@ -50,18 +50,20 @@ class Forecast:
     kicks: float = 0.0
 
 
-def windows(one: Stretch) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
+def windows(
+    one: Stretch, memory: float
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
     """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
 
-    A window has all frames of the last `MEMORY`. Of a long piece they begin so far apart that it
-    has `_MOST` of them.
+    A window has all frames of the last `memory` seconds. Of a long piece they begin so far apart
+    that it has `_MOST` of them.
     """
     times = one.times
     every = max(EVERY, (times[-1] - times[0]) / _MOST)
     apart = max(_APART, _FRAMES * float(np.median(np.diff(times))))
     end, first = times[0] + WINDOW, True
     while end < times[-1]:
-        inside = np.flatnonzero((times <= end + 1e-6) & (times >= end - MEMORY - 1e-6))
+        inside = np.flatnonzero((times <= end + 1e-6) & (times >= end - memory - 1e-6))
         last = times[inside[-1]]
         nearest = np.array([np.abs(times - last - h).argmin() for h in HORIZONS])
         nearest[np.abs(times[nearest] - last - HORIZONS) > apart] = -1
@@ -75,10 +77,11 @@ def forecasts(
     values: dict[str, float],
     noise: Array,
     prior: StartPrior | None,
+    memory: float,
     found: Sequence[Stretch],
     samples: int = 0,
 ) -> list[Forecast]:
-    """Forecasts from all windows of some pieces of tracks.
+    """Forecasts from all windows of some pieces of tracks, each of `memory` seconds [s] at most.
 
     Their covariances are by slopes, or by as many paths from drawn states as `samples` says.
     """
@@ -86,7 +89,7 @@ def forecasts(
     result: list[Forecast] = []
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
-        for inside, nearest, first in windows(one):
+        for inside, nearest, first in windows(one, memory):
             estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
             reached = nearest >= 0
             stamps = one.times[nearest[reached]]

@@ -26,7 +26,8 @@ class Parameter:
 
     Args:
         name: `air.FIELD`, `gravity.AXIS`, `contact N.FIELD` of the N-th group of surfaces, or
-            `surface N.height`, `.tilt_x`, `.tilt_y` of the N-th surface.
+            `surface N.height`, `.tilt_x`, `.tilt_y` of the N-th surface. `contact N.lean` turns
+            the walls of a group over the ball: how far above its middle they meet it.
         start: Value at the start, and the mean of a weak prior.
         width: Standard deviation of that prior; a thousandth of it is the step of slopes.
         low, high: Bounds.
@@ -41,6 +42,8 @@ class Parameter:
     unit: str = ''
 
 
+# a wall's normal has this part along the vertical at most
+WALL = 0.7
 # of a mass that is far off, a coefficient makes up for it
 _MOST = 50.0
 AIR = {
@@ -49,6 +52,7 @@ AIR = {
     'lift_coefficient': Parameter('air.lift_coefficient', 0.37, 0.3, 0.0, _MOST),
     'lift_half_ratio': Parameter('air.lift_half_ratio', 0.25, 0.2, 0.02, 2.0),
     'spin_decay': Parameter('air.spin_decay', 0.0, 0.3, 0.0, 3.0, '1/s'),
+    **{f'wind_{a}': Parameter(f'air.wind_{a}', 0.0, 1.0, -30.0, 30.0, 'm/s') for a in 'xyz'},
 }
 # width, low, high, unit; a restitution that falls by `restitution_drop` from high to low speed
 CONTACT = {
@@ -90,15 +94,21 @@ class Laws:
         part, field = name.split('.')
         if part == 'air':
             parameter = AIR[field]
-            if self.scene.air is not None and field != 'lift_coefficient':
-                return replace(parameter, start=float(getattr(self.scene.air, field)))
-            return parameter
+            if self.scene.air is None or field == 'lift_coefficient':
+                return parameter
+            if field.startswith('wind'):
+                start = self.scene.air.wind['xyz'.index(field[-1])]
+            else:
+                start = getattr(self.scene.air, field)
+            return replace(parameter, start=float(start))
         if part == 'gravity':
             gravity = self.scene.gravity['xyz'.index(field)]
             return Parameter(name, gravity, 0.5, unit='m/s2')
         if part.startswith('surface'):
             width, unit = (0.003, 'm') if field == 'height' else (0.01, 'rad')
             return Parameter(name, 0.0, width, unit=unit)
+        if field == 'lean':
+            return Parameter(name, 0.0, 0.05, -0.4, 0.4, 'rad')
         width, low, high, unit = CONTACT[field]
         law = dict(
             zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True)
@@ -113,7 +123,7 @@ class Laws:
         laws = self.models[0].laws.copy()
         for name, value in values.items():
             part, field = name.split('.')
-            if not part.startswith('contact'):
+            if not part.startswith('contact') or field == 'lean':
                 continue
             for k in self.groups[int(part.split()[1])]:
                 _set_law(laws[k], field, value)
@@ -130,7 +140,10 @@ class Laws:
         if not fields:
             return self.scene.air
         base = self.scene.air or Air(drag_coefficient=0.0)
-        return replace(base, **fields)
+        blowing = [
+            fields.pop(f'wind_{axis}', still) for axis, still in zip('xyz', base.wind, strict=True)
+        ]
+        return replace(base, wind=tuple(blowing), **fields)
 
     def gravity_at(self, values: Mapping[str, float]) -> Array:
         """Gravity with these values [m/s^2], shape (3,)."""
@@ -141,6 +154,12 @@ class Laws:
     def surfaces_at(self, values: Mapping[str, float]) -> tuple[Plane, ...]:
         """Planes with these heights and tilts: about the axes of the plane, at its point."""
         planes = list(self.scene.surfaces)
+        for group, numbers in enumerate(self.groups):
+            lean = values.get(f'contact {group}.lean', 0.0)
+            for k in numbers if lean else ():
+                if abs(np.dot(planes[k].normal, self.scene.up)) < WALL:
+                    normal = np.asarray(planes[k].normal) - lean * self.scene.up
+                    planes[k] = replace(planes[k], normal=tuple(normal))
         for k, plane in enumerate(planes):
             height = values.get(f'surface {k}.height', 0.0)
             x, y = values.get(f'surface {k}.tilt_x', 0.0), values.get(f'surface {k}.tilt_y', 0.0)
@@ -168,7 +187,7 @@ class Laws:
         )
 
     def _planes(self, values: Mapping[str, float]) -> Array:
-        if any(name.startswith('surface') for name in values):
+        if any(name.startswith('surface') or name.endswith('.lean') for name in values):
             return plane_rows(self.surfaces_at(values))
         return self.models[0].planes
 

@@ -16,6 +16,7 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array
 from ..tracking.ball_contact import FREE
 from ..tracking.ball_model import BallModel, surface_under
+from ..tracking.held import held
 from ..tracking.kinks import kinks
 
 # a stretch is no longer than this [s]: what the laws do not know grows with time
@@ -58,20 +59,23 @@ def pieces(
     models: Sequence[BallModel],
     noise: float,
 ) -> list[Stretch]:
-    """Tracks cut where a ball was lost, near another, or hit by what the scene has not."""
+    """Tracks cut where a ball was lost, near another, held, or hit by what the scene has not."""
     found = []
     for number, track in enumerate(tracks):
         for column, label in enumerate(track.spheres):
             sphere = spheres.index(label) if label in spheres else 0
             times, positions = track.samples(column)
-            near = _near_others(track, column, scene, len(spheres))[track.seen[:, column]]
+            model = models[min(sphere, len(models) - 1)]
+            mass = float(scene.per_sphere('mass', max(len(spheres), 1))[sphere])
+            away = _near_others(track, column, scene, len(spheres))[track.seen[:, column]]
+            away |= held(model, mass, times, positions, noise)
             edges = np.flatnonzero(np.diff(times) > _LOST) + 1
-            changes = np.flatnonzero(np.diff(near.astype(int))) + 1
-            hits = kinks(models[min(sphere, len(models) - 1)], times, positions, noise)
+            changes = np.flatnonzero(np.diff(away.astype(int))) + 1
+            hits = kinks(model, times, positions, noise)
             cuts = sorted({0, len(times), *edges, *changes, *hits})
             for begin, end in pairwise(cuts):
                 long = end - begin >= FEWEST and times[end - 1] - times[begin] >= _SHORTEST
-                if long and not near[begin]:
+                if long and not away[begin]:
                     found.append(
                         Stretch(number, sphere, times[begin:end], positions[begin:end], FREE)
                     )

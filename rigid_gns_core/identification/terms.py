@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from .ladder import always, Rung, Setup
-from .parameters import Laws
+from .parameters import Laws, WALL
 from .stretches import Stretch
 from ..tracking.ball_contact import FREE
 
@@ -20,6 +21,8 @@ from ..tracking.ball_contact import FREE
 _FEWEST = 3
 # bandwidths of the prior that are tried [deviations of the features]
 _BANDWIDTHS = (0.4, 0.2, 0.1)
+# memories of estimates that are tried, each after the one before [s]; more frames take too long
+_MEMORIES, _MOST_FRAMES = (0.4, 0.8, 1.6), 100
 _LIFT = 'air.lift_coefficient'
 
 
@@ -32,12 +35,14 @@ class Met:
         impacts: Number of stretches with impacts, by group of surfaces.
         stays: Number of stretches on a surface, by group.
         surfaces: Surfaces with impacts.
+        interval: From frame to frame [s].
     """
 
     flights: int
     impacts: tuple[int, ...]
     stays: tuple[int, ...]
     surfaces: tuple[int, ...]
+    interval: float
 
 
 def met_by(laws: Laws, found: Sequence[Stretch], noise: float) -> Met:
@@ -61,7 +66,8 @@ def met_by(laws: Laws, found: Sequence[Stretch], noise: float) -> Met:
                 surfaces[k] = surfaces.get(k, 0) + 1
                 impacts[group_of[k]] += 1
     touched = tuple(k for k, count in sorted(surfaces.items()) if count >= _FEWEST)
-    return Met(flights, tuple(impacts), tuple(stays), touched)
+    interval = float(np.median(np.concatenate([np.diff(one.times) for one in found])))
+    return Met(flights, tuple(impacts), tuple(stays), touched, interval)
 
 
 def core_terms(laws: Laws, met: Met) -> list[tuple[Rung, Rung | None]]:
@@ -93,7 +99,7 @@ def core_terms(laws: Laws, met: Met) -> list[tuple[Rung, Rung | None]]:
     return terms
 
 
-def further_terms(met: Met) -> list[Rung]:
+def further_terms(laws: Laws, met: Met) -> list[Rung]:
     """Terms that are added only where they help."""
     terms = [
         Rung(
@@ -103,20 +109,30 @@ def further_terms(met: Met) -> list[Rung]:
         )
         for width in _BANDWIDTHS
     ]
+    for before, memory in pairwise(_MEMORIES):
+        if memory <= _MOST_FRAMES * met.interval:
+            terms.append(_remembering(before, memory))
     terms.append(Rung('drift a tenth', _stiffer))
     terms.append(Rung('noise doubled, drift a fifth', _doubled))
     if met.flights >= _FEWEST:
         for field in ('lift_half_ratio', 'spin_decay'):
             terms.append(_adding(field.replace('_', ' '), (f'air.{field}',), _spins))
+        level = [a for a, up in zip('xyz', np.abs(laws.scene.up), strict=True) if up < 0.5]
+        terms.append(_adding('wind', tuple(f'air.wind_{axis}' for axis in level)))
     for g, count in enumerate(met.impacts):
         if count >= _FEWEST:
             names = (f'contact {g}.restitution_drop', f'contact {g}.restitution_speed')
             terms.append(_adding(f'restitution over speed, {g}', names))
+            walls = [np.dot(laws.scene.surfaces[k].normal, laws.scene.up) for k in laws.groups[g]]
+            if min(np.abs(walls)) < WALL:
+                terms.append(_adding(f'lean of walls, {g}', (f'contact {g}.lean',)))
     for g, count in enumerate(met.stays):
         if count >= _FEWEST:
             terms.append(
                 _adding(f'rolling over speed, {g}', (f'contact {g}.rolling_friction_slope',))
             )
+            names = (f'contact {g}.spinning_friction',)
+            terms.append(_adding(f'spinning friction, {g}', names, _spins))
     return terms
 
 
@@ -137,7 +153,7 @@ def _frame(laws: Laws, met: Met) -> tuple[str, ...]:
     names = []
     for k in met.surfaces:
         names.append(f'surface {k}.height')
-        if np.asarray(laws.scene.surfaces[k].normal) @ laws.scene.up > 0.7:
+        if np.asarray(laws.scene.surfaces[k].normal) @ laws.scene.up > WALL:
             names += [f'surface {k}.tilt_x', f'surface {k}.tilt_y']
     return tuple(names)
 
@@ -172,6 +188,15 @@ def _without(names: tuple[str, ...], setup: Setup) -> Setup:
 
 def _at_bandwidth(width: float, setup: Setup) -> Setup:
     return replace(setup, bandwidth=width)
+
+
+def _remembering(before: float, memory: float) -> Rung:
+    """A spin that contacts alone show is remembered from one to the next."""
+    return Rung(
+        f'memory of {memory:g} s',
+        lambda setup: replace(setup, memory=memory),
+        lambda setup: setup.memory == before,
+    )
 
 
 def _stiffer(setup: Setup) -> Setup:

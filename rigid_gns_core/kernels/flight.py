@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .jit import in_place
+from .jit import entry, in_place
 from .vector import cross, dot, length, minus, plus, times, Vector
 from ..scenes.state import Array
 
@@ -71,6 +71,17 @@ def acceleration(velocity: Vector, spin: Vector, flight: Flight) -> Vector:
     lift = flight.load * flight.lift * flight.radius * square
     lift /= twist + flight.lift_half_ratio * square
     return plus(flight.pull, minus(times(lift, turning), times(drag, u)))
+
+
+@entry
+def accelerations(velocities: Array, spins: Array, rows: Array, found_out: Array) -> None:
+    """Accelerations of spheres in flight, shapes (m, n, 3); `rows` as `flight_at` takes them."""
+    for k in range(len(velocities)):
+        for i in range(len(rows)):
+            v = (velocities[k, i, 0], velocities[k, i, 1], velocities[k, i, 2])
+            w = (spins[k, i, 0], spins[k, i, 1], spins[k, i, 2])
+            found = acceleration(v, w, flight_at(rows, i))
+            found_out[k, i, 0], found_out[k, i, 1], found_out[k, i, 2] = found
 
 
 @in_place

@@ -263,9 +263,7 @@ def columns_of(typing: Any, array: Any, half: Any, indices: Any, place: Any) -> 
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def add_to_rows(
-    typing: Any, array: Any, half: Any, indices: Any, place: Any, columns: Any
-) -> Any:
+def add_to_rows(typing: Any, array: Any, half: Any, indices: Any, place: Any, columns: Any) -> Any:
     """Add four lanes, as columns, to the rows that eight indices name, one after the other.
 
     Arguments are as of `columns_of`.

@@ -109,10 +109,9 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
         awake: Shape (n,).
     """
     count = len(positions)
-    pairs = np.empty((max(64, 8 * count), 2), np.int64)
-    size = 0
     if count < _BRUTE:
         return _every_pair(positions, extent, awake)
+    pairs, size = np.empty((8 * count, 2), np.int64), 0
     grid = make_grid(positions, extent)
     mask = len(grid.start) - 2
     near = np.empty(count, np.int64)
@@ -155,9 +154,7 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
             if not (awake[i] or awake[j]):
                 continue
             if size == len(pairs):
-                longer = np.empty((2 * size, 2), np.int64)
-                longer[:size] = pairs
-                pairs = longer
+                pairs = _longer(pairs)
             pairs[size, 0], pairs[size, 1] = min(i, j), max(i, j)
             size += 1
     return _sorted(pairs[:size], count)
@@ -198,6 +195,14 @@ def _mark_near(
         near_out[j] = (square <= reach * reach) & (awake_i | awake[j])
         found += near_out[j]
     return found
+
+
+@compiled
+def _longer(pairs: Indices) -> Indices:
+    """The same pairs, with room for twice as many."""
+    longer = np.empty((2 * len(pairs), 2), np.int64)
+    longer[: len(pairs)] = pairs
+    return longer
 
 
 @in_place

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from .cdr import Writer
 from ..scenes.state import Array
 
-LINE_STRIP, SPHERE_LIST, TRIANGLE_LIST = 4, 7, 11  # visualization_msgs/Marker
+SPHERE, LINE_STRIP, SPHERE_LIST, TRIANGLE_LIST = 2, 4, 7, 11  # visualization_msgs/Marker
 Color = tuple[float, float, float, float]  # red, green, blue, opacity; 0 to 1
 
 
@@ -28,18 +28,20 @@ class Marker:
     Args:
         namespace: With `id`, identifies the marker that a later one replaces.
         id: See `namespace`.
-        kind: LINE_STRIP, SPHERE_LIST or TRIANGLE_LIST.
-        scale: Line width, diameter of the spheres [m], or 1 for triangles.
+        kind: SPHERE, LINE_STRIP, SPHERE_LIST or TRIANGLE_LIST.
+        scale: Line width, diameter of the spheres [m], or 1 for triangles; of a SPHERE its three.
         color: Colour of all points.
-        points: Positions [m], shape (k, 3).
+        points: Positions [m], shape (k, 3); of a SPHERE none.
+        pose: Position [m] and quaternion (x, y, z, w) of a SPHERE; others have no own.
     """
 
     namespace: str
     id: int
     kind: int
-    scale: float
+    scale: float | tuple[float, float, float]
     color: Color
     points: Array
+    pose: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def sphere_markers(
@@ -63,6 +65,49 @@ def path_markers(
     ]
 
 
+def ellipsoid_markers(
+    namespace: str, positions: Array, covariances: Array, size: float, color: Color
+) -> list[Marker]:
+    """Markers of ellipsoids of `size` standard deviations about centres.
+
+    Args:
+        namespace: See `Marker`.
+        positions: Centres [m], shape (m, 3).
+        covariances: Shape (m, 3, 3) [m^2].
+        size: Half an axis over the deviation along it.
+        color: Colour.
+    """
+    values, axes = np.linalg.eigh(covariances)
+    found = []
+    for index, (place, own, turn) in enumerate(zip(positions, values, axes, strict=True)):
+        if np.linalg.det(turn) < 0:
+            turn = turn * [1.0, 1.0, -1.0]
+        x, y, z = np.maximum(2.0 * size * np.sqrt(np.maximum(own, 0.0)), 1e-6).tolist()
+        pose = (*place.tolist(), *_quaternion(turn))
+        found.append(Marker(namespace, index, SPHERE, (x, y, z), color, np.zeros((0, 3)), pose))
+    return found
+
+
+def _quaternion(turn: Array) -> tuple[float, float, float, float]:
+    """Quaternion (x, y, z, w) of a rotation matrix: the largest row of q q^T."""
+    xx, yy, zz = turn[0, 0], turn[1, 1], turn[2, 2]
+    square = np.array(
+        [
+            [xx - yy - zz, 0.0, 0.0, 0.0],
+            [turn[0, 1] + turn[1, 0], yy - xx - zz, 0.0, 0.0],
+            [turn[0, 2] + turn[2, 0], turn[1, 2] + turn[2, 1], zz - xx - yy, 0.0],
+            [
+                turn[2, 1] - turn[1, 2],
+                turn[0, 2] - turn[2, 0],
+                turn[1, 0] - turn[0, 1],
+                xx + yy + zz,
+            ],
+        ]
+    )
+    x, y, z, w = np.linalg.eigh(square)[1][:, -1].tolist()  # reads the lower half
+    return x, y, z, w
+
+
 def surface_markers(namespace: str, corners: Sequence[Array], color: Color) -> list[Marker]:
     """Markers of rectangles by their corners in order [m], shape (4, 3) each."""
     return [
@@ -82,8 +127,11 @@ def encode_markers(
         writer.text('namespace', marker.namespace)
         writer.numbers('iii', marker.id, marker.kind, 0)  # 0: add or modify
         size = marker.scale
-        scale = (size, 0.0, 0.0) if marker.kind == LINE_STRIP else (size, size, size)
-        writer.numbers('d' * 10, 0, 0, 0, 0, 0, 0, 1, *scale)
+        if isinstance(size, tuple):
+            scale = size
+        else:
+            scale = (size, 0.0, 0.0) if marker.kind == LINE_STRIP else (size, size, size)
+        writer.numbers('d' * 10, *marker.pose, *scale)
         writer.numbers('ffff', *marker.color)
         writer.stamp(lifetime_ns)
         writer.numbers('B', 0)  # not locked to the frame

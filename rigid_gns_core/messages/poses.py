@@ -99,6 +99,19 @@ def decode_pose_array(cdr: bytes) -> PoseArrayFrame:
     return PoseArrayFrame(stamp_ns, frame_id, poses)
 
 
+def restamped(cdr: bytes, shift_ns: int) -> bytes:
+    """The bytes of a message that begins with a header, its stamp moved by a time [ns].
+
+    Raises:
+        MessageError: The bytes are cut short, or the stamp does not fit into int32 seconds.
+    """
+    if not shift_ns:
+        return cdr
+    stamp = split_stamp(Reader(cdr, 'Header').stamp() + shift_ns)
+    order = '<' if cdr[1] & 1 else '>'
+    return cdr[:4] + struct.pack(f'{order}iI', *stamp) + cdr[12:]
+
+
 def encode_string(text: str) -> bytes:
     """CDR bytes of a std_msgs/String."""
     return LITTLE_ENDIAN + encode_text('data', text)

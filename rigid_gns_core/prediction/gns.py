@@ -110,7 +110,12 @@ class GNSSimulator(Simulator):
 
         laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
         solid = not np.any(scene.per_sphere('inertia_factor', count) - SOLID)
-        unknown = {'air': scene.air, 'a contact law': any(laws), 'hollow spheres': not solid}
+        unknown = {
+            'air': scene.air,
+            'a contact law': any(laws),
+            'hollow spheres': not solid,
+            'surfaces that move': any(surface.moves for surface in scene.surfaces),
+        }
         for what, given in unknown.items():
             if given:
                 warnings.warn(

@@ -15,7 +15,8 @@ from ..bags.reader import BagError, Topic
 from ..errors import UserError
 from ..forecasts.starts import Start
 from ..messages.poses import decode_string, MessageError, PoseArrayFrame
-from ..messages.trajectories import decode_trajectory
+from ..messages.trajectories import decode_trajectory, FutureFrame
+from ..scenes.state import Array
 from ..tracking.usable_frames import Stamps
 
 
@@ -64,6 +65,7 @@ class RecordedForecast:
         stamps: Predicted times [ns], rising, shape (k,).
         frames: Predictions.
         indices: Index of each in the order of recording, shape (k,).
+        covariances: Published ones of the centres [m^2], shape (k, n, 3, 3); None: there are none.
     """
 
     start_ns: int
@@ -71,6 +73,7 @@ class RecordedForecast:
     stamps: Stamps
     frames: list[PoseArrayFrame]
     indices: Stamps
+    covariances: Array | None = None
 
 
 def predictions_by_forecast(
@@ -112,15 +115,19 @@ def predictions_by_forecast(
     return found
 
 
-def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[RecordedForecast]:
+def recorded_futures(
+    topic: Topic | None, starts: Sequence[Start], deviations: Topic | None = None
+) -> Iterator[RecordedForecast]:
     """Recorded trajectories, each as a forecast; damaged messages are left out.
 
     Args:
         topic: Topic of predicted trajectories; None: not recorded.
         starts: Recorded starts; a trajectory gets the last one before it, if it has its spheres.
+        deviations: Topic of their deviations; None: not recorded.
     """
     if topic is None:
         return
+    spreads = _by_stamp(deviations)
     indices = [start.index for start in starts]
     for message, record_index in zip(topic.messages, topic.indices, strict=True):
         try:
@@ -145,7 +152,32 @@ def recorded_futures(topic: Topic | None, starts: Sequence[Start]) -> Iterator[R
             stamps,
             frames,
             np.full(len(stamps), record_index, dtype=np.int64),
+            _covariances(future, spreads.get(future.stamp_ns)),
         )
+
+
+def _by_stamp(topic: Topic | None) -> dict[int, FutureFrame]:
+    """Intact messages by stamp."""
+    found = {}
+    for message in topic.messages if topic is not None else ():
+        try:
+            one = decode_trajectory(message)
+        except MessageError:
+            continue
+        found[one.stamp_ns] = one
+    return found
+
+
+def _covariances(future: FutureFrame, spread: FutureFrame | None) -> Array | None:
+    """Covariances of the centres by deviations and correlations of the same points, or None."""
+    if spread is None or (spread.names, spread.times_ns) != (future.names, future.times_ns):
+        return None
+    deviations, (xy, xz, yz) = spread.poses[..., :3], np.moveaxis(spread.twists[..., 3:], -1, 0)
+    one = np.ones_like(xy)
+    rows = [[one, xy, xz], [xy, one, yz], [xz, yz, one]]
+    correlations = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    found: Array = deviations[..., :, None] * deviations[..., None, :] * correlations
+    return found
 
 
 def _recorded_forecast(

@@ -120,9 +120,9 @@ def find_recorded_model(recorded: dict[str, Any], given: str | None, where: str)
 
 def _identity(card: Mapping[str, Any]) -> str:
     """Identity of a model by its card: hash of weights, or options of the laws; '' if unknown."""
-    if 'weights_sha256' in card:
+    if isinstance(card.get('weights_sha256'), str):
         return f'weights {card["weights_sha256"][:12]}...'
-    if 'options' in card:
+    if isinstance(card.get('options'), dict):
         return 'options ' + ', '.join(
             f'{name} {card["options"][name]}' for name in sorted(card['options'])
         )

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 import time
 
+import numpy as np
+
 from .outcome import Outcome, Recording
 from .stepper import Advance, state_at, Stepper
 from ..scenes.similarity import Similarity
@@ -81,3 +83,8 @@ class Rollout:
         for states, error in self.blocks(steps, _BLOCK):
             recording.add(states, error)
         return recording.outcome
+
+
+def steps_of(horizon: float, dt: float) -> int:
+    """Least number of model steps of `dt` [s] that reach `horizon` [s]."""
+    return int(np.ceil(horizon / dt - 1e-9))

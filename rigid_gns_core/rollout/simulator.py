@@ -10,11 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar, Literal
 import warnings
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .forecast import checked_times, drawn_starts, Estimate, Forecast, forecast_of
 from .outcome import Outcome
-from .rollout import Rollout
-from .stepper import Stepper
+from .paths import Paths
+from .rollout import Rollout, steps_of
+from .stepper import state_at, Stepper
 from ..errors import UserError
 from ..running.threads import in_threads, usable_cores
 from ..scenes.scene import Scene
@@ -148,6 +151,60 @@ class Simulator(ABC):
             if outcome.error:
                 warnings.warn(f'start {index}: {outcome.error}', stacklevel=2)
         return [outcome.trajectory for outcome in outcomes]
+
+    def forecast(
+        self,
+        scene: Scene,
+        estimate: State | Estimate,
+        lead_times: ArrayLike,
+        samples: int = 64,
+        seed: int = 0,
+    ) -> Forecast:
+        """Forecast from an estimate, with what its covariance and the laws leave open.
+
+        Each sample is a rollout from a state drawn from the estimate's normal distribution. Where
+        the scene has a learned tracker, a random motion of the size that the laws leave open, as
+        fitted to tracks that were left out, is added to each.
+
+        Args:
+            scene: Surfaces, spheres, gravity and air.
+            estimate: Of `tracking.estimate_state`, or a State: then there is no spread.
+            lead_times: Times after it [s], from 0 on and rising, shape (k,).
+            samples: Number of states drawn; 0: none.
+            seed: Of the draws: the same seed, the same bytes.
+
+        Raises:
+            UserError: A time or a number is wrong, or the model cannot serve the scene.
+        """
+        times = checked_times(lead_times)
+        starts = drawn_starts(estimate, samples, seed)
+        dt = self.native_dt(scene)
+        steps = max(steps_of(float(times[-1]), dt), 1)
+        states = self.rollout_samples(scene, starts, steps)
+        paths = Paths.of(scene, states, dt, exact=self.velocities == 'given')
+        return forecast_of(scene, estimate, paths, times, samples, seed)
+
+    def rollout_samples(self, scene: Scene, starts: State, steps: int) -> State:
+        """Predict many starts of one scene: as `rollout_batch`, in arrays instead of a list.
+
+        Args:
+            scene: One for all starts.
+            starts: States that are known to be valid, fields of shape (s, n, k).
+            steps: Steps of `native_dt`.
+
+        Returns:
+            Fields of shape (s, steps + 1, n, k), NaN from where a rollout diverged.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of a divergence, which is NaN here
+            runs = self.rollout_batch(
+                scene,
+                [state_at(starts, index) for index in range(len(starts.positions))],
+                steps,
+                workers=1,
+            )
+        names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
+        return State.unchecked(*(np.stack([getattr(run, name) for run in runs]) for name in names))
 
     def _run(self, rollouts: Sequence[Rollout], steps: int, workers: int) -> list[Outcome]:
         """Outcomes of rollouts that have just begun."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .state import Array
 from .values import checked_number
-from ..errors import UserError
+from ..errors import shown, UserError
 
 
 @dataclass(frozen=True)
@@ -122,5 +122,5 @@ class ContactLaw:
 def checked_law(name: str, value: object) -> ContactLaw | None:
     """Contact law or None; UserError for anything else."""
     if value is not None and not isinstance(value, ContactLaw):
-        raise UserError(f'{name} is {value!r}, expected ContactLaw(...), or None')
+        raise UserError(f'{name} is {shown(value)}, expected ContactLaw(...), or None')
     return value

@@ -21,6 +21,11 @@ _ON = 1e-6
 PerSphere = float | tuple[float, ...]
 Vector = tuple[float, float, float]
 
+_STILL: Vector = (0.0, 0.0, 0.0)
+MOTIONS = ('velocity', 'angular_velocity', 'surface_velocity')
+# share of a surface velocity that may lead out of the plane: rounding
+_ALONG = 1e-6
+
 SOLID = 0.4
 """Inertia factor of a solid sphere."""
 # of what is squared: the square of twice as much is still a number
@@ -79,7 +84,7 @@ def _unit(name: str, value: ArrayLike) -> Vector:
 
 @dataclass(frozen=True)
 class Plane:
-    """A static, bounded plane (thesis section 3.1.2).
+    """A bounded plane (thesis section 3.1.2), at rest or in motion.
 
     With both lengths infinite it is a half-space: it bounds a body, and spheres are on the side of
     its normal. With an end, on one axis (a strip) or on both (a plate), it has two faces: spheres
@@ -96,9 +101,15 @@ class Plane:
         friction: Coulomb friction coefficient of the surface; None: the scene's.
         contact: Law of the contacts of this surface and any sphere, instead of both and of
             products with those of the sphere; None: these.
+        velocity: Of `point` [m/s], world frame: a racket, a tray. The plane is at `point` when a
+            rollout starts, and keeps its twist.
+        angular_velocity: About `point` [rad/s], world frame.
+        surface_velocity: Of the surface along itself while the plane stays, a belt [m/s], world
+            frame; it turns with the plane.
 
     Raises:
-        UserError: A vector is zero, direction is parallel to normal, or a value is out of range.
+        UserError: A vector is zero, direction is parallel to normal, a value is out of range, or a
+            surface velocity leads out of the plane.
     """
 
     point: Vector = (0.0, 0.0, 0.0)
@@ -109,9 +120,15 @@ class Plane:
     restitution: float | None = None
     friction: float | None = None
     contact: ContactLaw | None = None
+    velocity: Vector = _STILL
+    angular_velocity: Vector = _STILL
+    surface_velocity: Vector = _STILL
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
+        for name in MOTIONS:
+            value = checked_vector(f'{name} of a plane', getattr(self, name))
+            set_field(self, name, value)
         set_field(self, 'point', checked_vector('point of a plane', self.point))
         set_field(self, 'normal', _unit('normal of a plane', self.normal))
         normal = np.asarray(self.normal)
@@ -136,6 +153,12 @@ class Plane:
             value = getattr(self, name)
             if value is not None:
                 set_field(self, name, float(np.asarray(checked_property(name, float(value)))))
+        out = float(np.dot(self.surface_velocity, self.normal))
+        if abs(out) > _ALONG * float(np.linalg.norm(self.surface_velocity)):
+            raise UserError(
+                f'surface_velocity of a plane is {self.surface_velocity}, with {out:g} m/s along '
+                f'its normal; a belt moves along itself, velocity moves the plane'
+            )
         if checked_law('contact of a plane', self.contact) is not None:
             for name in ('restitution', 'friction'):
                 if getattr(self, name) is not None:
@@ -158,6 +181,16 @@ class Plane:
         half = np.array([self.length_x, self.length_y]) / 2
         half.setflags(write=False)
         return half
+
+    @property
+    def moves(self) -> bool:
+        """Whether it, or its surface, is in motion."""
+        return any(getattr(self, name) != _STILL for name in MOTIONS)
+
+    @property
+    def changes_place(self) -> bool:
+        """Whether it moves, other than as a belt."""
+        return self.velocity != _STILL or self.angular_velocity != _STILL
 
     @property
     def is_half_space(self) -> bool:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from .plane import (
     checked_floats,
     checked_property,
     checked_vector,
+    MOTIONS,
     PerSphere,
     RANGES,
     SOLID,
@@ -25,7 +26,7 @@ from .plane import (
 from .plane import Plane as Plane
 from .state import Array
 from .tracker import Tracker
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..files.config import ConfigError, from_mapping, to_mapping
 
 
@@ -46,7 +47,7 @@ class Scene:
     """Surfaces, sphere properties, materials and gravity.
 
     Args:
-        surfaces: Static planes.
+        surfaces: Planes.
         radius: Radius [m]; a number, or one per sphere (as are the next five).
         mass: Mass [kg].
         restitution: Coefficient of restitution of the material, 0 to 1.
@@ -85,11 +86,11 @@ class Scene:
     def __post_init__(self) -> None:
         planes = self.surfaces
         if not isinstance(planes, (Plane, list, tuple)):
-            raise UserError(f'surfaces is {planes!r}, expected planes; () for none')
+            raise UserError(f'surfaces is {shown(planes)}, expected planes; () for none')
         surfaces = (planes,) if isinstance(planes, Plane) else tuple(planes)
         for surface in surfaces:
             if not isinstance(surface, Plane):
-                raise UserError(f'surfaces holds {surface!r}, expected planes only')
+                raise UserError(f'surfaces holds {shown(surface)}, expected planes only')
         object.__setattr__(self, 'surfaces', surfaces)
         for name in RANGES:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
@@ -100,9 +101,9 @@ class Scene:
             gravity = (0.0, 0.0, -size)
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
         if self.air is not None and not isinstance(self.air, Air):
-            raise UserError(f'air is {self.air!r}, expected Air(...), or None for a vacuum')
+            raise UserError(f'air is {shown(self.air)}, expected Air(...), or None for a vacuum')
         if self.tracker is not None and not isinstance(self.tracker, Tracker):
-            raise UserError(f'tracker is {self.tracker!r}, expected Tracker(...), or None')
+            raise UserError(f'tracker is {shown(self.tracker)}, expected Tracker(...), or None')
         law = checked_law('sphere_contact', self.sphere_contact)
         for name in ('rolling_friction', 'rolling_friction_slope', 'spinning_friction'):
             if law is not None and getattr(law, name) > 0:
@@ -143,6 +144,11 @@ class Scene:
                 value /= default or 1.0
             values.append(default if value is None else value)
         return np.array(values)
+
+    def of_fixed_surfaces(self) -> Scene:
+        """Scene without the surfaces whose place changes: belts stay, rackets do not."""
+        fixed = tuple(surface for surface in self.surfaces if not surface.changes_place)
+        return self if len(fixed) == len(self.surfaces) else replace(self, surfaces=fixed)
 
     @property
     def up(self) -> Array:
@@ -187,6 +193,8 @@ class Scene:
         for surface, plane in zip(mapping['surfaces'], self.surfaces, strict=True):
             if plane.contact is not None:
                 surface['contact'] = to_mapping(plane.contact)
+            if plane.moves:
+                surface |= {name: list(getattr(plane, name)) for name in MOTIONS}
         if self.sphere_contact is not None:
             mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:
@@ -207,7 +215,7 @@ class Scene:
             UserError: An unknown key, with the allowed ones, or a value out of range.
         """
         if not isinstance(mapping, Mapping):
-            raise ConfigError(f'{where} is {mapping!r}, expected a mapping')
+            raise ConfigError(f'{where} is {shown(mapping)}, expected a mapping')
         mapping = dict(mapping)
         planes: tuple[Plane, ...] = ()
         if 'box' in mapping:
@@ -216,7 +224,9 @@ class Scene:
         if 'surfaces' in mapping or planes:
             surfaces = mapping.pop('surfaces', ())
             if not isinstance(surfaces, (list, tuple)):
-                raise ConfigError(f'{where}.surfaces is {surfaces!r}, expected a list of planes')
+                raise ConfigError(
+                    f'{where}.surfaces is {shown(surfaces)}, expected a list of planes'
+                )
             planes += tuple(
                 from_mapping(Plane, plane, f'{where}.surfaces[{index}]')
                 for index, plane in enumerate(surfaces)

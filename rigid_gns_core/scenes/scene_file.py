@@ -12,7 +12,7 @@ import yaml
 from .scene import Scene
 from .start import StartRecipe
 from .state import State
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..files.atomic_file import whole_file
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
@@ -39,10 +39,10 @@ def load_start(name: str | Path) -> tuple[Scene, StartRecipe]:
     path = find_config('scenes', name)
     mapping = load_yaml(path)
     if unknown := sorted(set(mapping) - {'scene', 'start', 'card'}, key=str):
-        raise ConfigError(f'{path}: unknown key {unknown[0]!r}, allowed: scene, start, card')
+        raise ConfigError(f'{path}: unknown key {shown(unknown[0])}, allowed: scene, start, card')
     for key in ('scene', 'start'):
         if not isinstance(mapping.get(key, {}), dict):
-            raise ConfigError(f'{path}: {key} is {mapping[key]!r}, expected a mapping')
+            raise ConfigError(f'{path}: {key} is {shown(mapping[key])}, expected a mapping')
     if 'scene' not in mapping:
         raise ConfigError(f"{path}: missing key 'scene'")
     try:

@@ -23,8 +23,9 @@ import numpy as np
 
 from .air import Air
 from .contact_law import ContactLaw
+from .plane import Vector
 from .scene import Plane, Scene
-from .state import Array, quaternion_multiply, State
+from .state import Array, as_unit, quaternion_multiply, State
 from ..errors import UserError
 
 
@@ -80,6 +81,9 @@ class Similarity:
                 length_x=plane.length_x / self.length,
                 length_y=plane.length_y / self.length,
                 contact=self._law(plane.contact),
+                velocity=self._velocity(plane.velocity),
+                angular_velocity=self._turned(plane.angular_velocity, self.time),
+                surface_velocity=self._velocity(plane.surface_velocity),
             )
             for plane in scene.surfaces
         )
@@ -94,27 +98,37 @@ class Similarity:
             tracker=None,  # of the world, and of no part in motions
         )
 
+    def _velocity(self, velocity: Vector) -> Vector:
+        return self._turned(velocity, self.time / self.length)
+
+    def _turned(self, vector: Vector, scale: float) -> Vector:
+        x, y, z = (self.rotation @ vector * scale).tolist()
+        return x, y, z
+
     def _law(self, law: ContactLaw | None) -> ContactLaw | None:
         return None if law is None else law.scaled(self.time / self.length)
 
     def _air(self, air: Air) -> Air:
-        wind = self.rotation @ air.wind * (self.time / self.length)
         return replace(
             air,
             density=air.density * self.length**3,
-            wind=tuple(wind),
+            wind=self._velocity(air.wind),
             spin_decay=air.spin_decay * self.time,
         )
 
     def to_model(self, state: State) -> State:
-        """State of the world in the model's units."""
+        """State of the world in the model's units; fields may have more axes before (n, k)."""
         turn = self.rotation.T
-        return State(
-            positions=state.positions @ turn / self.length,
-            quaternions=quaternion_multiply(self.quaternion, state.quaternions),
-            velocities=state.velocities @ turn * (self.time / self.length),
-            angular_velocities=state.angular_velocities @ turn * self.time,
-        )
+        fields = {
+            'positions': state.positions @ turn / self.length,
+            'quaternions': quaternion_multiply(self.quaternion, state.quaternions),
+            'velocities': state.velocities @ turn * (self.time / self.length),
+            'angular_velocities': state.angular_velocities @ turn * self.time,
+        }
+        if state.positions.ndim == 2:
+            return State(**fields)
+        fields['quaternions'] = as_unit(fields['quaternions'])
+        return State.unchecked(**fields)
 
     def to_world(self, state: State) -> State:
         """State of the model in the world's units; inverse of `to_model`."""

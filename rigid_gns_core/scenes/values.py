@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UserError
+from ..errors import shown, UserError
 
 
 def checked_number(
@@ -30,7 +30,7 @@ def checked_number(
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise UserError(f'{name} is {value!r}, expected a number') from None
+        raise UserError(f'{name} is {shown(value)}, expected a number') from None
     inside = low < number <= high if above else low <= number <= high
     if not (inside and np.isfinite(number)):
         bound = f'{"greater than" if above else "at least"} {low:g}'

@@ -79,7 +79,7 @@ def law_metrics(trajectory: Trajectory, scene: Scene) -> dict[str, float]:
 
     Args:
         trajectory: Spheres over time.
-        scene: Surfaces and sphere properties.
+        scene: Surfaces and sphere properties; surfaces that change place are not scored.
 
     Returns:
         The values named in `LAW_KEYS`. All are infinite where the trajectory diverged, since
@@ -92,6 +92,7 @@ def law_metrics(trajectory: Trajectory, scene: Scene) -> dict[str, float]:
         raise UserError('the trajectory has no spheres, so there is nothing to score; give one')
     if divergence(trajectory, scene) is not None:
         return dict.fromkeys(LAW_KEYS, float('inf'))
+    scene = scene.of_fixed_surfaces()
     radius = scene.per_sphere('radius', trajectory.count)
     positions = trajectory.positions
     energies = energy(trajectory, scene)

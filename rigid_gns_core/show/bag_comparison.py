@@ -14,9 +14,9 @@ from .comparison import Comparison
 from ..bags.reader import read_bag
 from ..bags.topics import find_topics, holds_predictions, list_topics
 from ..errors import UserError
-from ..messages.poses import decode_float64
 from ..recordings.decoded_topic import decode_topic
 from ..recordings.scoring.evaluate import score_bag
+from ..recordings.scoring.timing import step_times
 from ..scenes.state import Array
 
 
@@ -63,6 +63,6 @@ def _times(ours: Any, step_time: Any) -> dict[str, tuple[Array, Array]]:
     periods: Array = 1e-6 * np.diff(log).astype(np.float64)
     times = {'lateness': (since, late), 'period': (since[1:], periods)}
     if step_time is not None and len(step_time):
-        seconds: Array = np.array([decode_float64(message) for message in step_time.messages])
-        times['model step'] = ((step_time.times - log[0]) * 1e-9, 1e3 * seconds)
+        logged, seconds = step_times(step_time)
+        times['model step'] = ((logged - log[0]) * 1e-9, 1e3 * seconds)
     return times

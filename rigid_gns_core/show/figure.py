@@ -181,7 +181,7 @@ def _draw_view(
 
 def _draw_surfaces(axes: Axes, scene: Scene, view: Array, pick: list[int]) -> None:
     seen_from = ({0, 1, 2} - set(pick)).pop()
-    for plane in scene.surfaces:
+    for plane in scene.of_fixed_surfaces().surfaces:
         facing = abs(float(np.asarray(plane.normal) @ view[seen_from]))
         bounded = np.isfinite(plane.length_x) and np.isfinite(plane.length_y)
         if facing > 0.99 and not bounded:

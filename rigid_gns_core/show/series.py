@@ -101,6 +101,7 @@ def penetration_depths(trajectory: Trajectory, scene: Scene) -> tuple[Array, Arr
     Each of shape (steps + 1,). Spheres that went through a surface are not included; the
     evaluation, which follows their paths, counts them.
     """
+    scene = scene.of_fixed_surfaces()
     radius = scene.per_sphere('radius', trajectory.count)
     spheres, surfaces = np.zeros(len(trajectory)), np.zeros(len(trajectory))
     for step in range(len(trajectory)):

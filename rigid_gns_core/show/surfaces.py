@@ -57,11 +57,12 @@ def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 
 
 def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
-    """Rectangles of all surfaces.
+    """Rectangles of all surfaces but those that change place.
 
     Infinite sides are cut at the box from `low` to `high` [m], shape (3,), and the finite
     surfaces; upwards, `WALL_HEIGHT` above the lowest point.
     """
+    scene = scene.of_fixed_surfaces()
     corners = [c for plane in scene.surfaces for c in _sure_corners(plane)]
     points = np.array([low, high, *corners])
     heights = points @ scene.up

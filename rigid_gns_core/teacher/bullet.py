@@ -78,10 +78,12 @@ class Teacher:
         if not (np.isfinite(dt) and dt > 0):
             raise TeacherError(f'dt is {dt}, expected a positive number of seconds')
         laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
-        if scene.air is not None or any(laws):
+        moving = any(surface.moves for surface in scene.surfaces)
+        if scene.air is not None or any(laws) or moving:
             what = 'air' if scene.air is not None else 'a contact law'
+            what = 'a surface that moves' if moving else what
             raise TeacherError(
-                f'the scene has {what}, which Bullet has not; simulate it by the laws: '
+                f'the scene has {what}, which this teacher has not; simulate it by the laws: '
                 "load_simulator('laws')"
             )
         self.scene, self.dt, self.settings = scene, float(dt), settings

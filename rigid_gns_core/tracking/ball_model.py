@@ -47,7 +47,8 @@ class BallModel:
 
     @classmethod
     def of(cls, scene: Scene, sphere: int = 0, count: int = 1) -> BallModel:
-        """Model of one of `count` spheres of a scene."""
+        """Model of one of `count` spheres of a scene, without surfaces that change place."""
+        scene = scene.of_fixed_surfaces()
         one = {
             name: scene.per_sphere(name, count)[sphere : sphere + 1]
             for name in ('radius', 'mass', 'inertia_factor')

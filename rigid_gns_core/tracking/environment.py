@@ -30,7 +30,11 @@ class Environment:
 
     @classmethod
     def of(cls, scene: Scene) -> Environment:
-        """Environment of a scene; materials that differ between spheres enter by their mean."""
+        """Environment of a scene; materials that differ between spheres enter by their mean.
+
+        Without the surfaces that change place: only a rollout knows where they are.
+        """
+        scene = scene.of_fixed_surfaces()
         planes = scene.surfaces
         x, y, z = np.asarray(scene.gravity, dtype=np.float64).tolist()
         surfaces = Surfaces(

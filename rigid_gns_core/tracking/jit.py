@@ -15,7 +15,7 @@ from ..kernels.machine_code import Function, MachineCode
 from ..scenes.state import Array
 
 _CODE = MachineCode('tracking', Path(__file__).parent, Path(__file__).parents[1] / 'kernels')
-compiling = partial(_CODE.compiling, 'the tracking filter', 'about 15 s')
+compiling = partial(_CODE.compiling, 'the tracking filter', 'about 25 s')
 
 
 def in_place(function: Function) -> Function:

@@ -146,7 +146,7 @@ def _by_window(
         velocities=motion.velocities,
         angular_velocities=motion.angular_velocities,
     )
-    return StateEstimate(state, _covariance(motion, radii, sigma, turned))
+    return StateEstimate(state, motion_covariance(motion, radii, sigma, turned))
 
 
 def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
@@ -157,7 +157,9 @@ def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
     return estimate_noise(parts).position
 
 
-def _covariance(motion: Motion, radii: Array, noise: float, turned: NDArray[np.bool_]) -> Array:
+def motion_covariance(
+    motion: Motion, radii: Array, noise: float, turned: NDArray[np.bool_]
+) -> Array:
     """Covariance of a line through N frames at equal intervals h, at the last of them.
 
         var p = 2 (2N - 1) / (N (N + 1)) s^2

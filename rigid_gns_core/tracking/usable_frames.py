@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from .lost_spheres import check_seen, measured, why_lost
 from .rejected_frame import RejectedFrame as RejectedFrame
 from .repeats import REPEATS, Repeats
+from ..errors import shown
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
 
@@ -79,7 +80,7 @@ class FrameOrder:
         if frame.frame_id != self.frame_id:
             raise RejectedFrame(
                 'frame',
-                f'its frame is {frame.frame_id!r}, expected {self.frame_id!r} '
+                f'its frame is {shown(frame.frame_id)}, expected {self.frame_id!r} '
                 '(parameter frame_id)',
             )
         _check_poses(frame.poses, self._far)

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from .environment import Environment
 from .lost_spheres import check_seen, measured, why_lost
+from .pose_noise import rotates
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
+from .state_estimate import motion_covariance, StateEstimate
 from .tracks import TrackerSettings, Tracks
 from .usable_frames import FrameOrder
 from .warm import warm_up
@@ -198,7 +200,7 @@ class TrackingWindow:
         else:
             self._check_content(frame, now_ns)
         if self.lost:
-            self.counts['lost'] += int((~seen).sum())
+            self.counts['lost spheres'] += int((~seen).sum())
         for admitted_frame in admitted:
             self._take(admitted_frame, now_ns)
         return restarted
@@ -269,6 +271,20 @@ class TrackingWindow:
                 angular_velocities=motion.angular_velocities,
             )
         return int(self._tracks.stamps[-1]), self._state
+
+    def estimate(self) -> tuple[int, StateEstimate]:
+        """As `start`, with the covariance of the state."""
+        stamp, state = self.start()
+        tracks, settings = self._tracks, self.settings
+        motion, quaternions = tracks.window_motion(settings), tracks.poses[..., 3:]
+        turned = np.array(
+            [rotates(own[seen]) for own, seen in zip(
+                np.moveaxis(quaternions, 1, 0), tracks.seen.T, strict=True
+            )],
+            dtype=np.bool_,
+        )  # fmt: skip
+        radii = settings.environment.radii(tracks.ids)
+        return stamp, StateEstimate(state, motion_covariance(motion, radii, self.noise, turned))
 
     def _check_count(self, count: int) -> None:
         known, matched = self.count, self.settings.matched

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.forecasts.schedule import OVERLOAD_COUNT
 from rigid_gns_core.forecasts.window_setup import longest_gap
@@ -45,7 +45,7 @@ class Diagnostics:
         self._frames, self._rejections, self._losses = Recent(), Recent(), Recent()
         self._lateness, self._late, self._steps = Recent(), Recent(), Recent()
         self._futures, self._superseded, self._failed = Recent(), Recent(), Recent()
-        self._shortened = self._failure = ''
+        self._shortened = self._failure = self._crossings = ''
 
     def frame_accepted(self) -> None:
         """Count an accepted tracked frame."""
@@ -81,6 +81,15 @@ class Diagnostics:
         """Note the time that a future took [s], and why it ends early; empty: it does not."""
         self._futures.add(took)
         self._shortened = error
+
+    def crossings_told(self, planes: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+        """Note the newest crossings of each plane, see `forecasts.spread`."""
+        self._crossings = '; '.join(
+            f'sphere {one["sphere"]} crosses {name} in {one["time"]:.3f} s '
+            f'(probability {one["probability"]:.2f})'
+            for name, found in planes.items()
+            for one in found
+        )
 
     def future_failed(self, why: str) -> None:
         """Count a frame without a future, with the reason."""
@@ -204,6 +213,7 @@ class Diagnostics:
             'time p50 [ms]': _milliseconds(self._futures, 0.5),
             'time worst [ms]': _milliseconds(self._futures, 1.0),
             'frames without': str(len(self._superseded) + len(self._failed)),
+            'crossings': self._crossings,
         }
         return Status(level, 'horizon', message, values)
 

@@ -5,12 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, steps_of
+from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of
+from rigid_gns_core.forecasts.horizon import Future, Horizon, Job
+from rigid_gns_core.forecasts.spread import Spread, SpreadJob, text_of
+from rigid_gns_core.messages.poses import encode_string
+from rigid_gns_core.rollout.rollout import steps_of
+from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.tracking.window import TrackingWindow
 
 from .diagnostics import Diagnostics
@@ -52,6 +56,8 @@ class Futures:
         self._topics, self._markers, self._diagnostics = topics, markers, diagnostics
         self._warn = warn
         self._seconds = 0.0
+        self.samples = 0
+        self.planes: Mapping[str, Plane] = {}
         ready = node.create_guard_condition(self._on_ready)
         self._horizon = Horizon(ready.trigger)
 
@@ -85,9 +91,15 @@ class Futures:
         window = self._window
         if not window.full:
             return None  # the tracker paused, and there are too few frames again
+        uncertain = self.samples > 0 or self.planes
         try:
-            stamp_ns, state = window.start()
+            if uncertain:
+                stamp_ns, estimate = window.estimate()
+                state = estimate.state
+            else:
+                stamp_ns, state = window.start()
             rollout = self._model.forecast(state, stamp_ns, window.ids).rollout
+            scene = scene_of(self._model.scene, window.ids)
         except UserError as error:
             self._none(f'no future from these tracked frames: {error}')
             return None
@@ -99,7 +111,19 @@ class Futures:
                 f'{size / 1e6:.0f} MB, the bound is {MOST / 1e6:.0f} MB; lower horizon'
             )
             return None
-        return Job(rollout, stamp_ns, steps, window.frame_id, window.ids)
+        spread = None
+        if uncertain:
+            spread = SpreadJob(
+                simulator=self._model.simulator,
+                scene=scene,
+                estimate=estimate,
+                samples=self.samples,
+                planes=self.planes,
+                ids=window.ids,
+                stamp_ns=stamp_ns,
+                frame_id=window.frame_id,
+            )
+        return Job(rollout, stamp_ns, steps, window.frame_id, window.ids, spread)
 
     def _on_ready(self) -> None:
         try:
@@ -118,5 +142,21 @@ class Futures:
         self._diagnostics.future_computed(future.took, future.error)
         if future.error:
             self._warn('horizon', f'a future ends early: {future.error}')
+        if future.spread is not None:
+            self._publish_spread(future.spread)
         self._topics.send(self._topics.trajectory, future.cdr)
         self._markers.future(future)
+
+    def _publish_spread(self, spread: Spread) -> None:
+        """Publish crossings first: who catches a ball waits for them."""
+        topics = self._topics
+        for pose, twist in spread.crossings:
+            topics.crossing.publish(pose)
+            topics.crossing_velocity.publish(twist)
+        if spread.told is not None:
+            topics.send(topics.crossings, encode_string(text_of(spread.told)))
+            self._diagnostics.crossings_told(spread.told['planes'])
+        if spread.deviations is not None:
+            topics.send(topics.deviations, spread.deviations)
+        if spread.branches is not None:
+            topics.send(topics.branches, encode_string(text_of(spread.branches)))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rigid_gns_core.messages.markers import (
     Color,
+    ellipsoid_markers,
     encode_markers,
     Marker,
     path_markers,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rigid_gns_core.forecasts.forecaster import Forecaster
     from rigid_gns_core.forecasts.horizon import Future
+    from rigid_gns_core.forecasts.spread import Spread
     from rigid_gns_core.scenes.scene import Scene
     from rigid_gns_core.tracking.window import TrackingWindow
 
@@ -31,6 +33,9 @@ if TYPE_CHECKING:
 TRACKED: Color = (0.25, 0.65, 0.30, 1.0)
 PREDICTED: Color = (0.95, 0.55, 0.10, 0.5)
 PATH: Color = (0.20, 0.45, 0.85, 0.9)
+SPREAD: Color = (0.20, 0.45, 0.85, 0.25)
+BRANCH: tuple[float, float, float] = (0.85, 0.30, 0.25)
+SIZE, EVERY = 2.0, 0.1  # of an ellipsoid [deviations], time between two [s]
 SURFACE: Color = (0.60, 0.60, 0.65, 0.4)
 PATH_WIDTH = 0.1  # [radii]
 REACH = 20.0  # of an endless surface around the points of all [radii]
@@ -75,9 +80,23 @@ class MarkerPublisher:
         if self.watched and len(future.positions) > 1:
             width = PATH_WIDTH * self._model.radius
             ids = future.job.ids
-            self._send(
-                future.job.stamp_ns, path_markers('path', ids, future.positions, width, PATH)
-            )
+            markers = path_markers('path', ids, future.positions, width, PATH)
+            if future.spread is not None:
+                markers += self._spread(future, future.spread, width)
+            self._send(future.job.stamp_ns, markers)
+
+    def _spread(self, future: Future, spread: Spread, width: float) -> list[Marker]:
+        """Ellipsoids along the paths, and the branches of spheres that have several."""
+        markers: list[Marker] = []
+        if spread.covariance is not None:
+            step = max(round(EVERY / future.job.rollout.dt), 1)
+            places, spreads = future.positions[step::step], spread.covariance[step::step]
+            known = np.isfinite(spreads).all(axis=(2, 3))
+            markers = ellipsoid_markers('spread', places[known], spreads[known], SIZE, SPREAD)
+        for index, (path, probability) in enumerate(spread.paths):
+            color = (*BRANCH, max(probability, 0.1))
+            markers += path_markers('branch', [index], path[:, None], width, color)
+        return markers
 
     @property
     def watched(self) -> bool:

@@ -11,6 +11,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
+from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.forecasts.starts import Reason, Start
@@ -21,6 +22,7 @@ from rigid_gns_core.messages.poses import (
     encode_float64,
     encode_string,
     PoseArrayCodec,
+    restamped,
 )
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES, seconds
 
@@ -29,6 +31,7 @@ from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
 from .markers import MarkerPublisher
+from .odd_poses import OddPoses
 from .silence import Silence
 from .throttle import Throttle
 from .topics import NodeTopics
@@ -56,6 +59,7 @@ class Simulation:
 
     def __init__(self, node: Node, model: Forecaster, parameters: Mapping[str, Any]) -> None:
         self._node, self._model, self._frame_id = node, model, str(parameters['frame_id'])
+        self._latency_ns = round(float(parameters['latency']) * 1e9)
         self._throttle = Throttle(LOG_PERIOD)
         gap = longest_gap(model)
         self.window = window_of(model, parameters, check=self._check_count, on_gap=self._warn_gap)
@@ -74,6 +78,7 @@ class Simulation:
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
+        self._odd = OddPoses(model.scene, self.window, self.warn)
         self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
         self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
         self._reason: Reason = 'first'  # of the next start from an empty window
@@ -99,6 +104,12 @@ class Simulation:
             warn=self.warn,
         )
         self.futures.seconds = float(parameters['horizon'])
+        self.futures.samples = int(parameters['samples'])
+        self.futures.planes = planes_of(str(parameters['crossing_planes']))
+        if self.futures.planes and not self.futures.seconds:
+            node.get_logger().warning(
+                'crossing_planes are given, but horizon is 0: no crossing is forecast; set horizon'
+            )
 
     def close(self) -> str:
         """Stop and finish the bag; a line of counts, for the log."""
@@ -118,7 +129,9 @@ class Simulation:
         try:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
-            restarted = self.window.add(decode_pose_array(cdr), now)
+            cdr = restamped(cdr, -self._latency_ns)
+            frame = decode_pose_array(cdr)
+            restarted = self.window.add(frame, now)
         except UserError as error:
             self.diagnostics.frame_rejected(str(error))
             kind = getattr(error, 'kind', 'bytes')
@@ -135,7 +148,9 @@ class Simulation:
             self.warn('unseen', f'taken as not seen: {self.window.lost}')
         self.topics.received(cdr, now)
         self.diagnostics.frame_accepted()
+        self._odd.take(frame)
         if restarted:
+            self._odd.clear()
             self._stop('restart')
             self.warn(
                 'restarted',
@@ -309,6 +324,7 @@ class Simulation:
     def forget(self, reason: Reason) -> None:
         """Drop all frames and predictions; `reason` is that of the next start."""
         self.window.clear()
+        self._odd.clear()
         self._stop(reason)
 
     def on_clock_jump(self, ahead_ns: int) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
+from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster, with_gravity_along
 from rigid_gns_core.forecasts.node_parameters import SIMULATOR
 from rigid_gns_core.messages.poses import encode_string
@@ -129,3 +130,7 @@ class SimulatorNode(ClosingNode):
                 self.simulation.silence.timeout = float(parameter.value)
             elif parameter.name == 'horizon':
                 self.simulation.futures.seconds = float(parameter.value)
+            elif parameter.name == 'samples':
+                self.simulation.futures.samples = int(parameter.value)
+            elif parameter.name == 'crossing_planes':
+                self.simulation.futures.planes = planes_of(str(parameter.value))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -89,6 +89,14 @@ class NodeTopics:
         self.recorded_bytes = 0  # of messages passed to the bag
         self.predicted = self._publisher(PoseArray, 'predicted_poses')
         self.trajectory = self._publisher(MultiDOFJointTrajectory, 'predicted_trajectory', depth=1)
+        self.deviations = self._publisher(MultiDOFJointTrajectory, 'predicted_deviations', depth=1)
+        self.branches = self._publisher(String, '~/branches', depth=1)
+        self.crossings = self._publisher(String, '~/crossings')
+        # what they say is in ~/crossings, too
+        self.crossing = self._publisher(PoseWithCovarianceStamped, '~/crossing', recorded=False)
+        self.crossing_velocity = self._publisher(
+            TwistWithCovarianceStamped, '~/crossing_velocity', recorded=False
+        )
         self.markers = self._publisher(MarkerArray, 'predicted_markers', recorded=False)
         self.scene = self._publisher(String, '~/scene', depth=1, latched=True)
         self.surfaces = self._publisher(
@@ -122,6 +130,9 @@ class NodeTopics:
             'tracked': self.tracked.topic_name,
             'predicted': self.predicted.topic_name,
             'trajectory': self.trajectory.topic_name,
+            'deviations': self.deviations.topic_name,
+            'branches': self.branches.topic_name,
+            'crossings': self.crossings.topic_name,
             'start': self.start.topic_name,
             'step_time': self.step_time.topic_name,
             'diagnostics': self.diagnostics.topic_name,

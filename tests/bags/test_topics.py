@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from recorded_bags import evaluate_bag
 from rigid_gns_core.bags.reader import read_bag
-from rigid_gns_core.bags.topics import find_topics, holds_predictions
+from rigid_gns_core.bags.topics import find_topics, holds_predictions, list_topics
 from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
 from rigid_gns_core.recordings.recorded_forecasts import recorded_starts
@@ -86,3 +86,15 @@ def test_a_scene_topic_of_another_node_is_ignored(tmp_path):
         bag.add_topic('/stage/scene', 'std_msgs/msg/String', 'reliable')
         bag.write('/stage/scene', encode_string('act one'), START)
     assert holds_predictions(read_bag(tmp_path / 'bag')) is False
+
+
+def test_of_hundreds_of_topics_an_error_lists_poses_first(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        for k in range(100):
+            bag.add_topic(f'/a{k}', 'std_msgs/msg/Float64', 'reliable')
+            bag.write(f'/a{k}', encode_float64(1.0), 1)
+        bag.add_topic('/z/balls', 'geometry_msgs/msg/PoseArray', 'reliable')
+        bag.write('/z/balls', PoseArrayCodec('world', 0).encode(np.zeros((0, 7)), 1), 1)
+    listed = list_topics(read_bag(tmp_path / 'bag'))
+    assert listed.startswith('/z/balls (geometry_msgs/msg/PoseArray, 1 messages), /a0 (')
+    assert listed.endswith(' and 81 more') and len(listed) < 2000

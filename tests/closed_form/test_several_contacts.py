@@ -95,6 +95,17 @@ KINDS = {
         'series of bounces over speed',
         'bounces over speed, then rolling',
     ],
+    'moving': [
+        'wall that moves, velocity',
+        'stroke of a racket, velocity',
+        'stroke of a racket, spin',
+        'swing of a blade, velocity',
+        'swing of a blade, way',
+        'carried by a lift, place [r]',
+        'laid on a belt, speed',
+        'circles on a turntable',
+        'rolls off a tray that tilts, place [r]',
+    ],
     'resistance': ['sliding to rolling, speed', 'rolling to rest, speed', 'spinning to rest'],
 }
 

@@ -57,7 +57,7 @@ def narrow_phase(world, positions, velocities, dt, h, lookback):
     """Workspace with the contacts among all candidates of a frame, and how many there are."""
     everyone = np.ones(len(positions), np.bool_)
     around = find_candidates(world, positions, velocities, dt, everyone)
-    work = new_workspace(len(positions), around)
+    work = new_workspace(len(positions), 1, around)
     paths = Paths(positions, velocities, world.flight)
     find_impacts(world, paths, around, work.every_pair, work.every, h, lookback, work.impacts)
     size, islands = contacts_by_island(
@@ -102,7 +102,9 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     work, size, islands = narrow_phase(world, positions, velocities, dt, h, h)
     found = taken(work.contacts, size)
     coefficients, begin = law(world, found), work.order.begin
-    motion = Motion(positions, velocities, spins, np.ones(len(positions), np.bool_))
+    motion = Motion(
+        positions, velocities, spins, np.ones(len(positions), np.bool_), np.zeros(len(positions))
+    )
     _free_motion(motion, world.flight, work.everyone, h, work.bodies)
     start, impulses, change = no_impulses(size), no_impulses(size), 0.0
     solve_isolated(

@@ -7,63 +7,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from csv_balls import RADIUS, shots
+from launched_balls import GIVEN, launched, NOISE, TRUE
 import numpy as np
 import pytest
-from rigid_gns_core import Air, ContactLaw, Plane, Scene, UserError
+from rigid_gns_core import ContactLaw, Plane, Scene, UserError
 from rigid_gns_core.data.tracks import Track
 from rigid_gns_core.identification.coverage import fit_coverage
 from rigid_gns_core.identification.first_look import shown_noise, shown_restitution
 from rigid_gns_core.identification.joint_fit import JointFit
-from rigid_gns_core.identification.ladder import Setup
+from rigid_gns_core.identification.ladder import fit_setup, Setup
 from rigid_gns_core.identification.learn import _spins, learn
 from rigid_gns_core.identification.left_out import Forecast
 from rigid_gns_core.identification.parameters import Laws
 from rigid_gns_core.identification.spins import broad_prior
 from rigid_gns_core.identification.stretches import pieces, stretches
-from rigid_gns_core.tracking.ball_contact import FREE
 from rigid_gns_core.tracking.ball_model import BallModel
-from rigid_gns_core.tracking.ball_path import path
 from rigid_gns_core.tracking.start_prior import StartPrior
-
-NOISE = 0.7e-3
-TRUE = {
-    'contact 0.restitution': 0.93,
-    'contact 0.friction': 0.22,
-    'air.drag_coefficient': 0.42,
-    'air.lift_coefficient': 0.4,
-    'surface 0.height': 0.002,
-}
-GIVEN = Scene(
-    surfaces=Plane(contact=ContactLaw(restitution=0.8, friction=0.3)),
-    radius=0.02,
-    mass=0.0027,
-    inertia_factor=2 / 3,
-)
-
-
-def true_scene() -> Scene:
-    law = ContactLaw(restitution=TRUE['contact 0.restitution'], friction=0.22)
-    table = replace(GIVEN.surfaces[0], point=(0.0, 0.0, 0.002), contact=law)
-    return replace(GIVEN, surfaces=table, air=Air(drag_coefficient=0.42, lift_coefficient=0.4))
-
-
-def launched(count: int, seed: int = 0) -> list[Track]:
-    """Shots of a launcher with topspin and some side spin, at 180 Hz with noise."""
-    rng = np.random.default_rng(seed)
-    model = BallModel.of(true_scene())
-    laws = (model.ball, model.planes, model.laws)
-    times = np.arange(150) / 180.0
-    tracks = []
-    for number in range(count):
-        place = rng.normal([0.0, 0.0, 0.35], [0.02, 0.02, 0.01])
-        velocity = rng.normal([4.5, 0.0, 1.0], [0.4, 0.15, 0.2])
-        spin = rng.normal([0.0, 90.0, 25.0], [15.0, 30.0, 15.0])
-        states = np.zeros((len(times), 9))
-        start = np.concatenate([place, velocity, spin])
-        path(start, 0.0, times, *laws, FREE, states, np.zeros((8, 3)))
-        places = states[:, None, :3] + rng.normal(0.0, NOISE, (len(times), 1, 3))
-        tracks.append(Track(f'{number}', times, places, None, ('0',)))
-    return tracks
 
 
 def test_a_first_look_shows_noise_and_restitution() -> None:
@@ -114,6 +74,25 @@ def test_tracks_tell_a_scene() -> None:
     # a vacuum is off by decimetres, the laws by centimetres
     assert lines[0].every['0.4'][1] > 4 * learned.table[-1].every['0.4'][1]
     assert isinstance(learned.scene.surfaces[0].contact, ContactLaw)
+
+
+def test_friction_is_found_from_far_off_within_a_ladder() -> None:
+    """Balls that bounce without friction, from 0.3, with which they would grip: no slope there."""
+    tracks = [
+        Track(f'{k}', times, places[:, None], None, ('0',))
+        for k, (times, places) in enumerate(shots(6, 0.7, noise=0.5e-3))
+    ]
+    law = ContactLaw(restitution=0.9, friction=0.3)
+    scene = Scene(surfaces=Plane(contact=law), radius=RADIUS, mass=0.0027)
+    laws = Laws(scene)
+    cut = stretches(pieces(tracks, scene, ['0'], laws.models, 5e-4), laws.models, 5e-4)
+    setup = Setup(
+        ('contact 0.restitution', 'contact 0.friction'), 'none', np.inf, (5e-4, 1e-3, 0.01)
+    )
+    fitted, _, unknown = fit_setup(laws, setup, cut, None)
+    assert unknown == 0
+    assert abs(fitted.values['contact 0.friction']) < 0.01
+    assert abs(fitted.values['contact 0.restitution'] - 0.9) < 0.01
 
 
 def test_coverage_widens_what_is_too_narrow() -> None:

@@ -16,6 +16,7 @@ from rigid_gns_core.messages.poses import (
     encode_string,
     MessageError,
     PoseArrayCodec,
+    restamped,
 )
 
 # every residue of the length modulo 8, since padding depends on it; empty; UTF-8
@@ -49,6 +50,18 @@ def test_pose_array_round_trip_in_both_byte_orders(frame_id, count):
         assert frame.poses.dtype == np.float64
         np.testing.assert_array_equal(frame.poses, poses)
         frame.poses[:] = 0.0  # a copy of its own: writable
+
+
+@pytest.mark.parametrize('shift', [0, -20_000_001, -STAMP, 10**9])
+def test_a_stamp_is_moved_in_both_byte_orders_and_nothing_else(shift):
+    poses = make_poses(3)
+    for cdr in (PoseArrayCodec('w', 3).encode(poses, STAMP), big_endian('w', poses, STAMP)):
+        moved = restamped(cdr, shift)
+        assert decode_pose_array(moved).stamp_ns == STAMP + shift
+        assert moved[:4] + moved[12:] == cdr[:4] + cdr[12:]
+    for bad in (b'', cdr[:10]):
+        with pytest.raises(MessageError):
+            restamped(bad, 1)
 
 
 def test_encoding_is_deterministic_and_its_padding_zero():

@@ -11,8 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 from rigid_gns_core.messages.cdr import MessageError
+from rigid_gns_core.messages.covariances import (
+    encode_pose_with_covariance,
+    encode_twist_with_covariance,
+)
 from rigid_gns_core.messages.diagnostics import encode_diagnostics, ERROR, OK, Status, WARN
-from rigid_gns_core.messages.markers import encode_markers, path_markers, sphere_markers
+from rigid_gns_core.messages.markers import (
+    ellipsoid_markers,
+    encode_markers,
+    path_markers,
+    sphere_markers,
+)
 from rigid_gns_core.messages.trajectories import decode_trajectory, encode_trajectory
 
 # every residue of the length modulo 8, since padding depends on it; empty; UTF-8
@@ -184,3 +193,49 @@ def test_rclpy_reads_diagnostics() -> None:
     assert [s.level for s in message.status] == levels
     values = [{v.key: v.value for v in s.values} for s in message.status]
     assert values == [s.values for s in STATUSES]
+
+
+@pytest.mark.parametrize('frame_id', FRAMES)
+def test_rclpy_reads_poses_and_twists_with_covariance(frame_id: str) -> None:
+    pytest.importorskip('rclpy', reason='ROS is not installed')
+    from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
+
+    root = np.random.default_rng(2).normal(size=(3, 3))
+    place, covariance = np.array([1.0, -2.0, 0.25]), root @ root.T
+    pose = reread(
+        encode_pose_with_covariance(STAMP, frame_id, place, covariance), PoseWithCovarianceStamped
+    )
+    twist = reread(
+        encode_twist_with_covariance(STAMP, frame_id, place, covariance),
+        TwistWithCovarianceStamped,
+    )
+    for message in (pose, twist):
+        assert message.header.frame_id == frame_id
+        assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(STAMP, 10**9)
+    where, speed = pose.pose.pose.position, twist.twist.twist.linear
+    assert (where.x, where.y, where.z) == (speed.x, speed.y, speed.z) == tuple(place)
+    assert pose.pose.pose.orientation.w == 1.0
+    for found, rest in ((pose.pose.covariance, np.pi**2 / 3), (twist.twist.covariance, -1.0)):
+        matrix = np.reshape(found, (6, 6))
+        np.testing.assert_array_equal(matrix[:3, :3], covariance)
+        np.testing.assert_array_equal(matrix[3:, 3:], rest * np.eye(3))
+        assert not matrix[:3, 3:].any()
+
+
+def test_ellipsoids_have_the_axes_of_their_covariance() -> None:
+    """R diag(scale / 2 size)^2 R^T of the marker's pose is the covariance again."""
+    rng = np.random.default_rng(4)
+    roots = rng.normal(size=(20, 3, 3)) * [1.0, 0.1, 0.01]
+    covariances = roots @ np.swapaxes(roots, 1, 2)
+    places = rng.normal(size=(20, 3))
+    markers = ellipsoid_markers('spread', places, covariances, 2.0, (0.2, 0.4, 0.8, 0.25))
+    assert [m.id for m in markers] == list(range(20))
+    for marker, place, covariance in zip(markers, places, covariances, strict=True):
+        assert marker.pose[:3] == tuple(place) and isinstance(marker.scale, tuple)
+        axes = np.stack([rotate(np.array(marker.pose[3:]), axis) for axis in np.eye(3)], axis=1)
+        found = axes @ np.diag((np.array(marker.scale) / 4.0) ** 2) @ axes.T
+        np.testing.assert_allclose(found, covariance, atol=1e-9)
+
+
+def rotate(q: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return vector + 2 * np.cross(q[:3], np.cross(q[:3], vector) + q[3] * vector)

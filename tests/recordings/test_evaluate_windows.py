@@ -106,7 +106,7 @@ def test_times_of_contacts_are_found() -> None:
 
 def outcomes(errors: Sequence[float], contacts: Sequence[int]) -> list[Outcome]:
     return [
-        Outcome('t', '0', 0.2, 0.5, 0.5, error, count, share)
+        Outcome('t', '0', 0.2, 0.5, 0.5, error, count, False, share)
         for error, count, share in zip(errors, contacts, (0.2, 0.6, 0.95, None), strict=True)
     ]
 
@@ -143,3 +143,30 @@ def test_bad_options_are_named(
 ) -> None:
     assert main(['evaluate', '--data', str(data), *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_ball_in_a_hand_is_told_apart_and_a_lost_one_is_not_in_the_way(tmp_path: Path) -> None:
+    """Thrown up from a hand and caught in it; another ball is lost in the way of the first."""
+    rate = 240.0
+    up = np.arange(round(0.8 * rate)) / rate
+    flight = np.stack([0.5 * up, 0 * up, 1.0 + 4.0 * up - 0.5 * GRAVITY * up**2], axis=1)
+    # it goes on where the flight ends, and comes to its start and velocity again by a smooth path
+    rest = np.arange(1, round(0.4 * rate)) / rate
+    s = rest / rest[-1]
+    begin, out = flight[-1], np.array([0.5, 0.0, 4.0 - 0.8 * GRAVITY])
+    catch = begin + (s * (1 - s) ** 2)[:, None] * out * rest[-1]
+    times = np.concatenate([up, up[-1] + rest])
+    centres = np.concatenate([flight, catch])
+    lost = [(0, 1, f'{t:.7f}', f'{0.3 + t:.7f}', 0.02, f'{2.2 - t:.7f}') for t in times[:30]]
+    noise = np.random.default_rng(0).normal(0.0, NOISE, centres.shape)
+    rows = rows_of([(times, centres + noise)]) + lost
+    path = write_csv(tmp_path / 'thrown.csv', rows)
+    scene = tmp_path / 'nothing.yaml'
+    scene.write_text('scene: {surfaces: [], radius: 0.035, mass: 0.12}')
+    import_bags([path], tmp_path / 'data', ImportOptions(scene=scene))
+    report = evaluated(
+        tmp_path / 'data', '--window', '0.2', '--every', '0.1', '--horizons', '0.2', '0.5'
+    )
+    for values in report['horizons'].values():
+        assert values['contacts']['0']['mean_m'] < 0.03
+    assert report['horizons']['0.2']['contacts']['held']['mean_m'] > 0.1

@@ -187,3 +187,32 @@ def test_a_spread_out_of_range_is_named(tmp_path, capsys):
     words = ['--samples', '2', '--spread', '-1', '--out', str(tmp_path / 'x')]
     assert cli.main(['rollout', *words]) == 2
     assert '--spread is -1 m' in capsys.readouterr().err
+
+
+def test_samples_are_rollouts_to_the_bit(simulator):
+    """Also with gravity along x, and where all fly clear of everything."""
+    for scene, height in ((SCENE, 0.0), (SMALL, 0.0), (SCENE, 50.0)):
+        scale = float(np.max(scene.radius))
+        starts = [start(seed, count=3, scale=scale) for seed in range(4)]
+        stack = State.unchecked(
+            *(np.stack([getattr(one, f.name) for one in starts]) for f in fields(State))
+        )
+        stack.positions[...] -= height * scale * np.asarray(scene.gravity) / 9.81
+        found = simulator.rollout_samples(scene, stack, 20)
+        for k in range(4):
+            own = State(**{name: values[k] for name, values in vars(stack).items()})
+            expected = alone(simulator, scene, own, 20)
+            for name in vars(stack):
+                assert getattr(found, name)[k].tobytes() == getattr(expected, name).tobytes()
+
+
+def test_a_sample_that_diverges_is_nan_from_there_on(simulator):
+    stack = State.unchecked(
+        np.array([[[0.0, 0.0, 2.0]], [[0.0, 0.0, 1e99]]]),
+        np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1)),
+        np.array([[[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.7e308]]]),
+        np.zeros((2, 1, 3)),
+    )
+    with np.errstate(all='ignore'):
+        found = simulator.rollout_samples(SCENE, stack, 20)
+    assert np.isfinite(found.positions[0]).all() and np.isnan(found.positions[1, -1]).all()

@@ -58,6 +58,14 @@ def test_the_demonstration(tmp_path: Path) -> None:
     assert (folder / 'report.png').read_bytes().startswith(b'\x89PNG')
     assert 'id="replay"' in (folder / 'report.html').read_text(encoding='utf-8')
     assert (folder / 'bag' / 'metadata.yaml').is_file()
+    assert (folder / 'ball' / 'bag' / 'metadata.yaml').is_file()
+    assert 'id="replay"' in (folder / 'ball' / 'report.html').read_text(encoding='utf-8')
+    # of the ball there is a forecast from every frame, less what a busy machine may lose
+    for lead in ('0.2', '0.4'):
+        (line,) = (text for text in output.splitlines() if f'{lead} s ahead: mean' in text)
+        error, count = float(line.split('mean')[1].split()[0]), int(line.split('of')[1].split()[0])
+        # with an unknown spin; what knows no air is off by more after a bounce
+        assert count >= 10 and error < 100.0 * float(lead)
     for text in (
         'Normalized Cumulative Energy Gain',
         'Lateness',

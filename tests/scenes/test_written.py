@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import Air, ContactLaw, Plane, RestitutionCurve, Scene, State
 from rigid_gns_core.data.records import read_record, Record, write_record
-from rigid_gns_core.scenes.plane import RANGES
+from rigid_gns_core.scenes.plane import MOTIONS, RANGES
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene_file import load_start, write_start
 from rigid_gns_core.scenes.state import as_unit, Trajectory
@@ -31,7 +31,12 @@ def random_plane(rng: np.random.Generator) -> Plane:
     lengths = np.where(rng.random(2) < 0.3, np.inf, 10.0 ** rng.uniform(-3.0, 3.0, 2))
     material = None if rng.random() < 0.5 else float(rng.random())
     law = random_law(rng) if material is None and rng.random() < 0.5 else None
-    return Plane(tuple(rng.normal(size=3)), normal, direction, *lengths, material, material, law)
+    motion = {}
+    if rng.random() < 0.3:
+        motion = {'velocity': tuple(rng.normal(size=3)), 'angular_velocity': tuple(rng.random(3))}
+    return Plane(
+        tuple(rng.normal(size=3)), normal, direction, *lengths, material, material, law, **motion
+    )
 
 
 def random_law(rng: np.random.Generator) -> ContactLaw:
@@ -58,7 +63,10 @@ def scene() -> Scene:
 def bytes_of(scene: Scene) -> bytes:
     """All numbers of a scene, as its users see them."""
     parts = [
-        np.concatenate([p.point, p.axes.ravel(), [p.length_x, p.length_y]]) for p in scene.surfaces
+        np.concatenate(
+            [p.point, p.axes.ravel(), [p.length_x, p.length_y], *(getattr(p, m) for m in MOTIONS)]
+        )
+        for p in scene.surfaces
     ]
     names = (*RANGES, 'gravity')
     parts += [

@@ -268,10 +268,11 @@ def test_hollow_spheres_roll_as_they_do(bullet) -> None:
         ({'air': Air()}, 'air'),
         ({'sphere_contact': ContactLaw()}, 'a contact law'),
         ({'surfaces': Plane(contact=ContactLaw())}, 'a contact law'),
+        ({'surfaces': Plane(velocity=(1.0, 0.0, 0.0))}, 'a surface that moves'),
     ],
 )
 def test_what_bullet_has_not_is_refused(given: dict, what: str) -> None:
-    with pytest.raises(TeacherError, match=f'the scene has {what}, which Bullet has not'):
+    with pytest.raises(TeacherError, match=f'the scene has {what}, which this teacher has not'):
         simulate(Scene(**given), spheres([[0.0, 0.0, 3.0]]), 1)
 
 

@@ -82,7 +82,7 @@ def test_the_others_are_tracked_on(sent: str, matched: bool) -> None:
         assert bool(found.lost) is (frame in (9, 13, 14, 19))
         if frame >= 5:
             check(found, frame)
-    assert (found.counts['accepted'], found.counts['lost']) == (20, 4)
+    assert (found.counts['accepted'], found.counts['lost spheres']) == (20, 4)
 
 
 @pytest.mark.parametrize('sent', LOST)

@@ -16,8 +16,9 @@ from .camera_clock import on_camera_clock
 from .options import ImportBagError, Imported, ImportOptions
 from .stretches import native_dt, resampled, SLOWEST
 from .track_checks import problem_of
-from .units_and_axes import check_fall, check_speed, turned
+from .units_and_axes import turned
 from ..tracked_frames import Segment
+from ..units import check_fall, check_speed
 from ...data.csv_tracks import CsvTrack, read_csv_tracks
 from ...data.records import Record
 from ...data.tracks import sorted_labels, Track

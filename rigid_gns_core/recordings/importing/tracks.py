@@ -14,10 +14,11 @@ import numpy as np
 from .options import ImportBagError, Imported, ImportOptions
 from .sphere_order import check_order, OrderCheck
 from .stretches import fitting_scene, native_dt, resampled, SLOWEST
-from .units_and_axes import check_fall, check_speed, turned_frames
+from .units_and_axes import turned_frames
 from ..decoded_topic import decode_topic, DecodedTopic
 from ..recorded_simulators import RecordedSimulators
 from ..tracked_frames import as_track, MATCH_REMEDY, Segment, segment_frames, Segmentation
+from ..units import check_fall, check_speed
 from ...bags.reader import Bag, read_bag
 from ...bags.topics import find_poses
 from ...data.records import Record

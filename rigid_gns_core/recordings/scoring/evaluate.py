@@ -12,7 +12,8 @@ from .predictions import score_predictions
 from ..recorded_simulators import RecordedSimulators
 from ...bags.reader import Bag
 from ...bags.topics import find_poses, find_topics, holds_predictions
-from ...forecasts.node_parameters import SIMULATOR
+from ...forecasts.node_parameters import with_defaults
+from ...scenes.scene import Scene
 from ...scenes.scene_file import load_scene
 
 
@@ -42,13 +43,14 @@ def score_bag(
     Raises:
         UserError: The bag lacks a topic or a scene, or nothing overlaps.
     """
+    given = None if scene is None else load_scene(scene)
     with bag.naming_damage():
-        return _score(bag, scene, tracked, predicted, model, starts, match=match)
+        return _score(bag, given, tracked, predicted, model, starts, match=match)
 
 
 def _score(
     bag: Bag,
-    scene: str | Path | None,
+    given: Scene | None,
     tracked: str | None,
     predicted: str | None,
     model: str | None,
@@ -57,25 +59,20 @@ def _score(
     match: bool,
 ) -> BagScore:
     simulators = RecordedSimulators.of(bag)
-    given = None if scene is None else load_scene(scene)
-    if model is None and (predicted is not None or _predicts(bag, tracked, scene)):
+    if model is None and (predicted is not None or _predicts(bag, tracked, given)):
         topics = find_topics(bag, tracked, predicted)
         return score_predictions(bag, topics, given or simulators.scene_by(topics))
     # imported late: scoring predictions needs no model
     from .rollouts import RolloutOptions, score_rollouts
 
     topic = find_poses(bag, 'tracked_poses', '--topic', tracked, simulators.tracked)
-    parameters = simulators.parameters(topic.name)
-    default = next(spec.default for spec in SIMULATOR if spec.name == 'velocity_window')
+    parameters = with_defaults(simulators.parameters(topic.name))
     options = RolloutOptions(
-        model or '',
-        starts,
-        int(parameters.get('velocity_window', default)),
-        match or bool(parameters.get('match_spheres', False)),
+        model or '', starts, parameters['velocity_window'], match or parameters['match_spheres']
     )
     return score_rollouts(bag, topic, given or simulators.scene(topic.name), options)
 
 
-def _predicts(bag: Bag, tracked: str | None, scene: str | Path | None) -> bool:
+def _predicts(bag: Bag, tracked: str | None, scene: Scene | None) -> bool:
     """Whether to score predictions: there are some, or no option names tracked poses."""
     return holds_predictions(bag) or (tracked is None and scene is None)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from .regions import crps, region_probability, REGIONS
 from ..recorded_forecasts import RecordedForecast
 from ...files.tables import format_rows, number
 from ...forecasts.interpolation import interpolate
@@ -30,9 +31,30 @@ class HorizonErrors:
     def __init__(self) -> None:
         self._distances: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS}
         self._times: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS}
+        self._inside: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS}
+        self._scores: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS}
 
-    def add(self, horizon: float, time: float, predicted: Array, tracked: Array) -> None:
-        """Add predicted and tracked centres [m], shape (n, 3), at `time` [s] after a start."""
+    def add(
+        self,
+        horizon: float,
+        time: float,
+        predicted: Array,
+        tracked: Array,
+        covariances: Array | None = None,
+        noise: float = 0.0,
+    ) -> None:
+        """Add predicted and tracked centres [m], shape (n, 3), at `time` [s] after a start.
+
+        With `covariances` of the predicted ones [m^2], shape (n, 3, 3), and the tracker's noise
+        [m], it also counts what their regions hold.
+        """
+        known = np.zeros((0, 3, 3)) if covariances is None else covariances
+        for off, covariance in zip((predicted - tracked)[: len(known)], known, strict=True):
+            inside = region_probability(off, covariance, noise)
+            score = crps(off, covariance, noise)
+            if inside is not None and score is not None:
+                self._inside[horizon].append(inside)
+                self._scores[horizon].append(score)
         distances = np.linalg.norm(predicted - tracked, axis=1)
         self._distances[horizon].append(np.where(np.isfinite(distances), distances, np.inf))
         self._times[horizon].append(time)
@@ -41,7 +63,8 @@ class HorizonErrors:
         """Mean time, number of starts and errors by horizon [s].
 
         Returns:
-            For each horizon: `time_s`, `starts`, `mean_m`, `median_m`, `p90_m`, `max_m`.
+            For each horizon: `time_s`, `starts`, `mean_m`, `median_m`, `p90_m`, `max_m`; where
+            covariances were published, also `coverage_50`, `coverage_90` and `crps_m`.
         """
         found = {}
         for horizon, parts in self._distances.items():
@@ -55,11 +78,20 @@ class HorizonErrors:
                     'p90_m': float(np.quantile(values, 0.9, method='higher')),
                     'max_m': float(values.max()),
                 }
+                if self._inside[horizon]:
+                    inside = np.array(self._inside[horizon])
+                    for region in REGIONS:
+                        share = float((inside <= region).mean())
+                        found[f'{horizon:g}'][f'coverage_{100 * region:.0f}'] = share
+                    found[f'{horizon:g}']['crps_m'] = float(np.mean(self._scores[horizon]))
         return found
 
 
 def add_forecast(
-    errors: HorizonErrors, forecast: RecordedForecast, tracked: list[PoseArrayFrame]
+    errors: HorizonErrors,
+    forecast: RecordedForecast,
+    tracked: list[PoseArrayFrame],
+    noise: float = 0.0,
 ) -> None:
     """Add the errors of the predictions of one forecast.
 
@@ -70,6 +102,7 @@ def add_forecast(
         errors: The errors are added to it.
         forecast: Predictions.
         tracked: Frames with the same spheres, of rising stamps.
+        noise: Of the tracker [m], for regions.
     """
     since = (forecast.stamps - forecast.start_ns) * 1e-9
     for horizon in HORIZONS:
@@ -86,7 +119,8 @@ def add_forecast(
         poses = np.stack([frame.poses for frame in around])
         reference = interpolate(stamps, poses, wanted)[0]
         predicted = forecast.frames[near].poses
-        errors.add(horizon, float(since[near]), predicted[:, :3], reference[:, :3])
+        spread = None if forecast.covariances is None else forecast.covariances[near]
+        errors.add(horizon, float(since[near]), predicted[:, :3], reference[:, :3], spread, noise)
 
 
 def format_horizons(report: Mapping[str, Mapping[str, float]], title: str) -> str:
@@ -94,13 +128,20 @@ def format_horizons(report: Mapping[str, Mapping[str, float]], title: str) -> st
     if not report:
         return ''
     rows = []
+    spread = any('crps_m' in values for values in report.values())
     for horizon, values in report.items():
         name = f'after {horizon} s'
         if abs(values['time_s'] / float(horizon) - 1) > 1e-3:
             name += f' (at {number(values["time_s"])} s)'
         errors = (number(values[key]) for key in ('mean_m', 'median_m', 'p90_m'))
-        rows.append([name, str(values['starts']), *errors])
-    return format_rows([title, 'starts', 'mean', 'median', '90 %'], rows) + '\n'
+        regions = []
+        if spread:
+            shares = [values.get(key) for key in ('coverage_50', 'coverage_90')]
+            regions = ['' if one is None else f'{100 * one:.0f} %' for one in shares]
+            regions.append(number(values.get('crps_m')))
+        rows.append([name, str(values['starts']), *errors, *regions])
+    head = [title, 'starts', 'mean', 'median', '90 %']
+    return format_rows([*head, *(['in 50 %', 'in 90 %', 'CRPS'] if spread else [])], rows) + '\n'
 
 
 def _stamp(frame: PoseArrayFrame) -> int:

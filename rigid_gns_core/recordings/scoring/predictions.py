@@ -13,8 +13,7 @@ import numpy as np
 from .bag_score import BagScore
 from .horizon_errors import add_forecast, HorizonErrors
 from .rotations import leave_out_unknown
-from .timing import lateness, quantiles
-from .units import check_topic_units
+from .timing import lateness, quantiles, step_times
 from ..alignment import align
 from ..decoded_topic import decode_topic, DecodedTopic
 from ..prediction_runs import AlignmentError, ranked_runs, Run
@@ -26,10 +25,10 @@ from ..recorded_forecasts import (
     starts_of,
 )
 from ..tracked_frames import Passes
+from ..units import check_topic_units
 from ...bags.reader import Bag
 from ...bags.topics import Topics
 from ...forecasts.starts import Start
-from ...messages.poses import decode_float64
 from ...scenes.scene import Scene
 from ...scenes.state import Trajectory
 from ...scoring.evaluate import evaluate
@@ -101,7 +100,7 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     predicted = predictions_by_forecast(
         starts, all_predictions.frames, all_predictions.indices, all_tracked.stamps, every=every
     )
-    futures = recorded_futures(topics.trajectory, starts)
+    futures = recorded_futures(topics.trajectory, starts, topics.deviations)
     for name, found in (('horizon_errors', predicted), ('future_errors', futures)):
         report[name] = _horizon_errors(found, all_tracked, starts, identified, radius)
     report['timing'] = (
@@ -189,7 +188,8 @@ def _horizon_errors(
             passes[key] = Passes.of(known, *key[1:], radius)
         tracked, _ = passes[key].beside(forecast.indices)
         if tracked:
-            add_forecast(errors, forecast, tracked)
+            noise = starts[forecast.start].noise if forecast.start >= 0 else None
+            add_forecast(errors, forecast, tracked, noise or 0.0)
     return errors.report()
 
 
@@ -213,7 +213,9 @@ def _step_times(topics: Topics) -> dict[str, float]:
     dt = {'model_dt_ms': 1e3 * float(recorded['dt'])} if 'dt' in recorded else {}
     if topic is None:
         return dt
-    seconds = np.array([decode_float64(message) for message in topic.messages])
+    _, seconds = step_times(topic)
+    if not len(seconds):
+        return dt
     return quantiles('step', 1e3 * seconds) | {'steps_timed': len(seconds)} | dt
 
 

@@ -23,6 +23,7 @@ from ...bags.reader import Bag, BagError, Topic
 from ...bags.topics import Topics
 from ...errors import UserError
 from ...forecasts.forecaster import Forecast, Forecaster
+from ...forecasts.node_parameters import with_defaults
 from ...forecasts.starts import Start
 from ...forecasts.window_setup import window_of
 from ...messages.poses import decode_pose_array, MessageError, PoseArrayCodec, PoseArrayFrame
@@ -88,12 +89,12 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
                 f'{bag.path}: nothing on ~/scene says the {key}, so no prediction can be '
                 'computed again; record with this package'
             )
-    parameters = recorded['parameters']
+    parameters = with_defaults(recorded['parameters'])
     model_in_scene = Forecaster(
         find_recorded_model(recorded, model, str(bag.path)),
         Scene.from_mapping(recorded['scene'], 'scene of the bag'),
-        rate=float(parameters.get('rate', 0.0)),
-        threads=int(parameters.get('threads', 1)),
+        rate=parameters['rate'],
+        threads=parameters['threads'],
     )
     predictions, tracked = decode_topic(topics.predicted), decode_topic(topics.tracked)
     result = Reproduction(len(topics.predicted), unknown=predictions.damaged)
@@ -143,7 +144,7 @@ def _first_start(
 ) -> tuple[list[Start], np.ndarray]:
     """Start from the first frames, and the index of the start of each prediction, or -1."""
     chosen = np.full(len(predictions.frames), -1, dtype=np.int64)
-    if parameters.get('start') != 'first':
+    if parameters['start'] != 'first':
         result.notes.append(
             'the bag holds no ~/start, and its predictions do not all start from the first frames'
         )

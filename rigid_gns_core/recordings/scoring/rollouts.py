@@ -16,12 +16,12 @@ from .bag_score import BagScore
 from .horizon_errors import HorizonErrors, HORIZONS, TOLERANCE
 from .rotations import leave_out_unknown
 from .timing import lateness
-from .units import check_units
 from ..decoded_topic import decode_topic
 from ..matched_frames import segment_matched_frames
 from ..prediction_runs import AlignmentError
 from ..resample import resample
 from ..tracked_frames import MATCH_REMEDY, Segment, segment_frames
+from ..units import check_units
 from ...bags.reader import Bag, Topic
 from ...errors import UserError
 from ...forecasts.forecaster import Forecast, Forecaster

@@ -19,6 +19,8 @@ from ...data.tracks import Track
 from ...scenes.plane import closest_points
 from ...scenes.scene import Scene
 from ...scenes.state import Array
+from ...tracking.ball_model import BallModel
+from ...tracking.held import held
 
 # most and least samples on each side of an interval, and how far they may be from it [sqrt(r / g)]
 _MOST, _LEAST, _REACH = 8, 3, 2.5
@@ -45,6 +47,18 @@ def contacts_of(track: Track, scene: Scene, radii: Array, noise: float) -> list[
         found.append(
             contact_times(times, places, radius=radius, gravity=gravity, noise=noise, near=near)
         )
+    return found
+
+
+def held_times(track: Track, scene: Scene, noise: float) -> list[Array]:
+    """Times of the frames in which each sphere of a track is held [s], rising, see `held`."""
+    count = len(track.spheres)
+    masses = scene.per_sphere('mass', count)
+    found = []
+    for sphere in range(count):
+        times, places = track.samples(sphere)
+        model = BallModel.of(scene, sphere, count)
+        found.append(times[held(model, float(masses[sphere]), times, places, noise)])
     return found
 
 

@@ -11,20 +11,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from .track_contacts import contacts_of
+from .regions import crps, region_probability, REGIONS
+from .track_contacts import contacts_of, held_times
 from ...data.tracks import Track, TrackSet
 from ...errors import UserError
 from ...forecasts.forecaster import scene_of
-from ...forecasts.lead_times import forecast_at
 from ...rollout.simulator import Simulator
 from ...scenes.scene import Scene
 from ...scenes.state import Array
 from ...tracking.state_estimate import estimate_state
-
-REGIONS = (0.5, 0.9)
-"""Probabilities of the regions whose coverage is counted."""
 
 # a sphere is forecast that was seen this often in a window
 _SAMPLES = 3
@@ -32,6 +28,8 @@ _SAMPLES = 3
 _TOLERANCE, _FRAMES = 0.02, 0.6
 # contacts from this number on are one group
 _MANY = 3
+# a ball slower than this comes to rest soon [sqrt(g r)]
+_STILL = 0.3
 # start and end of a window are met to this [s]: stamps have seven digits or fewer
 _SAME = 1e-6
 
@@ -83,8 +81,10 @@ class Outcome:
         lead: Time from the start to the sample compared [s].
         error: Distance of the forecast from the sample [m]; infinite where it diverged.
         contacts: Number of contacts in between that the track shows.
+        held: Whether a hand, or something else that the scene has not, held it on the way.
         probability: Of the smallest region about the forecast that holds the sample; None: the
             estimate has no covariance.
+        crps: Continuous ranked probability score [m]; None: likewise.
     """
 
     track: str
@@ -94,7 +94,9 @@ class Outcome:
     lead: float
     error: float
     contacts: int
+    held: bool
     probability: float | None
+    crps: float | None = None
 
 
 def track_outcomes(
@@ -128,8 +130,11 @@ def track_outcomes(
         own = scene_of(scene, tuple(labels.index(label) for label in track.spheres))
         radii = own.per_sphere('radius', len(track.spheres))
         contacts = contacts_of(track, own, radii, found.noise)
+        hands = held_times(track, own, found.noise)
         for chosen in _windows(track, windows):
-            outcomes += _from_window(simulator, track, own, chosen, contacts, windows, found.noise)
+            outcomes += _from_window(
+                simulator, track, own, chosen, contacts, hands, windows, found.noise
+            )
         done()
     if not outcomes:
         longest = max((float(track.times[-1]) for track in found.tracks), default=0.0)
@@ -145,8 +150,9 @@ def report_of(outcomes: Sequence[Outcome], horizons: Sequence[float]) -> dict[st
     """Errors by horizon [s], and in each by the number of contacts.
 
     Returns:
-        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50` and
-        `coverage_90` (None without regions), and the same in `contacts` for '0', '1', '2', '3+'.
+        For each horizon: `n`, `time_s`, `mean_m`, `median_m`, `p90_m`, `coverage_50`,
+        `coverage_90` and `crps_m` (None without regions), and the same in `contacts` for '0', '1',
+        '2', '3+', and 'held' of those that were held on the way.
     """
     report: dict[str, Any] = {}
     for horizon in horizons:
@@ -154,8 +160,9 @@ def report_of(outcomes: Sequence[Outcome], horizons: Sequence[float]) -> dict[st
         if not own:
             continue
         groups: dict[str, list[Outcome]] = {}
-        for one in sorted(own, key=lambda one: one.contacts):
+        for one in sorted(own, key=lambda one: (one.held, one.contacts)):
             name = str(one.contacts) if one.contacts < _MANY else f'{_MANY}+'
+            name = 'held' if one.held else name
             groups.setdefault(name, []).append(one)
         by_contacts = {name: _numbers(group) for name, group in groups.items()}
         report[f'{horizon:g}'] = _numbers(own) | {'contacts': by_contacts}
@@ -175,6 +182,8 @@ def _numbers(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     for region in REGIONS:
         inside = float(np.mean(np.array(known) <= region)) if known else None
         numbers[f'coverage_{100 * region:.0f}'] = inside
+    scores = [one.crps for one in outcomes if one.crps is not None]
+    numbers['crps_m'] = float(np.mean(scores)) if scores else None
     return numbers
 
 
@@ -195,6 +204,7 @@ def _from_window(
     scene: Scene,
     frames: NDArray[np.int64],
     contacts: Sequence[Array],
+    hands: Sequence[Array],
     windows: Windows,
     noise: float,
 ) -> list[Outcome]:
@@ -206,9 +216,11 @@ def _from_window(
     compared = _compared(track, np.flatnonzero(counts >= _SAMPLES), start, windows.horizons)
     if not compared:
         return []
-    # others are in the way where they were last seen: of a ball at rest some trackers say nothing
-    seen = track.seen[: frames[-1] + 1].any(axis=0)
-    used = np.flatnonzero(seen)
+    # others are in the way where they came to rest: of a ball at rest some trackers say nothing
+    used = np.array(
+        [k for k, n in enumerate(counts) if n or _rests(track, k, int(frames[-1]), scene)],
+        dtype=np.int64,
+    )
     positions = track.positions[frames][:, used]
     turns = None if track.quaternions is None else track.quaternions[frames][:, used]
     for column, sphere in enumerate(used):
@@ -228,17 +240,13 @@ def _from_window(
             turns = np.concatenate([track.quaternions[earlier][:, used], turns])
     estimate = estimate_state(own, times, positions, turns, noise=noise)
     leads = np.unique([lead for _, _, lead, _ in compared])
-    forecast = forecast_at(
-        simulator, own, estimate, leads, samples=windows.samples, seed=windows.seed
-    )
+    forecast = simulator.forecast(own, estimate, leads, windows.samples, windows.seed)
     outcomes = []
     for sphere, horizon, lead, place in compared:
         step, column = int(np.searchsorted(leads, lead)), int(np.searchsorted(used, sphere))
         off = forecast.positions[step, column] - place
-        error, probability = float(np.linalg.norm(off)), None
-        if forecast.covariance is not None:
-            probability = _probability(off, forecast.covariance[step, column], noise)
-        between = contacts[sphere]
+        error, spread = float(np.linalg.norm(off)), forecast.covariance[step, column]
+        between, hand = contacts[sphere], hands[sphere]
         outcomes.append(
             Outcome(
                 track=track.name,
@@ -248,10 +256,23 @@ def _from_window(
                 lead=lead,
                 error=error if np.isfinite(error) else float('inf'),
                 contacts=int(((between > start) & (between < start + lead)).sum()),
-                probability=probability,
+                held=bool(((hand >= start) & (hand <= start + lead)).any()),
+                probability=region_probability(off, spread, noise) if windows.samples else None,
+                crps=crps(off, spread, noise) if windows.samples else None,
             )
         )
     return outcomes
+
+
+def _rests(track: Track, sphere: int, last: int, scene: Scene) -> bool:
+    """Whether a sphere was seen up to a frame, and hardly moved when it was seen last."""
+    seen = np.flatnonzero(track.seen[: last + 1, sphere])[-_SAMPLES:]
+    if not len(seen):
+        return False
+    way = np.linalg.norm(track.positions[seen[-1], sphere] - track.positions[seen[0], sphere])
+    radius = float(np.mean(scene.radius))
+    still = _STILL * np.sqrt(radius * (np.linalg.norm(scene.gravity) or 9.81))
+    return bool(way <= still * (track.times[seen[-1]] - track.times[seen[0]]))
 
 
 def _compared(
@@ -268,15 +289,3 @@ def _compared(
             if abs(lead - horizon) <= max(_TOLERANCE * horizon, frame):
                 found.append((sphere, horizon, lead, places[nearest]))
     return found
-
-
-def _probability(off: Array, covariance: Array, noise: float) -> float | None:
-    """Probability of the region of a normal distribution that a sample is on the edge of.
-
-    It is chi-squared with three degrees of freedom of off^T (C + s^2)^-1 off, with C of the
-    forecast and s the noise of the sample.
-    """
-    total = covariance + np.eye(3) * max(noise, 1e-9) ** 2
-    if not (np.isfinite(total).all() and np.isfinite(off).all()):
-        return None
-    return float(chi2.cdf(off @ np.linalg.solve(total, off), 3))

@@ -20,9 +20,10 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
 from rigid_gns_core.forecasts import horizon
 from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.horizon import compute, Future, Horizon, Job, steps_of
+from rigid_gns_core.forecasts.horizon import compute, Future, Horizon, Job
 from rigid_gns_core.messages.trajectories import decode_trajectory, FutureFrame
 from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.rollout.rollout import steps_of
 from rigid_gns_core.rollout.stepper import Stepper
 from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.state import State

@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a node says of how sure a future is: deviations, branches, and crossings of planes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import json
+from typing import Any
+
+import numpy as np
+
+from ..messages.covariances import encode_pose_with_covariance, encode_twist_with_covariance
+from ..messages.trajectories import encode_trajectory
+from ..rollout.crossing import Branch, Crossing
+from ..rollout.forecast import Estimate, Forecast
+from ..rollout.simulator import Simulator
+from ..scenes.plane import Plane
+from ..scenes.scene import Scene
+from ..scenes.state import Array
+
+LIKELY = 0.5
+"""Probability from which on a sphere is said to cross."""
+# branches less likely than this are not told
+_LEAST = 0.02
+
+
+@dataclass(frozen=True)
+class SpreadJob:
+    """What the spread of a future is computed from.
+
+    Args:
+        simulator: Model.
+        scene: Surfaces and spheres.
+        estimate: State at the start, with its covariance.
+        samples: Number of states drawn; 0: the state alone.
+        planes: Planes of interest by name.
+        ids: Id of each sphere.
+        stamp_ns: Stamp of the start [ns].
+        frame_id: Coordinate frame.
+    """
+
+    simulator: Simulator
+    scene: Scene
+    estimate: Estimate
+    samples: int
+    planes: Mapping[str, Plane]
+    ids: Sequence[int]
+    stamp_ns: int
+    frame_id: str
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How sure a future is; messages as CDR bytes.
+
+    Args:
+        deviations: trajectory_msgs/MultiDOFJointTrajectory, see docs/node.md; None: no samples.
+        crossings: geometry_msgs/PoseWithCovarianceStamped and TwistWithCovarianceStamped of each
+            sphere that will cross a plane.
+        told: Content of ~/crossings; None: no planes.
+        branches: Content of ~/branches; None: no samples.
+        covariance: Of the positions [m^2], shape (points, n, 3, 3); None: no samples.
+        paths: Mean centres in the branches of each sphere [m], shape (points, 3) each, and their
+            probabilities, of spheres that have several.
+    """
+
+    deviations: bytes | None
+    crossings: tuple[tuple[bytes, bytes], ...]
+    told: dict[str, Any] | None
+    branches: dict[str, Any] | None
+    covariance: Array | None
+    paths: tuple[tuple[Array, float], ...]
+
+
+def spread_of_future(job: SpreadJob, points: int, dt: float, seed: int = 0) -> Spread:
+    """Spread of a future of so many points, `dt` [s] apart; the first is the start."""
+    times: Array = dt * np.arange(points, dtype=np.float64)
+    start = job.estimate if job.samples else job.estimate.state
+    forecast = job.simulator.forecast(job.scene, start, times, job.samples, seed)
+    crossings: list[tuple[bytes, bytes]] = []
+    told: dict[str, Any] = {}
+    for name, plane in job.planes.items():
+        found = forecast.crossing(plane)
+        shares = found.probability.tolist()
+        told[name] = [_told(job, found, k) for k, share in enumerate(shares) if share > 0.0]
+        likely = [k for k, share in enumerate(shares) if share >= LIKELY]
+        crossings += [_messages(job, found, k) for k in likely]
+    head = {'stamp_ns': job.stamp_ns, 'horizon': float(times[-1])}
+    if not job.samples:
+        planes = {**head, 'planes': told} if job.planes else None
+        return Spread(None, tuple(crossings), planes, None, None, ())
+    branches = [forecast.branches(k) for k in range(len(job.ids))]
+    split = [
+        [branch for branch in own if branch.probability >= _LEAST] if len(own) > 1 else []
+        for own in branches
+    ]
+    spheres = [
+        {
+            'sphere': int(sphere),
+            'branches': [
+                {
+                    'probability': branch.probability,
+                    'touched': list(branch.touched),
+                    'end': _numbers(branch.positions[-1]),
+                    'end_deviation': _numbers(np.sqrt(np.diagonal(branch.covariance[-1]))),
+                }
+                for branch in own
+            ],
+        }
+        for sphere, own in zip(job.ids, split, strict=True)
+        if own
+    ]
+    return Spread(
+        _deviations(job, forecast, times),
+        tuple(crossings),
+        {**head, 'planes': told} if job.planes else None,
+        {**head, 'spheres': spheres},
+        forecast.covariance,
+        tuple((branch.positions, branch.probability) for own in split for branch in own),
+    )
+
+
+def _deviations(job: SpreadJob, forecast: Forecast, times: Array) -> bytes:
+    """Message of deviations and correlations of positions, and deviations of velocities."""
+    variances = np.diagonal(forecast.covariance, axis1=2, axis2=3)
+    deviations = np.sqrt(variances)
+    pairs = deviations[..., [0, 0, 1]] * deviations[..., [1, 2, 2]]
+    correlations = forecast.covariance[..., [0, 0, 1], [1, 2, 2]] / np.maximum(pairs, 1e-300)
+    of_velocity = forecast.paths.velocities[:, : len(times)].std(axis=0, ddof=1)
+    unit = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*deviations.shape[:2], 4))
+    return encode_trajectory(
+        job.stamp_ns,
+        job.frame_id,
+        [f'sphere_{sphere}' for sphere in job.ids],
+        [round(time * 1e9) for time in times.tolist()],
+        np.concatenate([deviations, unit], axis=2),
+        np.concatenate([of_velocity, correlations], axis=2),
+    )
+
+
+def _messages(job: SpreadJob, found: Crossing, k: int) -> tuple[bytes, bytes]:
+    stamp = job.stamp_ns + round(float(found.time[k]) * 1e9)
+    place, speed = found.position_covariance[k], found.velocity_covariance[k]
+    return (
+        encode_pose_with_covariance(stamp, job.frame_id, found.position[k], place),
+        encode_twist_with_covariance(stamp, job.frame_id, found.velocity[k], speed),
+    )
+
+
+def _told(job: SpreadJob, found: Crossing, k: int) -> dict[str, Any]:
+    time = float(found.time[k])
+    return {
+        'sphere': int(job.ids[k]),
+        'probability': float(found.probability[k]),
+        'stamp_ns': job.stamp_ns + round(time * 1e9),
+        'time': time,
+        'time_deviation': float(np.sqrt(found.time_variance[k])),
+        'position': _numbers(found.position[k]),
+        'position_deviation': _numbers(np.sqrt(np.diagonal(found.position_covariance[k]))),
+        'velocity': _numbers(found.velocity[k]),
+        'velocity_deviation': _numbers(np.sqrt(np.diagonal(found.velocity_covariance[k]))),
+        'branches': [_branch(one) for one in found.branches[k] if one.probability >= _LEAST],
+    }
+
+
+def _branch(branch: Branch) -> dict[str, Any]:
+    return {
+        'probability': branch.probability,
+        'touched': list(branch.touched),
+        'time': branch.time,
+        'position': _numbers(branch.position),
+        'velocity': _numbers(branch.velocity),
+    }
+
+
+def _numbers(values: Array) -> list[float]:
+    return [float(value) for value in values]
+
+
+def text_of(content: Mapping[str, Any]) -> str:
+    """Text of ~/crossings and ~/branches; null where a number is not known."""
+    try:
+        return json.dumps(content, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(content))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _finite(one) for key, one in value.items()}
+    return [_finite(one) for one in value] if isinstance(value, list) else value

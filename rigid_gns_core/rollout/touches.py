@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What spheres touch in rollouts, and when: it tells the branches of a future apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .paths import Paths, value
+from ..scenes.plane import closest_points
+from ..scenes.scene import Scene
+from ..scenes.state import Array
+
+# a blow is of a surface that is within this of touching [radii], and pushes within this angle of
+# the way to the sphere; else another sphere gave it
+_NEAR, _COSINE = 0.25, 0.3
+# blows of one thing in steps that follow each other are one touch: it settles
+_APART = 2.5
+
+Touches = list[tuple[float, str]]
+
+
+def touches_of(paths: Paths, scene: Scene, sphere: int) -> list[Touches]:
+    """Time [s] and name of what a sphere touched, in each rollout; see `Branch.touched`."""
+    found: list[Touches] = [[] for _ in range(len(paths.positions))]
+    sample, step = np.nonzero(paths.struck[:, :, sphere])
+    if not len(sample):
+        return found
+    where = (sample, step, np.full(len(sample), sphere))
+    pieces = paths.pieces(where)
+    places = value(pieces.coefficients[:, 0], pieces.split)
+    radius = float(scene.per_sphere('radius', paths.positions.shape[2])[sphere])
+    times = step * paths.dt + pieces.split
+    names = _names(scene, times, places, paths.blows[where], radius)
+    for row, time, name in zip(sample.tolist(), times.tolist(), names, strict=True):
+        own = found[row]
+        if own and own[-1][1] == name and time - own[-1][0] < _APART * paths.dt:
+            continue
+        own.append((time, name))
+    return found
+
+
+def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: float) -> list[str]:
+    """Name of what each blow at a centre [m], shape (m, 3), came from."""
+    surfaces = scene.surfaces
+    if not surfaces:
+        return ['sphere'] * len(places)
+    gaps = np.empty((len(places), len(surfaces)))
+    out = np.empty(gaps.shape, dtype=np.bool_)
+    for k, plane in enumerate(surfaces):
+        # where the plane was at the start
+        back = Rotation.from_rotvec(-times[:, None] * plane.angular_velocity)
+        arms = places - plane.point - times[:, None] * plane.velocity
+        centres, push = plane.point + back.apply(arms), back.apply(blows)
+        ways = centres - closest_points((plane,), centres)[0][:, 0]
+        lengths = np.linalg.norm(ways, axis=1)
+        cosines = (ways * push).sum(axis=1)
+        cosines /= np.maximum(lengths * np.linalg.norm(push, axis=1), 1e-300)
+        gaps[:, k] = np.where(cosines > _COSINE, np.abs(lengths - radius), np.inf)
+        along = (centres - plane.point) @ plane.axes[:2].T
+        out[:, k] = (np.abs(along) > plane.half_lengths).any(axis=1)
+    nearest = gaps.argmin(axis=1)
+    rows = np.arange(len(places))
+    met, beyond = gaps[rows, nearest] <= _NEAR * radius, out[rows, nearest]
+    return [
+        (f'edge of surface {k}' if past else f'surface {k}') if touch else 'sphere'
+        for k, touch, past in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
+    ]
