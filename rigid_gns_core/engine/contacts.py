@@ -10,15 +10,17 @@ from typing import NamedTuple
 
 from .broad_phase import Candidates, PAD
 from .flight import Paths, position_on_path
-from .impact import impact_of_spheres, impact_with_plane, straight_meeting
+from .impact import impact_with_plane
 from .impacts import (
     ACCELERATION,
     APPROACH_SPEED,
     CROSSING_TIME,
+    drop_doubles,
     find_impacts_of_spheres,
     GAP,
     Impacts,
     NORMAL_TIME,
+    PARALLEL,
     REST_GAP,
     SPECULATIVE_GAP,
     TIME,
@@ -30,6 +32,7 @@ from .impacts import (
 from .plane_motion import in_world, moves, path_on_plane
 from .rectangle import first_touch_of_spheres, is_over_face
 from .shielding import is_shielded, offset_from_plane
+from .sphere_impact import impact_of_spheres, straight_meeting
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.lanes import WIDTH
@@ -39,8 +42,6 @@ from ..scenes.state import Array
 
 # most planes in a row to which a contact is handed on within a substep
 _HANDS = 4
-# sine of the angle up to which two planes are one
-_PARALLEL = 1e-7
 
 
 class Contacts(NamedTuple):
@@ -104,7 +105,7 @@ def find_impacts(
         for k in pairs:
             if impacts.found[k] and impacts.edge[k]:
                 _shield(world, paths, candidates, k, h, lookback, impacts)
-    _drop_doubles(candidates, pairs, impacts)
+    drop_doubles(candidates, pairs, impacts)
 
 
 @in_place
@@ -272,30 +273,6 @@ def _is_ghost(world: World, candidates: Candidates, k: int, centre: Vector) -> b
 
 
 @in_place
-def _drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) -> None:
-    """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
-    impacts = impacts_out
-    for k in pairs:
-        if not impacts.found[k] or candidates.plane[k] < 0:
-            continue
-        q = k - 1
-        while q >= 0 and candidates.a[q] == candidates.a[k] and candidates.plane[q] >= 0:
-            if impacts.found[q] and _is_parallel(impacts, q, k):
-                farther = impacts.values[GAP, q] > impacts.values[GAP, k] + _PARALLEL
-                impacts.found[q if farther else k] = False
-                if not farther:
-                    break
-            q -= 1
-
-
-@in_place
-def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
-    v = impacts.values
-    cosine = v[X, q] * v[X, k] + v[Y, q] * v[Y, k] + v[Z, q] * v[Z, k]
-    return cosine > 1.0 - _PARALLEL**2
-
-
-@in_place
 def _continues(world: World, paths: Paths, candidates: Candidates, k: int, h: float) -> bool:
     """Whether the plane of a contact goes on in another one where the sphere leaves it."""
     a = candidates.a[k]
@@ -308,7 +285,7 @@ def _continues(world: World, paths: Paths, candidates: Candidates, k: int, h: fl
     if other < 0:
         return False
     normals = row(world.axes[candidates.plane[k]], 2), row(world.axes[candidates.plane[other]], 2)
-    return length(cross(normals[0], normals[1])) < _PARALLEL
+    return length(cross(normals[0], normals[1])) < PARALLEL
 
 
 @in_place

@@ -12,21 +12,24 @@ import numpy as np
 
 from .broad_phase import Candidates, PAD
 from .flight import Paths
-from .impact import impact_of_spheres, straight_meeting
+from .sphere_impact import impact_of_spheres, straight_meeting
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.lanes import bits, columns_of, skip_lines, store, WIDTH
-from ..kernels.neighbours import Flags
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import dot, minus
 from ..scenes.state import Array
+
+# sine of the angle up to which two planes are one
+PARALLEL = 1e-7
 
 
 class Impacts(NamedTuple):
     """Impacts of all candidates, shape (m,) and (12, m).
 
     values: those of `Impact`, by the columns below; flat: the same, shape (12 m,); rows: paths of
-    the spheres, see `find_impacts_of_spheres`, shape (8 n,); surface_velocity: of planes that move,
-    at the contact, shape (m, 3), or (0, 3) where none does.
+    the spheres, see `find_impacts_of_spheres`, shape (8 n,); surface_velocity: of planes that
+    move, at the contact, shape (m, 3), or (0, 3) where none does.
     """
 
     found: Flags
@@ -151,3 +154,27 @@ def find_impacts_of_spheres(
         store(flat, ACCELERATION * size + place, impact.acceleration)
         store(flat, TURNING_SPEED * size + place, impact.turning_speed)
         store(flat, REST_GAP * size + place, impact.rest_gap)
+
+
+@in_place
+def drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) -> None:
+    """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
+    impacts = impacts_out
+    for k in pairs:
+        if not impacts.found[k] or candidates.plane[k] < 0:
+            continue
+        q = k - 1
+        while q >= 0 and candidates.a[q] == candidates.a[k] and candidates.plane[q] >= 0:
+            if impacts.found[q] and _is_parallel(impacts, q, k):
+                farther = impacts.values[GAP, q] > impacts.values[GAP, k] + PARALLEL
+                impacts.found[q if farther else k] = False
+                if not farther:
+                    break
+            q -= 1
+
+
+@in_place
+def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
+    v = impacts.values
+    cosine = v[X, q] * v[X, k] + v[Y, q] * v[Y, k] + v[Z, q] * v[Z, k]
+    return cosine > 1.0 - PARALLEL**2

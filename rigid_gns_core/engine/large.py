@@ -21,11 +21,11 @@ from .splitting import split_large
 from .world import UNIT_GRAVITY, World
 from ..kernels.jit import in_place
 from ..kernels.lanes import columns_of, load, same, store, WIDTH
-from ..kernels.neighbours import Indices
 from ..scenes.state import Array
 
 # islands whose last iteration changed a contact by more than this [g h] have not converged, as
-# after a blow; they get at most so many more, around bodies whose contacts change by more than that
+# after a blow; they get at most so many more, around bodies whose contacts change by more than
+# that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
 # bodies are split anew in the first iterations, and then in every so many
 _FIRST, _EVERY = 3, 4

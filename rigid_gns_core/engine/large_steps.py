@@ -182,7 +182,7 @@ def rub(blocks_out: Blocks, q: int, pairs: int, curved: bool) -> None:
 def _step_rolling(
     v: Array, at: int, velocity: LaneVector, spin: LaneVector, sticks: Mask, curved: bool
 ) -> LaneVector:
-    """Step the angular impulses of rolling friction, see `steps.step_rolling`; returns the step."""
+    """Step the angular impulses of rolling friction, see `steps`; returns the step."""
     normal, old, force = vector_at(v, at + NX), vector_at(v, at + QX), load(v, at + NORMAL)
     resists = load(v, at + ROLL) > 0.0
     about = times(load(v, at + INERTIA), spin)

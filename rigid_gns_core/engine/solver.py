@@ -4,8 +4,8 @@
 """Impulses of all contacts of a substep, island by island.
 
 Each iteration compares every contact with its law under its coupling to the others (residual).
-The normal impulses of few contacts are then found exactly (`direct.py`); those of many (`large.py`)
-take the step that would satisfy the law if bodies were split as the contacts couple:
+The normal impulses of few contacts are then found exactly (`direct.py`); those of many
+(`large.py`) take the step that would satisfy the law if bodies were split as contacts couple:
 
     d lambda = momentum (lambda - lambda_before) + residual / (s_a / m_a + s_b / m_b).
 

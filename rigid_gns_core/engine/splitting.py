@@ -12,10 +12,10 @@ With n_k the normal into the body, c = n_k . n_l, l the arm, w the weight of a c
 
 The sum for friction is that of all |C_kl| over C_kk (Gershgorin): l_k l_l / I >= 1 / m for a ball,
 so that no term is negative, and that bound is the larger one of `couplings`. That for normals is
-of c^2, not of |c|: steps D^-1, D_kk = split_k / m, may pass the solution, but do not diverge, since
-the largest eigenvalue of D^-1 A, that of the sum of w n n^T / (n . T n), stays below 2: at most
-(1 + sqrt(3)) / 2 in a search over directions and weights. Contacts at right angles do not damp each
-other, those in line halve each other.
+of c^2, not of |c|: steps D^-1, D_kk = split_k / m, may pass the solution, but do not diverge,
+since the largest eigenvalue of D^-1 A, that of the sum of w n n^T / (n . T n), stays below 2: at
+most (1 + sqrt(3)) / 2 in a search over directions and weights. Contacts at right angles do not
+damp each other, those in line halve each other.
 """
 
 from __future__ import annotations
@@ -32,8 +32,6 @@ from .blocks import (
     STEP,
     STRENGTH,
     STRIDE,
-    TURN,
-    UNIT,
 )
 from .large_law import vector_at
 from ..kernels.jit import in_place
@@ -51,7 +49,6 @@ from ..kernels.lanes import (
 )
 from ..kernels.neighbours import Indices
 from ..kernels.vector import dot
-from ..scenes.state import Array
 
 # largest momentum, the share of a step that the next one repeats: halves the iterations of piles
 LARGEST_MOMENTUM = 0.5

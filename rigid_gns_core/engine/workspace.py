@@ -34,7 +34,8 @@ from ..scenes.state import Array
 class Workspace(NamedTuple):
     """Scratch for n spheres with m candidates.
 
-    Of a step: impacts, order, contacts, law, bodies, impulses, start, state, couplings, blocks, pivots,
+    Of a step: impacts, order, contacts, law, bodies, impulses, start, state, couplings, blocks,
+    pivots,
     overlaps, cuts; path, mean: accelerations in air, shape (n, 3); positions: before the step,
     shape (n, 3).
 

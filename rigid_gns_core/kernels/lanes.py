@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Eight numbers at once: a type of Numba that is a vector register, or several where they are short.
+"""Eight numbers at once: a type of Numba that is one vector register, or several short ones.
 
 LLVM does not vectorise loops that gather rows by index. So lanes are a type of their own, with
 arithmetic, comparison and choice; all else is built of these. No multiplication and addition is
@@ -28,6 +28,7 @@ Lanes = Any
 Mask = Any
 """Annotation of eight truth values."""
 
+_code: Any = intrinsic  # mypy takes the first argument, Numba's own, for one of the call
 _NUMBER, _INDEX, _SHUFFLE = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _NUMBERS, _FLAGS = ir.VectorType(_NUMBER, WIDTH), ir.VectorType(ir.IntType(1), WIDTH)
 _ROW = ir.VectorType(_NUMBER, 4)
@@ -127,13 +128,13 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
     return builder.gep(data, [place])
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def same(typing: Any, value: Any) -> Any:
     """Eight times the same number."""
     return LANES(types.float64), lambda context, builder, sig, args: _same(builder, args[0])
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def load(typing: Any, array: Any, place: Any) -> Any:
     """Eight numbers in a row of a contiguous array of one axis."""
 
@@ -144,7 +145,7 @@ def load(typing: Any, array: Any, place: Any) -> Any:
     return LANES(array, types.int64), emit
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def store(typing: Any, array: Any, place: Any, value: Any) -> Any:
     """Write eight numbers in a row of a contiguous array of one axis."""
 
@@ -164,7 +165,7 @@ def _widen(builder: Any, wide: bool, kinds: Any, values: Any) -> list[Any]:
     ]
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def choose(typing: Any, mask: Any, yes: Any, no: Any) -> Any:
     """Of each lane `yes` where the mask holds, else `no`; of numbers likewise."""
     wide = mask == MASK
@@ -188,19 +189,19 @@ def _extreme(a: Any, b: Any, comparison: str) -> Any:
     return (LANES if wide else types.float64)(*kinds), emit
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def larger(typing: Any, a: Any, b: Any) -> Any:
     """The larger number of each lane, or of two numbers; the second where they are equal."""
     return _extreme(a, b, '>')
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def smaller(typing: Any, a: Any, b: Any) -> Any:
     """The smaller number of each lane, or of two numbers; the second where they are equal."""
     return _extreme(a, b, '<')
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def bits(typing: Any, mask: Any) -> Any:
     """The mask as a number, lane l in bit l."""
 
@@ -233,7 +234,7 @@ _EVEN, _ODD = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
 _FIRST, _SECOND = [0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def columns_of(typing: Any, array: Any, half: Any, indices: Any, place: Any) -> Any:
     """Four lanes: columns of the rows that eight indices name.
 
@@ -262,7 +263,7 @@ def columns_of(typing: Any, array: Any, half: Any, indices: Any, place: Any) -> 
     return types.UniTuple(LANES, 4)(array, types.int64, indices, types.int64), emit
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def add_to_rows(typing: Any, array: Any, half: Any, indices: Any, place: Any, columns: Any) -> Any:
     """Add four lanes, as columns, to the rows that eight indices name, one after the other.
 
@@ -291,7 +292,7 @@ def add_to_rows(typing: Any, array: Any, half: Any, indices: Any, place: Any, co
     return types.void(array, types.int64, indices, types.int64, columns), emit
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def gather(typing: Any, array: Any, indices: Any, place: Any) -> Any:
     """The numbers of an array that eight indices name."""
 
@@ -306,7 +307,7 @@ def gather(typing: Any, array: Any, indices: Any, place: Any) -> Any:
     return LANES(array, indices, types.int64), emit
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_code  # type: ignore[untyped-decorator]
 def skip_lines(typing: Any, array: Any) -> Any:
     """Numbers to skip in an array, so that no eight cross a line of the cache."""
 

@@ -28,7 +28,8 @@ def arithmetic(a, b, out):
     results = (
         x + y, x - y, x * y, x / y, -x, math.sqrt(x * x), larger(x, y), smaller(x, y),
         choose((x < y) & ~(x <= 0.0), x, y), choose((x > 1.0) | (y >= 1.0), x, same(7.0)),
-        2.0 * x, x * 2.0, 1.0 / x, x - 1.0, dot((x, y, x), (y, y, x)), cross((x, y, x), (y, y, x))[1],
+        2.0 * x, x * 2.0, 1.0 / x, x - 1.0, dot((x, y, x), (y, y, x)),
+        cross((x, y, x), (y, y, x))[1],
     )  # fmt: skip
     for i in range(len(results)):
         store(out, 8 * i, results[i])
