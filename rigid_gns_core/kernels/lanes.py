@@ -48,13 +48,13 @@ LANES, MASK = LanesType('Lanes'), MaskType('Mask')
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, dmm: Any, fe_type: Any) -> None:
-        super().__init__(dmm, fe_type, _NUMBERS)
+        super().__init__(dmm, fe_type, _NUMBERS)  # type: ignore[no-untyped-call]
 
 
 @register_model(MaskType)
 class _MaskModel(models.PrimitiveModel):
     def __init__(self, dmm: Any, fe_type: Any) -> None:
-        super().__init__(dmm, fe_type, _FLAGS)
+        super().__init__(dmm, fe_type, _FLAGS)  # type: ignore[no-untyped-call]
 
 
 def _same(builder: Any, value: Any) -> Any:
