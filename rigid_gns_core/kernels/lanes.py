@@ -211,6 +211,16 @@ def bits(typing: Any, mask: Any) -> Any:
     return types.int64(MASK), emit
 
 
+@_code  # type: ignore[untyped-decorator]
+def lowest_bit(typing: Any, mask: Any) -> Any:
+    """Place of the lowest bit of a number that is not 0."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), emit
+
+
 def _index(context: Any, builder: Any, kind: Any, array: Any, place: Any, lane: int) -> Any:
     """Index that a lane has in a contiguous array of them."""
     there = builder.add(place, ir.Constant(_INDEX, lane))
