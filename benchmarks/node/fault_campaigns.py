@@ -78,7 +78,7 @@ def run(fault: str, seed: int, folder: Path) -> dict[str, Any]:
     (folder / 'scene.yaml').write_text(yaml.safe_dump(SCENE), encoding='utf-8')
     if fault == 'read-only home':
         environment |= {'HOME': NOWHERE, 'XDG_CACHE_HOME': NOWHERE, 'NUMBA_CACHE_DIR': NOWHERE}
-        environment |= {'ROS_LOG_DIR': NOWHERE, 'PYTHONDONTWRITEBYTECODE': '1'}
+        environment |= {'PYTHONDONTWRITEBYTECODE': '1'}  # ROS itself needs a folder for its log
     node = Simulator('simulator_node', folder, parameters, environment)
     try:
         # a node on simulated time has none yet, and is ready all the same

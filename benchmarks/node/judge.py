@@ -173,8 +173,13 @@ def said(log: str) -> tuple[str, ...]:
     """Beginnings of warnings, errors and lines on the clock, each once, without numbers."""
     kinds = r'^\[(?:WARN|ERROR|FATAL)\][^:]*: (.*)$|^\[INFO\][^:]*: (the clock went .*)$'
     lines = [one or other for one, other in re.findall(kinds, log, re.MULTILINE)]
-    short = [re.sub(r'[-+]?\d[\d.e+-]*', 'N', line)[:90] for line in lines]
-    return tuple(dict.fromkeys(short))
+    return tuple(dict.fromkeys(map(shortened, lines)))
+
+
+def shortened(line: str) -> str:
+    """A line to its first comma, without numbers and paths."""
+    plain = re.sub(r'[-+]?\d[\d.e+-]*', 'N', re.sub(r'/\S+', 'PATH', line))
+    return re.split(r'[;,]| \(|: N| so far', plain)[0][:90].strip()
 
 
 def summary(verdicts: list[dict[str, Any]]) -> dict[str, Any]:

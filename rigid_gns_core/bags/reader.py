@@ -114,7 +114,9 @@ def read_bag(path: str | Path) -> Bag:
         topics[name] = Topic(name, found.type_name, times[order], messages, indices)
     expected = information.get('message_count')
     if expected is not None and count != expected:
-        warnings.append(f'{path}: metadata.yaml counts {expected} messages, {count} were read')
+        warnings.append(
+            f'{path}: metadata.yaml counts {shown(expected)} messages, {count} were read'
+        )
     return Bag(path, topics, tuple(warnings))
 
 
@@ -156,14 +158,15 @@ def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]
     try:
         text = metadata.read_text('utf-8')
         information = parse_yaml(text)['rosbag2_bagfile_information']
-        names = [str(name) for name in information['relative_file_paths']]
-        storage = information['storage_identifier']
+        names, storage = information['relative_file_paths'], information['storage_identifier']
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f'relative_file_paths is {shown(names)}, expected names of files')
     except (ValueError, KeyError, TypeError) as error:
         raise BagError(f'{metadata}: not the metadata of a bag: {shown(error)}') from error
     if not storage:  # `ros2 bag reindex` leaves it empty
         storage = 'sqlite3' if any('.db3' in name for name in names) else 'mcap'
     if storage != 'mcap':
-        raise BagError(f'{path}: stored as {storage}, expected mcap; {SQLITE_REMEDY}')
+        raise BagError(f'{path}: stored as {shown(storage)}, expected mcap; {SQLITE_REMEDY}')
     files = [path / name for name in names]
     for file in [file for file in files if not file.is_file()]:
         warnings.append(f'{file}: named in metadata.yaml, but missing')
@@ -180,7 +183,8 @@ def _natural(path: Path) -> list[int | str]:
 
 def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
     """Decompressor of messages recorded with `ros2 bag record --compression-mode message`."""
-    if str(information.get('compression_mode', '')).lower() != 'message':
+    mode = information.get('compression_mode', '')
+    if not isinstance(mode, str) or mode.lower() != 'message':
         return lambda data: data
     return zstd_decompress
 
@@ -191,8 +195,11 @@ def _declared_types(information: dict[str, Any]) -> dict[str, str]:
     listed = information.get('topics_with_message_count')
     for entry in listed if isinstance(listed, list) else ():
         topic = entry.get('topic_metadata') if isinstance(entry, dict) else None
-        if isinstance(topic, dict) and topic.get('name') and topic.get('type'):
-            types[str(topic['name'])] = str(topic['type'])
+        name, kind = (
+            (topic.get('name'), topic.get('type')) if isinstance(topic, dict) else ('', '')
+        )
+        if isinstance(name, str) and isinstance(kind, str) and name and kind:
+            types[name] = kind
     return types
 
 

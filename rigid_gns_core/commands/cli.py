@@ -59,6 +59,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.experiment',
         "the thesis' experiments: train variants, score them, tables and figures",
     ),
+    'worlds': (
+        'rigid_gns_core.commands.worlds',
+        'teach a residual network worlds that the laws do not know',
+    ),
     'closed-forms': (
         'rigid_gns_core.commands.closed_forms',
         'check the teacher, or a model, against closed forms',

@@ -24,6 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', required=True, type=Path, help='folder of the run; an existing run is resumed'
     )
+    scene = parser.add_argument(
+        '--scene',
+        metavar='NAME|FILE',
+        help='scene of all records instead of their own, such as the one that calibrate fitted',
+    )
+    completes(scene, configs('scenes'))
     start = parser.add_argument(
         '--from', dest='start', metavar='MODEL', help='weights to start from: a name or a path'
     )
@@ -42,7 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'examples:\n'
         '  rigid-gns train --config gns --data data/gns --validation data/gns_validation '
         '--out runs/gns\n'
-        '  rigid-gns evaluate --model runs/gns/best --data data/gns_test'
+        '  rigid-gns evaluate --model runs/gns/best --data data/gns_test\n'
+        '  rigid-gns train --config residual --data data/lab --scene lab.yaml --out runs/lab'
     )
 
 

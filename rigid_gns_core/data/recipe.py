@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..errors import shown
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 from ..scenes.sampling import sample_start
 from ..scenes.scene import Plane, Scene
@@ -186,7 +187,13 @@ def load_recipe(name: str | Path) -> DataRecipe:
     path = find_config('data', name)
     mapping, seen = load_yaml(path), [path.resolve()]
     while 'base' in mapping:
-        base = find_config('data', str(mapping.pop('base')))
+        name = mapping.pop('base')
+        if not isinstance(name, str):  # as text it may be of any size
+            raise ConfigError(f'{path}: base is {shown(name)}, expected a name')
+        try:
+            base = find_config('data', name)
+        except ConfigError as error:
+            raise ConfigError(f'{path}: base: {error}') from error
         if base.resolve() in seen:
             raise ConfigError(f'{path}: base leads back to {base}; remove one of the two')
         seen.append(base.resolve())

@@ -79,7 +79,7 @@ def _rigid_motion(world: World, spheres: Spheres, members: Indices) -> _RigidMot
 
 
 @in_place
-def _energy(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
+def energy_of(world: World, spheres: Spheres, i: int) -> tuple[float, float]:
     """Kinetic and potential energy of a sphere."""
     v, w = row(spheres.velocities, i), row(spheres.angular_velocities, i)
     mass, inertia = 1.0 / world.inverse_mass[i], 1.0 / world.inverse_inertia[i]
@@ -120,6 +120,20 @@ def limit_energy(
     Returns:
         Number of islands that were limited, and the energy taken from them.
     """
+    nothing = np.zeros(len(after_out.positions))
+    return limit_energy_beyond(world, before, islands, dt, nothing, after_out)
+
+
+@compiled
+def limit_energy_beyond(
+    world: World,
+    before: Spheres,
+    islands: Islands,
+    dt: float,
+    allowance: Array,
+    after_out: Spheres,
+) -> tuple[int, float]:
+    """As `limit_energy`, with energy that each sphere may gain, shape (n,)."""
     groups, after = groups_of(islands), after_out
     acted, removed = 0, 0.0
     for island in range(len(groups.grounded)):
@@ -128,12 +142,12 @@ def limit_energy(
             _restore_momenta(world, before, members, dt, after)
         moving, gain, size = 0.0, 0.0, 0.0
         for i in members:
-            kinetic, potential = _energy(world, after, i)
-            kinetic_before, potential_before = _energy(world, before, i)
+            kinetic, potential = energy_of(world, after, i)
+            kinetic_before, potential_before = energy_of(world, before, i)
             moving += kinetic
             gain += kinetic + potential - kinetic_before - potential_before
             size += kinetic + kinetic_before + math.fabs(potential - potential_before)
-            gain -= islands.work[i]
+            gain -= islands.work[i] + allowance[i]
             if world.in_air:
                 gain -= _from_wind(world, before, after, i, dt)
         if gain <= _ROUNDING * size:

@@ -158,17 +158,7 @@ class EngineStepper(Stepper):
         if self.frames == 0:
             separate(self.world, self.dt, self.spheres.positions)
         states = Spheres(*(np.empty((steps, *values.shape)) for values in self.spheres))
-        done, self.warm_start, acted, removed = _advance(
-            world=self.world,
-            spheres=self.spheres,
-            dt=self.dt,
-            warm_start=self.warm_start,
-            settings=self.settings,
-            guards=self.guards,
-            sleeps=self.sleeps,
-            sleepers_out=self.sleepers,
-            frames_out=states,
-        )
+        done, self.warm_start, acted, removed = self._advance(states)
         self.frames += done
         self.acted += acted
         self.removed += removed
@@ -177,6 +167,20 @@ class EngineStepper(Stepper):
         diverged = done < steps
         return Advance(
             State.unchecked(*(values[:done] for values in states)), _DIVERGED if diverged else ''
+        )
+
+    def _advance(self, frames_out: Spheres) -> tuple[int, WarmStart, int, float]:
+        """Write frames; what is returned is that of the function `_advance`."""
+        return _advance(
+            world=self.world,
+            spheres=self.spheres,
+            dt=self.dt,
+            warm_start=self.warm_start,
+            settings=self.settings,
+            guards=self.guards,
+            sleeps=self.sleeps,
+            sleepers_out=self.sleepers,
+            frames_out=frames_out,
         )
 
 

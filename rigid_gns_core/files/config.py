@@ -150,7 +150,7 @@ def find_config(kind: str, name: str | Path) -> Path:
         return shipped
     names = ', '.join(sorted(file.stem for file in folder.glob('*.yaml'))) or 'none'
     raise ConfigError(
-        f'{kind}: no file and no shipped configuration {str(name)!r}; shipped: {names}'
+        f'{kind}: no file and no shipped configuration {shown(str(name))}; shipped: {names}'
     )
 
 

@@ -3,50 +3,50 @@
 
 """How wide the regions of forecasts must be to hold what left-out tracks did.
 
-The covariance of a forecast is spread C + (q t^3 / 3 + kappa^2 sum (u t_i)^2 + s^2) 1, with C of
-the estimate, t the time ahead, u the approach speeds of impacts and t_i the times since. `spread`,
-q and kappa are those for which regions of a normal distribution hold the parts that they should.
+The covariance of a forecast is S = spread C + (b^2 t^4 / 4 + kappa^2 sum (u t_i)^2 + s^2) 1, with
+C of the estimate, t the time ahead, u the approach speeds of impacts and t_i the times since. A
+law that is slightly wrong is wrong in the same way all along a path, so its error grows as that of
+an acceleration b. Errors have heavy tails: `spread`, b and kappa are the most probable ones where
+errors are of a Student distribution with `_FREEDOM` degrees,
+
+    -2 log L = sum log |S| + (_FREEDOM + 3) log(1 + e^T S^-1 e / _FREEDOM),
+
+each with a weak prior. Regions are told as of a normal distribution, so S is then scaled to where
+those of 50 and 90 % come nearest to holding these parts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.optimize import minimize, minimize_scalar
+from scipy.stats import chi2, f
 
 from .left_out import Forecast, HORIZONS
 from ..scenes.state import Array
 
 REGIONS = (0.5, 0.9)
-# values that are tried: factors of the covariance, q, kappa
-_SPREADS = np.geomspace(0.25, 16.0, 13)
-_DRIFTS = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 16)])
-_IMPACTS = (0.0, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.09, 0.13)
-_BOUNDS = tuple(float(chi2.ppf(region, 3)) for region in REGIONS)
-# a forecast beyond this distance met what cannot be foreseen, as a net; of all at most this part
-_FAR, _MOST_FAR = 30.0, 0.1
-# a group of forecasts counts as much as it could with so many more
-_FEW = 10
+_BOUNDS = chi2.ppf(REGIONS, 3)
+# degrees of freedom of the errors; a group of forecasts counts as much as it could with so many
+# more
+_FREEDOM, _FEW = 4.0, 10
+# priors: deviations of the logarithms of spread, b and kappa, and least kappa at their middle
+_WIDTHS, _LEAST_KICK = np.array([1.0, 0.75, 1.0]), 5e-3
 
 
 def fit_coverage(
     found: Sequence[Forecast], noise: Array
 ) -> tuple[tuple[float, float, float], dict[str, list[float]]]:
-    """Spread, q and kappa of forecasts, and the parts held by horizon.
-
-    First for the smaller region alone, of which the far ones cannot make a wide one; then for both
-    without those that are far out of it.
+    """Spread, b [m/s^2] and kappa of forecasts, and the parts held by horizon.
 
     Args:
         found: Forecasts of left-out tracks.
         noise: s, q, kappa of the fit.
 
     Returns:
-        `spread`, q, kappa; and for each horizon number of forecasts and the parts that the regions
-        hold, far ones with them.
+        `spread`, b, kappa; and for each horizon number of forecasts and the parts that the regions
+        hold.
     """
     values, axes = np.linalg.eigh(np.array([one.covariance for one in found]))
     values = np.maximum(values, 0.0)
@@ -54,29 +54,29 @@ def fit_coverage(
     leads = np.array([one.lead for one in found])
     kicks = np.array([one.kicks for one in found])
     horizons = np.array([one.horizon for one in found])
-    groups = 2 * np.searchsorted(HORIZONS, horizons) + np.array(
-        [one.contacts > 0 for one in found]
-    )
+    weights = _weights(horizons, np.array([one.contacts > 0 for one in found]))
 
-    def distances(spread: float, drift: float, impact: float) -> Array:
-        more = drift * leads**3 / 3.0 + impact**2 * kicks + noise[0] ** 2
-        total: Array = (squares / (spread * values + more[:, None])).sum(axis=1)
+    def variances(spread: float, off: float, impact: float) -> Array:
+        """Of each forecast along the axes of its covariance [m^2], shape (n, 3)."""
+        more = off**2 * leads**4 / 4.0 + impact**2 * kicks + noise[0] ** 2
+        total: Array = spread * values + more[:, None]
         return total
 
-    def search(taken: NDArray[np.int64], regions: int) -> tuple[float, float, float]:
-        best, least = (1.0, 0.0, 0.0), np.inf
-        for values_tried in product(_SPREADS, _DRIFTS, _IMPACTS):
-            cost = _cost(distances(*values_tried)[taken], groups[taken], regions)
-            if cost < least - 1e-9:  # of equals the narrowest
-                least, best = cost, values_tried
-        return best
+    # a drift of density q has the variance of b^2 = 2 q after a second or so
+    middle = np.log([1.0, np.sqrt(2.0 * max(noise[1], 1e-4)), max(noise[2], _LEAST_KICK)])
 
-    every = np.arange(len(found))
-    apart = distances(*search(every, 1))
-    limit = max(_FAR, float(np.quantile(apart, 1.0 - _MOST_FAR)))
-    best = search(every[apart <= limit], 2)
-    spread, drift, impact = (float(value) for value in best)
-    return (spread, drift, impact), parts_held(distances(*best), horizons)
+    def cost(point: Array) -> float:
+        own = variances(*np.exp(point))
+        far = np.log1p((squares / own).sum(axis=1) / _FREEDOM)
+        total = weights @ (np.log(own).sum(axis=1) + (_FREEDOM + 3.0) * far)
+        return float(total + (((point - middle) / _WIDTHS) ** 2).sum())
+
+    options = {'maxiter': 1000, 'xatol': 1e-3, 'fatol': 1e-3}
+    best = np.exp(minimize(cost, middle, method='Nelder-Mead', options=options).x)
+    scale = _as_normal()
+    spread, off, impact = (best * [scale, np.sqrt(scale), np.sqrt(scale)]).tolist()
+    apart = (squares / variances(spread, off, impact)).sum(axis=1)
+    return (spread, off, impact), parts_held(apart, horizons)
 
 
 def parts_held(distances: Array, horizons: Array) -> dict[str, list[float]]:
@@ -90,12 +90,19 @@ def parts_held(distances: Array, horizons: Array) -> dict[str, list[float]]:
     return held
 
 
-def _cost(distances: Array, groups: Array, regions: int) -> float:
-    cost = 0.0
-    for group in np.unique(groups):
-        own = distances[groups == group]
-        weight = len(own) / (len(own) + _FEW)
-        for region, bound in zip(REGIONS[:regions], _BOUNDS, strict=False):
-            held = np.count_nonzero(own <= bound) / len(own)
-            cost += weight * (held - region) ** 2
-    return float(cost)
+def _weights(horizons: Array, struck: Array) -> Array:
+    """Weight of each forecast: groups by horizon and contact count more alike, shape (n,)."""
+    groups = 2 * np.searchsorted(HORIZONS, horizons) + struck
+    _, index, counts = np.unique(groups, return_inverse=True, return_counts=True)
+    weights = 1.0 / (counts[index] + _FEW)
+    return np.asarray(weights * len(horizons) / weights.sum())
+
+
+def _as_normal() -> float:
+    """Factor of a Student distribution's S with which normal regions hold nearest their parts."""
+
+    def off(factor: float) -> float:
+        held = f.cdf(_BOUNDS * factor / 3.0, 3, _FREEDOM)
+        return float(((held - REGIONS) ** 2).sum())
+
+    return float(minimize_scalar(off, bounds=(0.5, 4.0), method='bounded').x)

@@ -15,8 +15,8 @@ from .joint_fit import Fitted
 from .parameters import Laws
 from .stretches import Stretch
 from ..scenes.state import Array
-from ..tracking.ball_estimate import MOST_CONTACTS
 from ..tracking.ball_path import path
+from ..tracking.ball_window import MOST_CONTACTS
 
 
 @dataclass(frozen=True)

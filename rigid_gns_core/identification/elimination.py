@@ -64,7 +64,7 @@ def eliminated(
         whole, side = np.zeros((9 + count, 9 + count)), np.zeros(9 + count)
         normal_equations(
             starts[k],
-            fit.moves,
+            fit.varied,
             one.times[0],
             one.times,
             one.positions,

@@ -21,10 +21,12 @@ from .elimination import eliminated, standard_errors
 from .parameters import Parameter
 from .problem import Problem
 from ..scenes.state import Array
-from ..tracking.ball_estimate import first_frames, first_guess, MOST_CONTACTS
+from ..tracking.ball_estimate import first_guess
 from ..tracking.ball_fit import fit_start
 from ..tracking.ball_model import BallModel
 from ..tracking.ball_path import path
+from ..tracking.ball_window import MOST_CONTACTS
+from ..tracking.start_guess import first_frames
 
 _MOST_DAMPING = 1e4
 # parts of a friction's start that are tried first
@@ -213,7 +215,7 @@ class JointFit(Problem):
             point,
             self.means[k],
             self.precisions[k],
-            self.moves,
+            self.varied,
             one.times[0],
             one.times,
             one.positions,

@@ -84,7 +84,7 @@ def _likelihood(fit: JointFit, values: dict[str, float], starts: Array) -> float
         matrix, vector, none = np.zeros((9, 9)), np.zeros(9), np.zeros((0, 1, 14))
         _, log = normal_equations(
             starts[k],
-            fit.moves,
+            fit.varied,
             one.times[0],
             one.times,
             one.positions,

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from .parameters import Laws
 from .stretches import Stretch
 from ..scenes.state import Array
-from ..tracking.ball_estimate import first_guess, MOVES, prior_of_start, WITHOUT_SPIN
+from ..tracking.ball_estimate import first_guess, prior_of_start
 from ..tracking.ball_model import BallModel
+from ..tracking.start_guess import ALL, WITHOUT_SPIN
 
 SpinPrior = Callable[[Stretch, Array], tuple[Array, Array]]
 
@@ -36,7 +37,7 @@ class Problem:
         self, laws: Laws, found: Sequence[Stretch], noise: Array, prior: SpinPrior | None
     ) -> None:
         self.laws, self.found, self.noise = laws, found, noise
-        self.moves = WITHOUT_SPIN if prior is None else MOVES
+        self.varied = WITHOUT_SPIN if prior is None else ALL
         self.guesses, self.means, self.precisions = [], [], []
         for one in found:
             model = self.model_of(one, laws.models)

@@ -15,9 +15,10 @@ from .parameters import Laws
 from .problem import SpinPrior
 from .stretches import Stretch
 from ..tracking.ball_contact import FREE
-from ..tracking.ball_estimate import MOST_CONTACTS
 from ..tracking.ball_path import path
-from ..tracking.start_prior import heading, StartPrior
+from ..tracking.ball_window import MOST_CONTACTS
+from ..tracking.spin_windows import heading
+from ..tracking.start_prior import StartPrior
 
 # a window begins every so often, and has so much of its stretch before it [s]
 _EVERY, _LEFT = 0.1, 0.1
@@ -56,7 +57,7 @@ def learned_prior(
             spin = state[6:].copy()
             if one.on != FREE:
                 spin -= np.cross(model.planes[one.on, 9:12], state[3:6]) / model.radius
-            turn = heading(state[3:6])
+            turn = heading(state[3], state[4])
             features.append(state[:6])
             spins.append(turn.T @ spin)
             covariances.append(turn.T @ fitted.spin_covariances[k] @ turn)

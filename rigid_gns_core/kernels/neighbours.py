@@ -156,7 +156,7 @@ def _with_room(pairs: Indices, size: int) -> Indices:
 
 @in_place
 def _append(awake: Flags, i: int, near: Indices, found: int, size: int, pairs_out: Indices) -> int:
-    """Append pairs of sphere i and those near it, unless both sleep; returns how many there are."""
+    """Append pairs of sphere i, unless both spheres sleep; returns how many pairs there are."""
     for k in range(found):
         j = near[k]
         if awake[i] or awake[j]:

@@ -144,6 +144,16 @@ class Reader:
         # a copy: aligned, writable, in native byte order, independent of the message
         return np.array(values, dtype=np.float64).reshape(count, width)
 
+    def raw(self, count: int, name: str) -> bytes:
+        """Read so many bytes."""
+        end = self.offset + count
+        if end > len(self.cdr):
+            raise MessageError(
+                f'{self.kind}: {name} needs {end} bytes, but the message has {len(self.cdr)}'
+            )
+        found, self.offset = self.cdr[self.offset : end], end
+        return found
+
     def stamp(self, name: str = 'stamp') -> int:
         """Read a time or duration [ns]."""
         seconds = self.number('i', f'{name}.sec')

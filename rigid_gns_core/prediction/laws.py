@@ -20,6 +20,9 @@ from ..scenes.scene import Scene
 from ..scenes.similarity import in_units, ModelUnits
 from ..scenes.state import State
 
+UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
+"""A frame of 0.1 s for spheres of 1 m, as the thesis has."""
+
 
 class LawsSimulator(Simulator):
     """The laws of rigid contact: any radii, masses and materials.
@@ -41,8 +44,7 @@ class LawsSimulator(Simulator):
             'options': asdict(self.options),
             'version': version_of(PACKAGE) or 'unknown',  # a source tree that is not installed
         }
-        # a frame of 0.1 s for spheres of 1 m, as the thesis has
-        super().__init__(card, LAWS, ModelUnits(radius=1.0, gravity=9.81, dt=0.1))
+        super().__init__(card, LAWS, UNITS)
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
         """Accept every scene: the laws hold for all."""

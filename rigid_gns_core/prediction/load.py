@@ -11,6 +11,8 @@ from typing import Any
 
 from .gns import GNSSimulator
 from .laws import LawsSimulator
+from .residual import ResidualSimulator
+from ..engine.learned_network import ResidualConfig
 from ..files.checkpoint import (
     CheckpointError,
     DEFAULT_MODEL,
@@ -31,8 +33,9 @@ def load_simulator(
     Args:
         name_or_path: 'laws', 'gns', or a path; None: the laws.
         threads: CPU threads of a network; the laws take one.
-        options: Of the kind of model. The laws: `guard`, `sleep`, `substeps`, `rounds`; see
-            `LawsOptions`. A GNS, which needs torch: `device`, such as 'cuda'; see `GNSSimulator`.
+        options: Of the kind of model. The laws, with or without a residual network: `guard`,
+            `sleep`, `substeps`, `rounds`; see `LawsOptions`. A GNS, which needs torch: `device`,
+            such as 'cuda'; see `GNSSimulator`.
 
     Raises:
         CheckpointError: There is no such model, or its files are damaged or of another version.
@@ -44,13 +47,16 @@ def load_simulator(
         return LawsSimulator(**options)
     path = find_model(name)
     card = load_card(path)
-    if card['kind'] != GNSSimulator.kind:
+    configs = {GNSSimulator.kind: GNSConfig, ResidualSimulator.kind: ResidualConfig}
+    if card['kind'] not in configs:
         raise CheckpointError(
-            f'{path}: its card is of kind {card["kind"]!r}, known: {GNSSimulator.kind}'
+            f'{path}: its card is of kind {card["kind"]!r}, known: {", ".join(configs)}'
         )
-    known = {field.name for field in fields(GNSConfig)}
+    known = {field.name for field in fields(configs[card['kind']])}
     if missing := sorted(known - set(card['config'])):
         # a default that changes later must not change what old weights mean
         raise CheckpointError(f'{path}: the config in its card lacks {", ".join(missing)}')
     tensors = load_weights(path, card['weights_sha256'])
+    if card['kind'] == ResidualSimulator.kind:
+        return ResidualSimulator(tensors, card, path.stem, **options)
     return GNSSimulator(tensors, card, path.stem, threads=threads, **options)

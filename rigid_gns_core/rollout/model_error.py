@@ -3,9 +3,10 @@
 
 """What the laws leave open of a forecast: a random motion beside each path.
 
-On each axis the double integral of white acceleration of spectral density q [m^2/s^3], and a kick
-of the velocity of deviation kappa u at a blow with approach speed u (`Tracker`, fitted to tracks
-that were left out, so that errors of fitted parameters are in it).
+On each axis an acceleration of deviation b [m/s^2] that stays the same, the double integral of
+white acceleration of spectral density q [m^2/s^3], and a kick of the velocity of deviation kappa u
+at a blow with approach speed u (`Tracker`, fitted to tracks that were left out, so that errors of
+fitted parameters are in it).
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ def approach_speeds(paths: Paths) -> Array:
 def spread_at(paths: Paths, times: Array, tracker: Tracker) -> Array:
     """Variance of a coordinate at times since the start [m^2], shape (s, k, n).
 
-    q t^3 / 3 + kappa^2 sum of (approach speed times time since)^2.
+    b^2 t^4 / 4 + q t^3 / 3 + kappa^2 sum of (approach speed times time since)^2.
     """
     middles = (np.arange(paths.steps) + 0.5) * paths.dt
     since = np.maximum(np.asarray(times)[:, None] - middles, 0.0) ** 2
     kicks = np.einsum('km,smn->skn', since, approach_speeds(paths) ** 2)
-    drift = tracker.forecast_drift * np.asarray(times)[:, None] ** 3 / 3.0
+    since = np.asarray(times)[:, None]
+    drift = tracker.forecast_drift * since**3 / 3.0
+    drift = drift + (0.5 * tracker.forecast_acceleration * since**2) ** 2
     return np.asarray(drift + tracker.forecast_impact**2 * kicks)
 
 
@@ -50,4 +53,10 @@ def drawn_motion(
     velocities[:, 1:] = np.cumsum(changes + kicks, axis=1)
     moves = h * velocities[:, :-1] + 0.5 * h * (changes + kicks)
     positions[:, 1:] = np.cumsum(moves + np.sqrt(q * h**3 / 12.0) * second, axis=1)
+    if tracker.forecast_acceleration:
+        still = generator.normal(size=positions[:, :1].shape)
+        still *= tracker.forecast_acceleration
+        times = h * np.arange(paths.steps + 1)[:, None, None]
+        positions += 0.5 * times**2 * still
+        velocities += times * still
     return positions, velocities

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.flight import accelerations
 from ..scenes.air import Air
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
@@ -67,6 +66,9 @@ class Paths:
         flights = np.zeros(positions.shape)
         if not (exact and count):
             return cls(positions, velocities, flights, blows, dt, exact)
+        # imported late: what only loads a model needs no compiler
+        from ..kernels.flight import accelerations
+
         rows = (scene.air or _VACUUM).flight(
             scene.per_sphere('radius', count), scene.per_sphere('mass', count), scene.gravity
         )

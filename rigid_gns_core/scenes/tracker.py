@@ -12,6 +12,8 @@ import numpy as np
 from .values import checked_number
 from ..errors import UserError
 
+# of a tracker
+_NOT_NEGATIVE = ('drift', 'impact', 'forecast_drift', 'forecast_impact', 'forecast_acceleration')
 # position, velocity and spin at the start of a window, and the spin's covariance, its upper half
 _COLUMNS = 15
 
@@ -70,6 +72,8 @@ class Tracker:
         forecast_impact: As `impact`, of forecasts.
         memory: Frames of this time before the last count [s].
         spins: Prior of spins; None: any spin is likely.
+        forecast_acceleration: Standard deviation of an acceleration on each axis, the same all
+            along a forecast [m/s^2]: what laws that are slightly wrong leave.
 
     Raises:
         UserError: A value is out of range.
@@ -83,11 +87,12 @@ class Tracker:
     forecast_impact: float = 0.02
     memory: float = 0.4
     spins: Spins | None = None
+    forecast_acceleration: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ('noise', 'spread', 'memory'):
             value = checked_number(f'{name} of a tracker', getattr(self, name), above=True)
             object.__setattr__(self, name, value)
-        for name in ('drift', 'impact', 'forecast_drift', 'forecast_impact'):
+        for name in _NOT_NEGATIVE:
             value = checked_number(f'{name} of a tracker', getattr(self, name))
             object.__setattr__(self, name, value)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import sys
 
-from .warm import warm_up, warm_up_laws
+from .warm import warm_up, warm_up_identification
 
 if __name__ == '__main__':
     warm_up()
-    warm_up_laws()
+    warm_up_identification()
     print('rigid_gns: the tracking filter is compiled', file=sys.stderr)

@@ -10,24 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from .ball_contact import FREE
-from .ball_fit import fit_start
-from .ball_model import BallModel, surface_under
-from .ball_path import path, path_and_slopes
+from .ball_model import BallModel
+from .ball_path import path
+from .ball_window import estimate_window, MOST_CONTACTS
+from .jit import plain
+from .path_slopes import path_and_slopes
+from .start_guess import ALL, first_frames, guess_start, prior_of_guess
 from .start_prior import StartPrior
 from ..scenes.state import Array
-
-# steps of the differences over a start: p [m], v [m/s], w [rad/s]
-MOVES = np.array([1e-6] * 3 + [1e-5] * 3 + [1e-3] * 3)
-WITHOUT_SPIN = np.where(np.arange(9) < 6, MOVES, 0.0)
-# how well a start is known beforehand: position [m] and velocity [m/s]; on a surface, off it
-_LOOSE, _HELD = np.array([1e3] * 3 + [1e2] * 3), 1e-4
-# time [s] and least number of the frames of the first guess, and least number of a window
-_FIRST, _FEW, FEWEST = 0.06, 6, 4
-# parts of the window that are tried, until one is met to this loss per coordinate: what the laws
-# do not know, as a net or a racket, may be in it; and a loss at which another guess is made
-_PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
-_STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
-MOST_CONTACTS = 32
 
 
 @dataclass(frozen=True)
@@ -51,25 +41,13 @@ class BallEstimate:
     contacts: int
 
 
-def first_frames(times: Array) -> int:
-    """Number of frames of a first guess."""
-    return min(max(_FEW, int((times - times[0] <= _FIRST).sum())), len(times))
-
-
 def first_guess(
     model: BallModel, times: Array, positions: Array, on: int, frames: int | None = None
 ) -> Array:
     """Position and velocity at the first frame, from a line under gravity, shape (6,)."""
-    n = first_frames(times) if frames is None else min(frames, len(times))
-    t = times[:n] - times[0]
-    pull = model.gravity if on == FREE else np.zeros(3)
-    line = np.stack([np.ones_like(t), t], axis=1)
-    heights = positions[:n] - 0.5 * t[:, None] ** 2 * pull
-    guess = np.linalg.lstsq(line, heights, rcond=None)[0].ravel()
-    if on != FREE:
-        normal = model.planes[on, 9:12]
-        guess[:3] -= (normal @ (guess[:3] - model.planes[on, :3]) - model.radius) * normal
-        guess[3:] -= normal @ guess[3:] * normal
+    times, guess = plain(times), np.zeros(6)
+    n = first_frames(times) if frames is None else frames
+    guess_start(model.ball, model.planes, times, plain(positions), on, n, guess)
     return guess
 
 
@@ -80,20 +58,13 @@ def prior_of_start(
 
     Args:
         model: Laws of the ball.
-        guess: First guess of position and velocity, shape (6,).
-        on: Surface that it is on, or FREE.
+        guess: Position and velocity, shape (6,).
+        on: Surface that the ball is on, or FREE.
         spin: Mean and covariance of the spin; None: the ball does not spin, or rolls.
     """
-    mean, precision = np.zeros(9), np.diag(np.concatenate([_LOOSE**-2, np.ones(3)]))
-    if spin is not None:
-        mean[6:] = spin[0]
-        precision[6:, 6:] = np.linalg.inv(spin[1])
-    if on != FREE:
-        normal = model.planes[on, 9:12]
-        mean[:3] = normal * (normal @ guess[:3])
-        held = np.outer(normal, normal) / _HELD**2
-        precision[:3, :3] += held
-        precision[3:6, 3:6] += held
+    mean, precision = np.zeros(9), np.zeros((9, 9))
+    given = (np.zeros(3), np.eye(3)) if spin is None else (plain(spin[0]), plain(spin[1]))
+    prior_of_guess(model.planes, guess, on, spin is not None, *given, mean, precision)
     return mean, precision
 
 
@@ -109,87 +80,22 @@ def estimate_ball(
         times: Rising times of the frames in which it was seen [s], shape (m,), `FEWEST` or more.
         positions: Centres [m], shape (m, 3).
     """
-    times, positions = np.ascontiguousarray(times), np.ascontiguousarray(positions)
-    best, quality = None, np.inf
-    for part in _PARTS:
-        inside = times >= times[-1] - part * (times[-1] - times[0]) - 1e-9
-        if best is not None and inside.sum() < _FEW:
-            break
-        one = _estimate(model, noise, prior, times[inside], positions[inside])
-        if (
-            best is None
-            and one[1] > _DOUBTED
-            and _begins_near(model, times[inside], positions[inside])
-        ):
-            # an impact may be in the frames of the first guess
-            other = _estimate(model, noise, prior, times[inside], positions[inside], FEWEST)
-            one = other if other[1] < one[1] else one
-        # half as good at most, since fewer frames are met more easily
-        if best is None or one[1] < 0.5 * quality:
-            best, quality = one
-        if quality < _MET:
-            break
-    assert best is not None
-    return best
-
-
-def _begins_near(model: BallModel, times: Array, positions: Array) -> bool:
-    """Whether the ball comes within a radius of a surface in the first frames."""
-    places = positions[: first_frames(times) + FEWEST]
-    return any(
-        float(((places - plane[:3]) @ plane[9:12]).min()) < 2.0 * model.radius
-        for plane in model.planes
-    )
-
-
-def _estimate(
-    model: BallModel,
-    noise: Array,
-    prior: StartPrior | None,
-    times: Array,
-    positions: Array,
-    frames: int | None = None,
-) -> tuple[BallEstimate, float]:
-    """Estimate from all frames of a window, and its loss with that of dropped frames.
-
-    `frames` is the number of those of the first guess; None: as many as show a velocity.
-    """
-    on = surface_under(model, times, positions, float(noise[0]))
-    first = first_frames(times) if frames is None else frames
-    guess = first_guess(model, times, positions, on, first)
-    spin = None if prior is None else prior.at(guess[:3], guess[3:])
-    mean, precision = prior_of_start(model, guess, on, spin)
-    start = np.concatenate([guess, mean[6:]])
-    weights = np.ones(len(times))
-    information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
-    loss, contacts, on_end = fit_start(
-        start,
-        mean,
-        precision,
-        WITHOUT_SPIN if prior is None else MOVES,
-        times[0],
-        times,
-        positions,
+    times, positions = plain(times), plain(positions)
+    state, covariance = np.zeros(9), np.zeros((9, 9))
+    windows = StartPrior.of_any_spin(model.radius).windows if prior is None else prior.windows
+    on, loss, begin, contacts = estimate_window(
         model.ball,
         model.planes,
         model.laws,
-        on,
-        noise,
-        first,
-        _GROWTH,
-        _STEPS,
-        _GATE,
-        weights,
-        information,
-        end,
+        plain(noise),
+        windows,
+        prior is not None,
+        times,
+        positions,
+        state,
         covariance,
-        np.zeros((MOST_CONTACTS, 3)),
     )
-    if on_end != FREE:  # the drift beside the path is no motion off the surface
-        normal = model.planes[on_end, 9:12]
-        end[3:6] -= normal @ end[3:6] * normal
-    estimate = BallEstimate(end, covariance, on_end, loss, float(times[0]), contacts)
-    return estimate, loss + 4.0 * float((weights == 0.0).mean())
+    return BallEstimate(state, covariance, on, loss, float(times[begin]), contacts)
 
 
 @dataclass(frozen=True)
@@ -212,7 +118,7 @@ def forecast_ball(
 ) -> BallForecast:
     """Forecast from an estimate at a time to rising stamps [s], shape (k,)."""
     count = len(stamps)
-    states, slopes = np.zeros((count, 9)), np.zeros((9, count, 9))
+    states, slopes = np.zeros((count, 9)), np.zeros((count, 9, 9))
     impacts = np.zeros((MOST_CONTACTS, 3))
     start, change = estimate.state.copy(), np.eye(9)
     if estimate.on != FREE:  # the path takes what comes to the spin of rolling
@@ -221,7 +127,7 @@ def forecast_ball(
         change[6:, 3:6] = -_crossing(normal) / model.radius
     found, _ = path_and_slopes(
         start,
-        MOVES,
+        ALL,
         begin,
         np.ascontiguousarray(stamps),
         model.ball,
@@ -233,7 +139,7 @@ def forecast_ball(
         impacts,
     )
     covariance = change @ estimate.covariance @ change.T
-    spread = np.einsum('akc,ab,bkd->kcd', slopes, covariance, slopes, optimize=True)
+    spread = slopes @ covariance @ slopes.transpose(0, 2, 1)
     return BallForecast(states, spread, impacts[: min(found, MOST_CONTACTS)])
 
 

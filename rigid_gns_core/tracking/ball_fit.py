@@ -14,17 +14,18 @@ import math
 
 import numpy as np
 
-from .ball_path import path, path_and_slopes
+from .ball_path import path
 from .jit import compiled, entry, in_place
 from .model_error import filter_gains, GAINS, whiten
+from .path_slopes import path_and_slopes
 from ..scenes.state import Array
 
 # Huber's loss is linear beyond this [deviations of a coordinate]
 _LINEAR = 3.0
 # trials of a step, each with so much more damping
 _TRIES, _MORE_DAMPING = 5, 30.0
-# a step smaller than this ends the search [deviations of the posterior]
-_SMALL = 1e-2
+# a step smaller than this ends the search [deviations of the posterior]; of a window that grows
+_SMALL, _SMALL_FIRST = 1e-2, 0.3
 
 
 @in_place
@@ -52,24 +53,28 @@ def _prior_loss(start: Array, mean: Array, precision: Array) -> float:
 
 
 @in_place
-def _whitened(
-    begin: float,
-    stamps: Array,
-    observed: Array,
-    states: Array,
-    gains: Array,
-    work: Array,
-    residuals_out: Array,
-    drift_out: Array,
-) -> None:
-    """Whitened residuals, observed less path, shape (m, 3); drift and its speed at the end."""
-    m = len(stamps)
-    for axis in range(3):
-        for i in range(m):
-            work[i] = observed[i, axis] - states[i, axis]
-        drift_out[axis], drift_out[3 + axis] = whiten(begin, stamps, gains, work[:m])
-        for i in range(m):
-            residuals_out[i, axis] = work[i]
+def put_columns(slopes: Array, observed: Array, states: Array, columns_out: Array) -> None:
+    """Slopes over the start and residual of each axis side by side, shape (m, 30).
+
+    Column 10 a + j is of axis a and part j of the start, 10 a + 9 its residual.
+    """
+    for i in range(len(states)):
+        for a in range(3):
+            for j in range(9):
+                columns_out[i, 10 * a + j] = slopes[i, a, j]
+            columns_out[i, 10 * a + 9] = observed[i, a] - states[i, a]
+
+
+@in_place
+def add_products(columns: Array, weights: Array, matrix_out: Array, vector_out: Array) -> None:
+    """Add J^T W J and J^T W r of columns as of `put_columns`, whitened."""
+    for i in range(len(columns)):
+        for a in range(3):
+            for j in range(9):
+                factor = weights[i] * columns[i, 10 * a + j]
+                vector_out[j] += factor * columns[i, 10 * a + 9]
+                for k in range(9):
+                    matrix_out[j, k] += factor * columns[i, 10 * a + k]
 
 
 @entry
@@ -77,7 +82,7 @@ def fit_start(
     start: Array,
     prior_mean: Array,
     prior_precision: Array,
-    moves: Array,
+    varied: Array,
     begin: float,
     stamps: Array,
     observed: Array,
@@ -102,7 +107,7 @@ def fit_start(
         start: Position, velocity, spin at `begin`, shape (9,); overwritten by the fit.
         prior_mean: Mean of the start beforehand, shape (9,).
         prior_precision: Its inverse covariance, shape (9, 9).
-        moves: Steps of the slopes' differences, shape (9,); 0 fixes a part of the start.
+        varied: Parts of the start that are fitted, shape (9,); 0: held.
         begin: Time of the start [s].
         stamps: Times of the frames [s], shape (m,).
         observed: Centres [m], shape (m, 3).
@@ -123,15 +128,15 @@ def fit_start(
         contacts_out: Impacts, as of `path`.
 
     Returns:
-        Loss per coordinate, number of impacts, and the plane that the ball is on at the end.
+        Loss per coordinate, number of impacts, and the plane that the ball is on at the end. With
+        a gate, the loss of a path with more impacts than are kept is infinite: no such is fitted.
     """
     m = len(stamps)
-    states, slopes = np.zeros((m, 9)), np.zeros((9, m, 9))
-    gains, residuals = np.zeros((m, GAINS)), np.zeros((m, 3))
-    jacobian = np.zeros((9, m, 3))
-    ends, drift, trial_drift = np.zeros((9, 6)), np.zeros(6), np.zeros(6)
-    work, huber = np.zeros(m), np.zeros(m)
-    gradient, system = np.zeros(9), np.zeros((9, 9))
+    states, slopes = np.zeros((m, 9)), np.zeros((m, 9, 9))
+    gains, residuals, columns = np.zeros((m, GAINS)), np.zeros((m, 3)), np.zeros((m, 30))
+    drift, speed = np.zeros(30), np.zeros(30)
+    drift_off, speed_off = np.zeros(3), np.zeros(3)
+    huber, gradient, system = np.zeros(m), np.zeros(9), np.zeros((9, 9))
     trial, trial_states = start.copy(), np.zeros((m, 9))
     trial_contacts = np.zeros_like(contacts_out)
     count, where, loss, dropped = 0, on, 0.0, False
@@ -139,11 +144,11 @@ def fit_start(
     while True:
         last = n == m
         seen, places = stamps[:n], observed[:n]
-        damping = 1e-4
+        damping, small = 1e-4, _SMALL if last else _SMALL_FIRST
         for _ in range(iterations if last else 3):
             count, where = path_and_slopes(
                 start,
-                moves,
+                varied,
                 begin,
                 seen,
                 ball,
@@ -151,35 +156,26 @@ def fit_start(
                 laws,
                 on,
                 states[:n],
-                slopes[:, :n],
+                slopes[:n],
                 contacts_out,
             )
+            if count > len(contacts_out) and gate < math.inf:
+                return math.inf, count, where
             filter_gains(begin, seen, weights, noise, contacts_out, count, gains)
-            _whitened(begin, seen, places, states, gains, work, residuals, drift)
+            put_columns(slopes[:n], places, states[:n], columns)
+            whiten(begin, seen, gains, columns[:n], drift, speed)
+            for i in range(n):
+                for a in range(3):
+                    residuals[i, a] = columns[i, 10 * a + 9]
             loss = huber_loss(residuals, n, huber) + _prior_loss(
                 start, prior_mean, prior_precision
             )
+            information_out[:] = prior_precision
+            gradient[:] = 0.0
             for j in range(9):
-                for axis in range(3):
-                    for i in range(n):
-                        work[i] = slopes[j, i, axis]
-                    ends[j, axis], ends[j, 3 + axis] = whiten(begin, seen, gains, work[:n])
-                    for i in range(n):
-                        jacobian[j, i, axis] = work[i]
-            for j in range(9):
-                total = 0.0
-                for i in range(n):
-                    for axis in range(3):
-                        total += huber[i] * jacobian[j, i, axis] * residuals[i, axis]
                 for k in range(9):
-                    total -= prior_precision[j, k] * (start[k] - prior_mean[k])
-                gradient[j] = total
-                for k in range(j + 1):
-                    total = prior_precision[j, k]
-                    for i in range(n):
-                        for axis in range(3):
-                            total += huber[i] * jacobian[j, i, axis] * jacobian[k, i, axis]
-                    information_out[j, k] = information_out[k, j] = total
+                    gradient[j] -= prior_precision[j, k] * (start[k] - prior_mean[k])
+            add_products(columns[:n], huber, information_out, gradient)
             better, size, after = False, 0.0, loss
             for _tries in range(_TRIES):
                 system[:] = information_out
@@ -191,30 +187,37 @@ def fit_start(
                     trial[j] = start[j] + step[j]
                     size = max(size, abs(step[j]) * math.sqrt(information_out[j, j]))
                 path(trial, begin, seen, ball, planes, laws, on, trial_states, trial_contacts)
-                _whitened(begin, seen, places, trial_states, gains, work, residuals, trial_drift)
+                for i in range(n):
+                    for a in range(3):
+                        residuals[i, a] = places[i, a] - trial_states[i, a]
+                whiten(begin, seen, gains, residuals[:n], drift_off, speed_off)
                 after = huber_loss(residuals, n, huber)
                 after += _prior_loss(trial, prior_mean, prior_precision)
                 if after <= loss:
                     better = True
                     break
                 damping *= _MORE_DAMPING
-                if size < _SMALL:
+                if size < small:
                     break
             if better:
                 start[:] = trial
                 damping = max(0.1 * damping, 1e-9)
                 loss = after
-            if not better or size < _SMALL:
+            if not better or size < small:
                 break
         if not last:
             n = min(max(int(growth * n), n + 3), m)
             continue
         # the last linearisation holds for the end: it was at most a small step before it
         count, where = path_and_slopes(
-            start, moves, begin, stamps, ball, planes, laws, on, states, slopes, contacts_out
+            start, varied, begin, stamps, ball, planes, laws, on, states, slopes, contacts_out
         )
         filter_gains(begin, stamps, weights, noise, contacts_out, count, gains)
-        _whitened(begin, stamps, observed, states, gains, work, residuals, drift)
+        put_columns(slopes, observed, states, columns)
+        whiten(begin, stamps, gains, columns, drift, speed)
+        for i in range(m):
+            for a in range(3):
+                residuals[i, a] = columns[i, 10 * a + 9]
         loss = huber_loss(residuals, m, huber)
         far = 0
         for i in range(m):
@@ -228,39 +231,40 @@ def fit_start(
             square = residuals[i, 0] ** 2 + residuals[i, 1] ** 2 + residuals[i, 2] ** 2
             if square > 3.0 * gate * gate:
                 weights[i] = 0.0
-    _end_of(states, slopes, gains, drift, ends, information_out, end_out, end_covariance_out)
+    _end_of(states[m - 1], slopes[m - 1], drift, speed, end_out)
+    _end_covariance(slopes[m - 1], gains[m - 1], information_out, end_covariance_out)
     return loss / (3 * m), count, where
 
 
-@compiled
-def _end_of(
-    states: Array,
-    slopes: Array,
-    gains: Array,
-    drift: Array,
-    ends: Array,
-    information: Array,
-    end_out: Array,
-    covariance_out: Array,
-) -> None:
-    """State at the end and its covariance, of the start's and the drift's."""
-    m = len(states)
+@in_place
+def _end_of(state: Array, slopes: Array, drift: Array, speed: Array, end_out: Array) -> None:
+    """State at the end, drift included; `slopes` become those of it.
+
+    The end moves with the start by its slope less what the drift would take up.
+    """
     for c in range(9):
-        end_out[c] = states[m - 1, c] + (drift[c] if c < 6 else 0.0)
-    # the end moves with the start by its slope less what the drift would take up
-    for j in range(9):
-        for c in range(6):
-            slopes[j, m - 1, c] -= ends[j, c]
-    covariance = np.linalg.inv(information)
+        end_out[c] = state[c]
+    for a in range(3):
+        end_out[a] += drift[10 * a + 9]
+        end_out[3 + a] += speed[10 * a + 9]
+        for j in range(9):
+            slopes[a, j] -= drift[10 * a + j]
+            slopes[3 + a, j] -= speed[10 * a + j]
+
+
+@compiled
+def _end_covariance(
+    slopes: Array, gains: Array, information: Array, covariance_out: Array
+) -> None:
+    """Covariance of the end by that of the start, and the drift's."""
+    carried = slopes @ np.linalg.inv(information)
     for a in range(9):
         for b in range(9):
-            total = 0.0
+            covariance_out[a, b] = 0.0
             for j in range(9):
-                for k in range(9):
-                    total += slopes[j, m - 1, a] * covariance[j, k] * slopes[k, m - 1, b]
-            covariance_out[a, b] = total
+                covariance_out[a, b] += carried[a, j] * slopes[b, j]
     for axis in range(3):
-        covariance_out[axis, axis] += gains[m - 1, 3]
-        covariance_out[axis, 3 + axis] += gains[m - 1, 4]
-        covariance_out[3 + axis, axis] += gains[m - 1, 4]
-        covariance_out[3 + axis, 3 + axis] += gains[m - 1, 5]
+        covariance_out[axis, axis] += gains[3]
+        covariance_out[axis, 3 + axis] += gains[4]
+        covariance_out[3 + axis, axis] += gains[4]
+        covariance_out[3 + axis, 3 + axis] += gains[5]

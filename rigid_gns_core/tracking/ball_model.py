@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .ball_contact import FREE, LAW, PLANE
+from .ball_contact import LAW, PLANE
+from .jit import plain
+from .start_guess import surface_of_start
 from ..scenes.air import Air
 from ..scenes.contact_law import ContactLaw
 from ..scenes.plane import Plane
@@ -17,8 +19,6 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array
 
 _VACUUM = Air(density=0.0, drag_coefficient=0.0)
-# a ball is on a surface if it is there for so long [s] and in so many frames
-_STAYS, _FEWEST = 0.06, 5
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class BallModel:
         flight = air.flight(one['radius'], one['mass'], scene.gravity)
         laws = [law_row(scene, plane, sphere, count) for plane in scene.surfaces]
         return cls(
-            np.column_stack([flight, one['inertia_factor']]),
+            plain(np.column_stack([flight, one['inertia_factor']])),
             plane_rows(scene.surfaces),
             np.array(laws).reshape(-1, len(LAW)),
         )
@@ -92,20 +92,5 @@ def plane_rows(planes: tuple[Plane, ...]) -> Array:
 
 
 def surface_under(model: BallModel, times: Array, positions: Array, noise: float) -> int:
-    """Surface that a ball is on in the first frames of a window, or FREE.
-
-    It is on one where it stays within the noise of it for a time in which a ball that bounces
-    would have left it.
-    """
-    first = times - times[0] <= _STAYS
-    first[: min(_FEWEST, len(first))] = True
-    places = positions[first]
-    for k, plane in enumerate(model.planes):
-        if plane[9:12] @ model.gravity >= 0.0:
-            continue
-        local = (places - plane[:3]) @ plane[3:12].reshape(3, 3).T
-        inside = (np.abs(local[:, :2]) <= plane[12:]).all()
-        heights = local[:, 2] - model.radius
-        if inside and np.abs(heights).max() < max(4.0 * noise, 1e-3):
-            return k
-    return FREE
+    """Surface that a ball is on in the first frames of a window, or FREE; `surface_of_start`."""
+    return surface_of_start(model.ball, model.planes, plain(times), plain(positions), noise)

@@ -3,11 +3,13 @@
 
 """Path of one ball through a scene at given times: flight, impacts, sliding and rolling.
 
-It depends on a start and on three arrays, so that slopes by differences are cheap: `ball`, shape
-(1, 14), a row of `Air.flight` and the inertia factor, and `planes` and `laws` of `ball_contact`.
+It depends on a start and on three arrays: `ball`, shape (1, 14), a row of `Air.flight` and the
+inertia factor, and `planes` and `laws` of `ball_contact`.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from .ball_contact import beside, bounce, FREE, glide, height, normal_of, touched
 from .jit import entry, in_place
@@ -19,8 +21,9 @@ from ..scenes.state import Array
 LONGEST = 0.008
 # a ball that leaves a surface more slowly than this stays on it [m/s]: it would rise 0.02 mm
 RESTING = 0.02
-# steps between two stamps: more are not taken, whatever the state
-_MOST_STEPS = 4000
+# steps between two stamps besides those that its time takes: more are not taken, as of a ball that
+# two surfaces clamp
+_MOST_STEPS = 64
 # a ball on a surface that ends below it by more than this flies [m]
 _LEFT = 1e-3
 
@@ -36,25 +39,29 @@ def fly(p: Vector, v: Vector, w: Vector, h: float, flight: Flight) -> tuple[Vect
 def time_of_impact(
     p: Vector, v: Vector, w: Vector, h: float, flight: Flight, planes: Array, k: int
 ) -> float:
-    """Time in [0, h] at which a flight that is beyond a plane at h touches it: regula falsi."""
+    """Time in [0, h] at which a flight that is beyond a plane at h touches it.
+
+    By Newton's method from a chord; where that leaves the bracket, by bisection.
+    """
+    n = normal_of(planes, k)
     low, high = 0.0, h
     at_low = height(planes, k, p, flight.radius)
     if at_low <= 0.0:
         return 0.0
     q, _ = fly(p, v, w, h, flight)
-    at_high = height(planes, k, q, flight.radius)
-    time = h
+    time = h * at_low / (at_low - height(planes, k, q, flight.radius))
     for _ in range(50):
-        time = low + (high - low) * at_low / (at_low - at_high)
-        q, _ = fly(p, v, w, time, flight)
-        at_time = height(planes, k, q, flight.radius)
-        if abs(at_time) < 1e-13 or high - low < 1e-14:
-            break
-        # an end that stays is given half its value (Illinois)
-        if at_time > 0.0:
-            low, at_low, at_high = time, at_time, 0.5 * at_high
+        q, after = fly(p, v, w, time, flight)
+        off, speed = height(planes, k, q, flight.radius), dot(after, n)
+        if off > 0.0:
+            low = time
         else:
-            high, at_high, at_low = time, at_time, 0.5 * at_low
+            high = time
+        if abs(off) < 1e-13 or high - low < 1e-14:
+            break
+        time = time - off / speed if speed < 0.0 else low
+        if not low < time < high:
+            time = 0.5 * (low + high)
     return time
 
 
@@ -80,6 +87,101 @@ def note(contacts_out: Array, count: int, time: float, k: int, speed: float) -> 
     if count < len(contacts_out):
         contacts_out[count, 0], contacts_out[count, 1], contacts_out[count, 2] = time, k, speed
     return count + 1
+
+
+class Place(NamedTuple):
+    """Where a ball is on its path.
+
+    now: time; p, v, w: position, velocity, angular velocity; on: plane that it is on, or FREE;
+    longest: bound of its next step.
+    """
+
+    now: float
+    p: Vector
+    v: Vector
+    w: Vector
+    on: int
+    longest: float
+
+
+@in_place
+def place_of(start: Array, begin: float, on: int, planes: Array, radius: float) -> Place:
+    """Place of a start, see `path`."""
+    v, w = (start[3], start[4], start[5]), (start[6], start[7], start[8])
+    if on >= 0:
+        w = plus(w, times(1.0 / radius, cross(normal_of(planes, on), v)))
+    return Place(begin, (start[0], start[1], start[2]), v, w, on, LONGEST)
+
+
+@in_place
+def advance(
+    place: Place,
+    stamp: float,
+    flight: Flight,
+    inertia: float,
+    planes: Array,
+    laws: Array,
+    count: int,
+    contacts_out: Array,
+) -> tuple[Place, int]:
+    """Follow a ball to a stamp; the number of impacts, `count` with those on the way."""
+    now, p, v, w, on, longest = place
+    radius, steps = flight.radius, _MOST_STEPS + int(2.0 * (stamp - now) / LONGEST)
+    while now < stamp and steps > 0:
+        steps -= 1
+        h = min(stamp - now, longest)
+        longest = LONGEST
+        if on >= 0:
+            n = normal_of(planes, on)
+            v = across(v, n)
+            h, after, turned, pull = glide(v, w, n, h, flight, inertia, laws, on)
+            q = plus(p, times(0.5 * h, plus(v, after)))
+            if pull <= 0.0 or height(planes, on, q, radius) > _LEFT or beside(planes, on, q):
+                on = FREE
+                continue
+            hit = touched(planes, p, q, after, radius, on)
+            if hit < 0:
+                p, v, w, now = q, after, turned, now + h
+                continue
+            a = times(1.0 / h, plus(after, times(-1.0, v)))
+            time = time_on_surface(p, v, a, h, radius, planes, hit)
+            p = plus(p, times(time, plus(v, times(0.5 * time, a))))
+            v = plus(v, times(time, a))
+            w = plus(w, times(time / h, plus(turned, times(-1.0, w))))
+            now += time
+            count = note(contacts_out, count, now, hit, -dot(v, normal_of(planes, hit)))
+            v, w = bounce(v, w, normal_of(planes, hit), radius, inertia, laws, hit)
+            rise = dot(v, n)
+            if rise > RESTING:
+                on, longest = FREE, min(rise / pull, LONGEST)
+            continue
+        q, after = fly(p, v, w, h, flight)
+        hit = touched(planes, p, q, after, radius, FREE)
+        if hit < 0:
+            p, v, w, now = q, after, spin_after(w, flight, h), now + h
+            continue
+        time = time_of_impact(p, v, w, h, flight, planes, hit)
+        p, v = fly(p, v, w, time, flight)
+        w = spin_after(w, flight, time)
+        now += time
+        n = normal_of(planes, hit)
+        count = note(contacts_out, count, now, hit, -dot(v, n))
+        if dot(v, n) < 0.0:
+            v, w = bounce(v, w, n, radius, inertia, laws, hit)
+        rise, pull = dot(v, n), -dot(acceleration(v, w, flight), n)
+        if pull > 0.0 and rise < RESTING:
+            on = hit
+        elif pull > 0.0:  # to the top of a low bounce: its end is not stepped over
+            longest = min(rise / pull, LONGEST)
+    return Place(now, p, v, w, on, longest), count
+
+
+@in_place
+def put_state(place: Place, states_out: Array, i: int) -> None:
+    """Write a place as row i of states, shape (m, 9)."""
+    states_out[i, 0], states_out[i, 1], states_out[i, 2] = place.p
+    states_out[i, 3], states_out[i, 4], states_out[i, 5] = place.v
+    states_out[i, 6], states_out[i, 7], states_out[i, 8] = place.w
 
 
 @entry
@@ -112,96 +214,10 @@ def path(
         Number of impacts, and the plane that the ball is on at the end, or FREE.
     """
     flight, inertia = flight_at(ball, 0), ball[0, 13]
-    radius = flight.radius
-    p = (start[0], start[1], start[2])
-    v = (start[3], start[4], start[5])
-    w = (start[6], start[7], start[8])
-    if on >= 0:
-        w = plus(w, times(1.0 / radius, cross(normal_of(planes, on), v)))
-    now, count, longest = begin, 0, LONGEST
+    place, count = place_of(start, begin, on, planes, flight.radius), 0
     for i in range(len(stamps)):
-        steps = 0
-        while now < stamps[i] and steps < _MOST_STEPS:
-            steps += 1
-            h = min(stamps[i] - now, longest)
-            longest = LONGEST
-            if on >= 0:
-                n = normal_of(planes, on)
-                v = across(v, n)
-                h, after, turned, pull = glide(v, w, n, h, flight, inertia, laws, on)
-                q = plus(p, times(0.5 * h, plus(v, after)))
-                if pull <= 0.0 or height(planes, on, q, radius) > _LEFT or beside(planes, on, q):
-                    on = FREE
-                    continue
-                hit = touched(planes, p, q, after, radius, on)
-                if hit < 0:
-                    p, v, w, now = q, after, turned, now + h
-                    continue
-                a = times(1.0 / h, plus(after, times(-1.0, v)))
-                time = time_on_surface(p, v, a, h, radius, planes, hit)
-                p = plus(p, times(time, plus(v, times(0.5 * time, a))))
-                v = plus(v, times(time, a))
-                w = plus(w, times(time / h, plus(turned, times(-1.0, w))))
-                now += time
-                count = note(contacts_out, count, now, hit, -dot(v, normal_of(planes, hit)))
-                v, w = bounce(v, w, normal_of(planes, hit), radius, inertia, laws, hit)
-                rise = dot(v, n)
-                if rise > RESTING:
-                    on, longest = FREE, min(rise / pull, LONGEST)
-                continue
-            q, after = fly(p, v, w, h, flight)
-            hit = touched(planes, p, q, after, radius, FREE)
-            if hit < 0:
-                p, v, w, now = q, after, spin_after(w, flight, h), now + h
-                continue
-            time = time_of_impact(p, v, w, h, flight, planes, hit)
-            p, v = fly(p, v, w, time, flight)
-            w = spin_after(w, flight, time)
-            now += time
-            n = normal_of(planes, hit)
-            count = note(contacts_out, count, now, hit, -dot(v, n))
-            if dot(v, n) < 0.0:
-                v, w = bounce(v, w, n, radius, inertia, laws, hit)
-            rise, pull = dot(v, n), -dot(acceleration(v, w, flight), n)
-            if pull > 0.0 and rise < RESTING:
-                on = hit
-            elif pull > 0.0:  # to the top of a low bounce: its end is not stepped over
-                longest = min(rise / pull, LONGEST)
-        states_out[i, 0], states_out[i, 1], states_out[i, 2] = p
-        states_out[i, 3], states_out[i, 4], states_out[i, 5] = v
-        states_out[i, 6], states_out[i, 7], states_out[i, 8] = w
-    return count, on
-
-
-@entry
-def path_and_slopes(
-    start: Array,
-    moves: Array,
-    begin: float,
-    stamps: Array,
-    ball: Array,
-    planes: Array,
-    laws: Array,
-    on: int,
-    states_out: Array,
-    slopes_out: Array,
-    contacts_out: Array,
-) -> tuple[int, int]:
-    """As `path`, with the slopes of the states over the start, `slopes_out`, shape (9, m, 9).
-
-    Its first axis is the part of the start. `moves`, shape (9,), are the steps of the forward
-    differences; where one is 0, no slope is taken.
-    """
-    moved = start.copy()
-    for j in range(9):
-        if moves[j] > 0.0:
-            moved[j] = start[j] + moves[j]
-            path(moved, begin, stamps, ball, planes, laws, on, slopes_out[j], contacts_out)
-            moved[j] = start[j]
-    ends = path(start, begin, stamps, ball, planes, laws, on, states_out, contacts_out)
-    for j in range(9):
-        for i in range(len(stamps)):
-            for c in range(9):
-                change = slopes_out[j, i, c] - states_out[i, c]
-                slopes_out[j, i, c] = change / moves[j] if moves[j] > 0.0 else 0.0
-    return ends
+        place, count = advance(
+            place, stamps[i], flight, inertia, planes, laws, count, contacts_out
+        )
+        put_state(place, states_out, i)
+    return count, place.on

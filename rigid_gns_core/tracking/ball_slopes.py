@@ -8,16 +8,17 @@ from __future__ import annotations
 import numpy as np
 
 from .ball_fit import huber_loss
-from .ball_path import path, path_and_slopes
+from .ball_path import path
 from .jit import entry
 from .model_error import filter_gains, GAINS, whiten
+from .path_slopes import path_and_slopes
 from ..scenes.state import Array
 
 
 @entry
 def normal_equations(
     start: Array,
-    moves: Array,
+    varied: Array,
     begin: float,
     stamps: Array,
     observed: Array,
@@ -46,19 +47,23 @@ def normal_equations(
     """
     m, count_moved = len(stamps), len(steps)
     total = 9 + count_moved
-    states, slopes = np.zeros((m, 9)), np.zeros((9, m, 9))
+    states, slopes = np.zeros((m, 9)), np.zeros((m, 9, 9))
     contacts, gains = np.zeros((32, 3)), np.zeros((m, GAINS))
     other_contacts = np.zeros((32, 3))
-    residuals, work, huber = np.zeros((m, 3)), np.zeros(m), np.zeros(m)
-    jacobian = np.zeros((total, m, 3))
+    residuals, huber = np.zeros((m, 3)), np.zeros(m)
+    # of each axis: slopes over start and parameters, and the residual
+    columns = np.zeros((m, 3 * (total + 1)))
+    drift, speed = np.zeros(3 * (total + 1)), np.zeros(3 * (total + 1))
     count, _ = path_and_slopes(
-        start, moves, begin, stamps, ball, planes, laws, on, states, slopes, contacts
+        start, varied, begin, stamps, ball, planes, laws, on, states, slopes, contacts
     )
     log = filter_gains(begin, stamps, weights, noise, contacts, count, gains)
-    for j in range(9):
-        for i in range(m):
-            for axis in range(3):
-                jacobian[j, i, axis] = slopes[j, i, axis]
+    for i in range(m):
+        for a in range(3):
+            first = a * (total + 1)
+            for j in range(9):
+                columns[i, first + j] = slopes[i, a, j]
+            columns[i, first + total] = observed[i, a] - states[i, a]
     moved_states = np.zeros((m, 9))
     for k in range(count_moved):
         path(
@@ -73,32 +78,22 @@ def normal_equations(
             other_contacts,
         )
         for i in range(m):
-            for axis in range(3):
-                change = moved_states[i, axis] - states[i, axis]
-                jacobian[9 + k, i, axis] = change / steps[k]
-    for axis in range(3):
-        for i in range(m):
-            work[i] = observed[i, axis] - states[i, axis]
-        whiten(begin, stamps, gains, work)
-        for i in range(m):
-            residuals[i, axis] = work[i]
-        for j in range(total):
-            for i in range(m):
-                work[i] = jacobian[j, i, axis]
-            whiten(begin, stamps, gains, work)
-            for i in range(m):
-                jacobian[j, i, axis] = work[i]
+            for a in range(3):
+                change = moved_states[i, a] - states[i, a]
+                columns[i, a * (total + 1) + 9 + k] = change / steps[k]
+    whiten(begin, stamps, gains, columns, drift, speed)
+    for i in range(m):
+        for a in range(3):
+            residuals[i, a] = columns[i, a * (total + 1) + total]
     loss = huber_loss(residuals, m, huber)
-    for j in range(total):
-        product = 0.0
-        for i in range(m):
-            for axis in range(3):
-                product += huber[i] * jacobian[j, i, axis] * residuals[i, axis]
-        vector_out[j] = product
-        for k in range(j + 1):
-            product = 0.0
-            for i in range(m):
-                for axis in range(3):
-                    product += huber[i] * jacobian[j, i, axis] * jacobian[k, i, axis]
-            matrix_out[j, k] = matrix_out[k, j] = product
+    matrix_out[:] = 0.0
+    vector_out[:] = 0.0
+    for i in range(m):
+        for a in range(3):
+            first = a * (total + 1)
+            for j in range(total):
+                factor = huber[i] * columns[i, first + j]
+                vector_out[j] += factor * columns[i, first + total]
+                for k in range(total):
+                    matrix_out[j, k] += factor * columns[i, first + k]
     return loss, 3.0 * log

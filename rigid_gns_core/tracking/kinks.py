@@ -5,10 +5,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .ball_model import BallModel
+from .jit import entry, in_place, plain
+from ..kernels.neighbours import Indices
 from ..scenes.state import Array
 
 # steps from frame to frame of which the median is the velocity on each side, fewer at the ends:
@@ -33,53 +37,107 @@ def kinks(model: BallModel, times: Array, positions: Array, noise: float) -> NDA
         positions: Centres [m], shape (m, 3).
         noise: Standard deviation of a coordinate [m].
     """
-    m = len(times)
+    found = np.zeros(len(times), dtype=np.int64)
+    count = find_kinks(model.ball, model.planes, plain(times), plain(positions), noise, found)
+    return found[:count]
+
+
+@in_place
+def _median(a: float, b: float, c: float) -> float:
+    return max(min(a, b), min(max(a, b), c))
+
+
+@entry
+def find_kinks(
+    ball: Array, planes: Array, times: Array, positions: Array, noise: float, begins_out: Indices
+) -> int:
+    """As `kinks`, with `ball` and `planes` of `ball_path`; the number found."""
+    m, found = len(times), 0
     if m < 4:
-        return np.zeros(0, dtype=np.int64)
-    steps = np.diff(times)
-    velocities = np.diff(positions, axis=0) / steps[:, None]
-    ends = _SIDE - 1
-    padded = np.concatenate([velocities[:1]] * ends + [velocities] + [velocities[-1:]] * ends)
-    one, two, three = padded[:-2], padded[1:-1], padded[2:]
-    highest, lowest = (
-        np.maximum(np.maximum(one, two), three),
-        np.minimum(np.minimum(one, two), three),
-    )
-    medians = one + two + three - highest - lowest  # of the steps that end at frame i + 1
-    before, after = medians[: m - 2], medians[_SIDE : _SIDE + m - 2]
-    jumps = after - before
-    sizes = np.linalg.norm(jumps, axis=1)
-    typical = float(np.median(steps))
-    pull = float(np.linalg.norm(model.gravity))
-    glides = _on_surface(model, positions)
-    allowed = np.where(glides[1:-1], _GLIDE, _FLIGHT) * max(pull, 1.0) * _SIDE * typical
-    large = sizes > allowed + _DEVIATIONS * noise / typical
-    found = []
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], large.astype(int), [0]])))
-    for first, end in edges.reshape(-1, 2):
-        group = np.arange(first, end)
-        largest = group[int(np.argmax(sizes[group]))]
-        near = slice(max(first - _SIDE + 1, 0), end + _SIDE + 1)
-        if not _explained(model, positions[near], jumps[largest] / sizes[largest]):
-            found.append(group[sizes[group] >= _PLATEAU * sizes[largest]][-1] + 1)
-    return np.array(found, dtype=np.int64)
+        return 0
+    last = m - 2
+    typical = float(np.median(times[1:] - times[:-1]))
+    medians = np.zeros((m + 1, 3))  # of the steps around each frame, those at the ends repeated
+    for k in range(m + 1):
+        for c in range(3):
+            one, two, three = 0.0, 0.0, 0.0
+            for side in range(_SIDE):
+                step = min(max(k - side, 0), last)
+                speed = positions[step + 1, c] - positions[step, c]
+                speed /= times[step + 1] - times[step]
+                one, two, three = two, three, speed
+            medians[k, c] = _median(one, two, three)
+    pull = math.sqrt(ball[0, 0] ** 2 + ball[0, 1] ** 2 + ball[0, 2] ** 2)
+    free = max(pull, 1.0) * _SIDE * typical
+    sizes, large = np.zeros(m - 2), np.zeros(m - 2, dtype=np.bool_)
+    for k in range(m - 2):
+        for c in range(3):
+            sizes[k] += (medians[k + _SIDE, c] - medians[k, c]) ** 2
+        sizes[k] = math.sqrt(sizes[k])
+        part = _GLIDE if _on_surface(ball, planes, positions, k + 1) else _FLIGHT
+        large[k] = sizes[k] > part * free + _DEVIATIONS * noise / typical
+    end = 0
+    while end < m - 2:
+        first = end
+        end += 1
+        if not large[first]:
+            continue
+        while end < m - 2 and large[end]:
+            end += 1
+        largest = first
+        for k in range(first, end):
+            if sizes[k] > sizes[largest]:
+                largest = k
+        x = (medians[largest + _SIDE, 0] - medians[largest, 0]) / sizes[largest]
+        y = (medians[largest + _SIDE, 1] - medians[largest, 1]) / sizes[largest]
+        z = (medians[largest + _SIDE, 2] - medians[largest, 2]) / sizes[largest]
+        near = positions[max(first - _SIDE + 1, 0) : end + _SIDE + 1]
+        if not _explained(ball, planes, near, x, y, z):
+            begin = first
+            for k in range(first, end):
+                if sizes[k] >= _PLATEAU * sizes[largest]:
+                    begin = k
+            begins_out[found] = begin + 1
+            found += 1
+    return found
 
 
-def _on_surface(model: BallModel, positions: Array) -> NDArray[np.bool_]:
-    on = np.zeros(len(positions), dtype=bool)
-    for plane in model.planes:
-        if plane[9:12] @ model.gravity < 0.0:
-            height = (positions - plane[:3]) @ plane[9:12] - model.radius
-            on |= np.abs(height) < _ON * model.radius
-    return on
+@in_place
+def _on_surface(ball: Array, planes: Array, positions: Array, i: int) -> bool:
+    for k in range(len(planes)):
+        pull, height = 0.0, -ball[0, 7]
+        for c in range(3):
+            pull += planes[k, 9 + c] * ball[0, c]
+            height += planes[k, 9 + c] * (positions[i, c] - planes[k, c])
+        if pull < 0.0 and abs(height) < _ON * ball[0, 7]:
+            return True
+    return False
 
 
-def _explained(model: BallModel, positions: Array, direction: Array) -> bool:
-    reach = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).max())
-    for plane in model.planes:
-        local = (positions - plane[:3]) @ plane[3:12].reshape(3, 3).T
-        nearest = float((local[:, 2] - model.radius).min())
-        inside = (np.abs(local[:, :2]) <= plane[12:] + reach).all()
-        if inside and direction @ plane[9:12] > _ALONG and nearest < reach + _AT * model.radius:
+@in_place
+def _explained(ball: Array, planes: Array, positions: Array, x: float, y: float, z: float) -> bool:
+    """Whether a surface explains a jump along (x, y, z) in some frames."""
+    reach = 0.0
+    for i in range(len(positions) - 1):
+        step = 0.0
+        for c in range(3):
+            step += (positions[i + 1, c] - positions[i, c]) ** 2
+        reach = max(reach, math.sqrt(step))
+    for k in range(len(planes)):
+        if x * planes[k, 9] + y * planes[k, 10] + z * planes[k, 11] <= _ALONG:
+            continue
+        nearest, inside = math.inf, True
+        for i in range(len(positions)):
+            along = side = 0.0
+            height = -ball[0, 7]
+            for c in range(3):
+                apart = positions[i, c] - planes[k, c]
+                along += apart * planes[k, 3 + c]
+                side += apart * planes[k, 6 + c]
+                height += apart * planes[k, 9 + c]
+            nearest = min(nearest, height)
+            inside = inside and abs(along) <= planes[k, 12] + reach
+            inside = inside and abs(side) <= planes[k, 13] + reach
+        if inside and nearest < reach + _AT * ball[0, 7]:
             return True
     return False

@@ -1,111 +1,182 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""States of balls by the laws of the scene, air and spins: each from its own last frames."""
+"""States of balls by the laws of the scene, air and spins: each from its own last frames.
+
+`estimate_state` and the node's starts are both of `state_by_laws`.
+"""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .ball_contact import FREE
-from .ball_estimate import BallEstimate, estimate_ball, FEWEST, forecast_ball
+from .ball_batch import estimate_balls
+from .ball_estimate import BallEstimate, forecast_ball
 from .ball_model import BallModel
-from .kinks import kinks
+from .jit import plain
+from .motion_models import Motion
+from .pose_noise import rotating
+from .spin_windows import SpinWindows
 from .start_prior import StartPrior
 from ..scenes.scene import Scene
-from ..scenes.state import Array
+from ..scenes.state import Array, State
 from ..scenes.tracker import Tracker
 
+# noise of a tracker of which nothing is known [m]
+_NOISE, _LEAST_NOISE = 1e-3, 1e-6
 # of a scene without a learned tracker, whose laws are taken as they stand: drift [m^2/s^3] and
 # kicks for what is not linear; with 0 regions of 90 % held 85 to 90 %
 _DRIFT, _IMPACT = 3e-5, 1e-3
-# two balls nearer than this many sums of radii may have touched
-_NEAR = 1.04
 
 
-def states_by_laws(
-    scene: Scene, times: Array, positions: Array, seen: NDArray[np.bool_], noise: float | None
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """State of each ball at the last of some frames.
-
-    Frames of the tracker's memory count, after the last that may hold what the laws do not know:
-    another ball near by, or a jump that no surface explains.
+@dataclass(frozen=True)
+class KnownLaws:
+    """Laws of the balls of a scene, for estimates.
 
     Args:
-        scene: Surfaces, balls, air, tracker.
+        models: Of each ball.
+        windows: Prior of spins.
+        tracker: Noise, drift and memory.
+        learned: Whether the tracker was learned; if not, its noise is only a guess.
+    """
+
+    models: tuple[BallModel, ...]
+    windows: SpinWindows
+    tracker: Tracker
+    learned: bool
+
+    @classmethod
+    def of(cls, scene: Scene, spheres: tuple[int, ...]) -> Self:
+        """Laws of some spheres of a scene, by number; beyond those of the scene: of the last."""
+        count = scene.sphere_count or 1  # 1: all are alike
+        every = {i: BallModel.of(scene, i, count) for i in {min(s, count - 1) for s in spheres}}
+        models = tuple(every[min(s, count - 1)] for s in spheres)
+        tracker = scene.tracker or Tracker(noise=_NOISE, drift=_DRIFT, impact=_IMPACT)
+        if tracker.spins is None:
+            prior = StartPrior.of_any_spin(float(np.mean([model.radius for model in models])))
+        else:
+            prior = StartPrior.of(tracker.spins)
+        return cls(models, prior.windows, tracker, scene.tracker is not None)
+
+    def with_noise(self, noise: float | None) -> Self:
+        """The same with the noise of a coordinate [m], where none was learned."""
+        if self.learned or noise is None:
+            return self
+        return replace(self, tracker=replace(self.tracker, noise=max(noise, _LEAST_NOISE)))
+
+    @cached_property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Balls, planes and laws as `estimate_balls` takes them."""
+        first = self.models[0]
+        balls = np.concatenate([model.ball for model in self.models])
+        return plain(balls), first.planes, plain(np.array([model.laws for model in self.models]))
+
+    def states(
+        self, times: Array, positions: Array, seen: NDArray[np.bool_], most: int | None = None
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """State of each ball at the last of some frames; see `estimate_balls`.
+
+        Args:
+            times: Rising times of the frames [s], shape (m,).
+            positions: Centres [m], shape (m, n, 3).
+            seen: Whether a ball was seen, shape (m, n).
+            most: Of more balls the fastest are estimated; None: all are.
+
+        Returns:
+            States, shape (n, 9), their covariances, shape (n, 9, 9), and which were found: of a
+            ball with fewer than four frames there is no estimate here.
+        """
+        count, tracker = len(self.models), self.tracker
+        states, covariances = np.zeros((count, 9)), np.zeros((count, 9, 9))
+        ends = np.zeros((count, 2), dtype=np.int64)
+        begin = int(np.searchsorted(times, times[-1] - tracker.memory - 1e-9))
+        estimate_balls(
+            *self.arrays,
+            np.array([tracker.noise, tracker.drift, tracker.impact]),
+            self.windows,
+            plain(times),
+            plain(positions),
+            np.require(seen, np.bool_, ['C', 'W']),
+            begin,
+            count if most is None else most,
+            states,
+            covariances,
+            ends,
+        )
+        found = ends[:, 0] >= 0
+        covariances *= tracker.spread
+        for ball in np.flatnonzero(found & (ends[:, 0] < len(times) - 1)):
+            last, on = ends[ball]
+            estimate = BallEstimate(states[ball], covariances[ball], int(on), 0.0, 0.0, 0)
+            states[ball], covariances[ball] = _coasted(
+                self.models[ball], estimate, tracker, float(times[last]), float(times[-1])
+            )
+        return states, covariances, found
+
+
+def state_by_laws(
+    laws: KnownLaws,
+    times: Array,
+    positions: Array,
+    quaternions: Array,
+    seen: NDArray[np.bool_],
+    otherwise: Callable[[], tuple[Motion, Array]],
+    most: int | None = None,
+) -> tuple[State, Array]:
+    """State of spheres at the last of some frames, and its covariance, shape (n, 9, 9).
+
+    Spins of spheres whose rotations are tracked, and spheres that too few frames show, are those
+    of another estimate.
+
+    Args:
+        laws: Of these spheres.
         times: Rising times of the frames [s], shape (m,).
         positions: Centres [m], shape (m, n, 3).
-        seen: Whether a ball was seen, shape (m, n).
-        noise: Standard deviation of a coordinate where the scene has no tracker [m].
-
-    Returns:
-        States, shape (n, 9), their covariances, shape (n, 9, 9), and which were found: of a ball
-        with fewer than four frames there is no estimate here.
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4).
+        seen: Whether a sphere was seen, shape (m, n).
+        otherwise: Makes the other estimate, a motion and its covariance.
+        most: See `KnownLaws.states`.
     """
-    count = positions.shape[1]
-    models, prior, tracker = _laws_of(scene, count)
-    if scene.tracker is None and noise is not None:
-        tracker = Tracker(noise=max(noise, 1e-6), drift=_DRIFT, impact=_IMPACT)
-    states, covariances = np.zeros((count, 9)), np.zeros((count, 9, 9))
-    found = np.zeros(count, dtype=bool)
-    drift = np.array([tracker.noise, tracker.drift, tracker.impact])
-    recent = times >= times[-1] - tracker.memory - 1e-9
-    radii = np.array([model.radius for model in models])
-    for ball, model in enumerate(models):
-        own = np.flatnonzero(recent & seen[:, ball])
-        if count > 1:
-            own = own[own >= _last_near(positions, seen, radii, ball)]
-        if len(own) >= FEWEST:
-            hits = kinks(model, times[own], positions[own, ball], tracker.noise)
-            own = own[int(hits[-1]) :] if len(hits) else own
-        if len(own) < FEWEST:
-            continue
-        estimate = estimate_ball(model, drift, prior, times[own], positions[own, ball])
-        if times[own[-1]] < times[-1]:
-            estimate = _coasted(model, estimate, tracker, float(times[own[-1]]), float(times[-1]))
-        states[ball], covariances[ball] = estimate.state, tracker.spread * estimate.covariance
-        found[ball] = True
-    return states, covariances, found
-
-
-@lru_cache(maxsize=8)
-def _laws_of(scene: Scene, count: int) -> tuple[tuple[BallModel, ...], StartPrior, Tracker]:
-    models = tuple(BallModel.of(scene, ball, count) for ball in range(count))
-    tracker = scene.tracker or Tracker(noise=1e-3, drift=_DRIFT, impact=_IMPACT)
-    if tracker.spins is None:
-        prior = StartPrior.of_any_spin(float(np.mean([model.radius for model in models])))
-    else:
-        prior = StartPrior.of(tracker.spins)
-    return models, prior, tracker
-
-
-def _last_near(positions: Array, seen: NDArray[np.bool_], radii: Array, ball: int) -> int:
-    """First frame after the last in which another ball was near, where each was seen last."""
-    places = np.where(seen[..., None], positions, np.nan)
-    for frame in range(1, len(places)):  # a ball that is not seen is where it was
-        places[frame] = np.where(seen[frame][:, None], places[frame], places[frame - 1])
-    apart = np.linalg.norm(places - places[:, ball : ball + 1], axis=2)
-    near = apart < _NEAR * (radii + radii[ball])
-    near[:, ball] = False
-    frames = np.flatnonzero(near.any(axis=1))
-    return int(frames[-1]) + 1 if len(frames) else 0
+    states, covariances, found = laws.states(times, positions, seen, most)
+    turned = rotating(quaternions, seen)
+    if found.all() and not turned.any():
+        last = len(seen) - 1 - np.argmax(seen[::-1], axis=0)
+        state = State(
+            positions=states[:, :3],
+            quaternions=quaternions[last, np.arange(len(last))],
+            velocities=states[:, 3:6],
+            angular_velocities=states[:, 6:],
+        )
+        return state, covariances
+    base, unknown = otherwise()
+    own = found[:, None]
+    state = State(
+        positions=np.where(own, states[:, :3], base.positions),
+        quaternions=base.quaternions,
+        velocities=np.where(own, states[:, 3:6], base.velocities),
+        angular_velocities=np.where(
+            own & ~turned[:, None], states[:, 6:], base.angular_velocities
+        ),
+    )
+    return state, np.where(found[:, None, None], covariances, unknown)
 
 
 def _coasted(
     model: BallModel, estimate: BallEstimate, tracker: Tracker, begin: float, end: float
-) -> BallEstimate:
-    """Estimate at a later time, with the drift that comes to it."""
+) -> tuple[Array, Array]:
+    """State and covariance at a later time, with the drift that comes to it."""
     ahead = forecast_ball(model, estimate, begin, np.array([end]))
-    h, q = end - begin, tracker.drift
+    h, q = end - begin, tracker.spread * tracker.drift
     covariance = ahead.covariances[0].copy()
     for axis in range(3):
         covariance[axis, axis] += q * h**3 / 3.0
         covariance[axis, axis + 3] += q * h**2 / 2.0
         covariance[axis + 3, axis] += q * h**2 / 2.0
         covariance[axis + 3, axis + 3] += q * h
-    return BallEstimate(
-        ahead.states[0], covariance, FREE, estimate.loss, estimate.begin, len(ahead.impacts)
-    )
+    return ahead.states[0], covariance

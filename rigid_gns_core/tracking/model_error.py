@@ -77,14 +77,29 @@ def filter_gains(
 
 
 @in_place
-def whiten(begin: float, stamps: Array, gains: Array, values: Array) -> tuple[float, float]:
-    """Whiten residuals of one axis in place, shape (m,); the filter's (d, d') at the end."""
-    d, speed, now = 0.0, 0.0, begin
+def whiten(
+    begin: float, stamps: Array, gains: Array, values: Array, drift_out: Array, speed_out: Array
+) -> None:
+    """Whiten columns in place, each a residual or a slope of one axis.
+
+    Args:
+        begin: As of `filter_gains`, as the next two.
+        stamps: See there.
+        gains: See there.
+        values: Columns, shape (m, columns).
+        drift_out: d of the filter at the end, shape (columns,).
+        speed_out: d' there, shape (columns,).
+    """
+    for c in range(values.shape[1]):
+        drift_out[c] = speed_out[c] = 0.0
+    now = begin
     for i in range(len(stamps)):
-        d += (stamps[i] - now) * speed
+        h, scale = stamps[i] - now, 1.0 / gains[i, 2]
+        first, second = gains[i, 0], gains[i, 1]
         now = stamps[i]
-        innovation = values[i] - d
-        d += gains[i, 0] * innovation
-        speed += gains[i, 1] * innovation
-        values[i] = innovation / gains[i, 2]
-    return d, speed
+        for c in range(values.shape[1]):
+            d = drift_out[c] + h * speed_out[c]
+            innovation = values[i, c] - d
+            drift_out[c] = d + first * innovation
+            speed_out[c] += second * innovation
+            values[i, c] = innovation * scale

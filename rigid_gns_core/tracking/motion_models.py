@@ -16,7 +16,7 @@ from .jit import in_place
 from .line_fit import fit_line
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import plus, put, Vector
-from ..scenes.state import Array
+from ..scenes.state import Array, State
 
 # NumPy's integers: of Python's, compiled code would have a copy for each value
 FLIGHT, ROLLING, UNIFORM = np.int64(0), np.int64(1), np.int64(2)
@@ -53,6 +53,16 @@ class Motion:
         ones = np.ones(len(poses), dtype=np.int64)
         far = np.full(len(poses), np.inf)
         return cls(poses[:, :3], poses[:, 3:], none, none, np.zeros_like(ones), ones, far)
+
+    @property
+    def state(self) -> State:
+        """State of the spheres."""
+        return State(
+            positions=self.positions,
+            quaternions=self.quaternions,
+            velocities=self.velocities,
+            angular_velocities=self.angular_velocities,
+        )
 
     def part(self, keep: NDArray[np.bool_]) -> Motion:
         """The spheres where `keep` is true, shape (n,)."""

@@ -67,6 +67,20 @@ def rotates(quaternions: Array) -> bool:
     return bool(np.abs(rotation_between(quaternions[:1], quaternions)).max(initial=0.0) > 1e-9)
 
 
+def rotating(quaternions: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the rotation of each sphere changes in the frames that show it, shape (n,).
+
+    Args:
+        quaternions: Rotations (x, y, z, w), shape (frames, n, 4).
+        seen: Whether a sphere was seen, shape (frames, n).
+    """
+    first = quaternions[np.argmax(seen, axis=0), np.arange(seen.shape[1])]
+    same = np.sign((quaternions * first).sum(axis=-1, keepdims=True))
+    changes = np.abs(quaternions - same * first).max(axis=-1)  # half of the angle, about
+    found: NDArray[np.bool_] = (seen & (changes > 5e-10)).any(axis=0)
+    return found
+
+
 def estimate_noise(segments: list[tuple[Array, Array, Array]]) -> PoseNoise:
     """Measurement noise from third differences; contacts are left out as outliers.
 

@@ -19,11 +19,15 @@ from functools import cached_property
 
 import numpy as np
 
+from .jit import plain
+from .spin_windows import spin_at, SpinWindows
 from ..scenes.state import Array
 from ..scenes.tracker import Spins
 
 # standard deviation of the speed at the equator, of a spin of which nothing is known [m/s]
 _BROAD = 1.2
+# a spin is known where the trace of its covariance is below this [rad^2/s^2]
+_KNOWN = 300.0
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,26 @@ class StartPrior:
         return np.maximum(self.features.std(axis=0), [0.01] * 3 + [0.1] * 3)
 
     @cached_property
-    def overall(self) -> tuple[Array, Array]:
-        """Mean and covariance of all windows; those of little known spin count less."""
-        weights = 1.0 / (np.trace(self.covariances, axis1=1, axis2=2) + 300.0)
-        return _moments(weights / weights.sum(), self.spins, self.covariances)
+    def windows(self) -> SpinWindows:
+        """The same for compiled code."""
+        spread = np.trace(self.covariances, axis1=1, axis2=2) + _KNOWN
+        share = 1.0 / spread / (1.0 / spread).sum()  # those of little known spin count less
+        mean = share @ self.spins
+        apart = self.spins - mean
+        covariance = np.einsum('i,ia,ib->ab', share, apart, apart)
+        covariance += np.einsum('i,iab->ab', share, self.covariances)
+        return SpinWindows(
+            features=plain(self.features),
+            spins=plain(self.spins),
+            covariances=plain(self.covariances),
+            counted=plain(_KNOWN / spread),
+            scales=plain(self.scales),
+            mean=plain(mean),
+            covariance=plain(covariance),
+            bandwidth=float(self.bandwidth),
+            shrinkage=float(self.shrinkage),
+            floor=float(self.floor),
+        )
 
     def at(
         self, position: Array, velocity: Array, left_out: Array | None = None
@@ -84,36 +104,9 @@ class StartPrior:
             velocity: There [m/s], shape (3,).
             left_out: Windows that do not count, as a mask of shape (k,).
         """
-        mean, covariance = self.overall
-        if np.isfinite(self.bandwidth):
-            apart = (self.features - np.concatenate([position, velocity])) / self.scales
-            kernel = np.exp(-0.5 * (apart**2).mean(axis=1) / self.bandwidth**2)
-            if left_out is not None:
-                kernel = np.where(left_out, 0.0, kernel)
-            # of a window whose spin is hardly known, less than one counts
-            kernel *= 300.0 / (np.trace(self.covariances, axis1=1, axis2=2) + 300.0)
-            share = self.shrinkage / (kernel.sum() + self.shrinkage)
-            if share < 1.0:
-                near, spread = _moments(kernel / kernel.sum(), self.spins, self.covariances)
-                apart = near - mean
-                spread = (1 - share) * spread + share * covariance
-                covariance = spread + share * (1 - share) * np.outer(apart, apart)
-                mean = (1 - share) * near + share * mean
-        turn = heading(velocity)
-        covariance = covariance + self.floor**2 * np.eye(3)
-        return turn @ mean, turn @ covariance @ turn.T
-
-
-def heading(velocity: Array) -> Array:
-    """Columns: along the horizontal velocity, across it, up; in world axes, shape (3, 3)."""
-    along, across = float(velocity[0]), float(velocity[1])
-    size = np.hypot(along, across)
-    c, s = (along / size, across / size) if size > 0 else (1.0, 0.0)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _moments(weights: Array, spins: Array, covariances: Array) -> tuple[Array, Array]:
-    mean = weights @ spins
-    apart = spins - mean
-    spread = np.einsum('i,ia,ib->ab', weights, apart, apart)
-    return mean, spread + np.einsum('i,iab->ab', weights, covariances)
+        counted = self.windows.counted
+        if left_out is not None:
+            counted = np.where(left_out, 0.0, counted)
+        mean, covariance = np.zeros(3), np.zeros((3, 3))
+        spin_at(self.windows, counted, np.concatenate([position, velocity]), mean, covariance)
+        return mean, covariance

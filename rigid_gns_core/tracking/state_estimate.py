@@ -6,15 +6,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .environment import Environment
 from .jit import compiling
-from .known_laws import states_by_laws
+from .known_laws import KnownLaws, state_by_laws
 from .motion_models import Motion, ROLLING
-from .pose_noise import estimate_noise, rotates
+from .pose_noise import estimate_noise, rotating
 from .velocity import estimate_motion
 from ..errors import UserError
 from ..scenes.scene import Scene
@@ -82,40 +83,33 @@ def estimate_state(
             raise UserError(f'quaternions have shape {given.shape}, expected {turns.shape}')
         known = np.asarray(np.isfinite(given).all(axis=-1))
         turns[seen & known] = given[seen & known]
-        for sphere, own in enumerate(seen.T):
-            # one that was never told, or never changes, tells nothing of the spin
-            turned[sphere] = bool(known[own, sphere].all()) and rotates(turns[own, sphere])
-            if not turned[sphere]:
-                turns[:, sphere] = _UNTURNED
+        # one that was never told, or never changes, tells nothing of the spin
+        turned = (known | ~seen).all(axis=0) & rotating(turns, seen)
+        turns[:, ~turned] = _UNTURNED
     centres[~seen] = 0.0  # not read
     if scene.air is None and scene.tracker is None:
-        return _by_window(scene, stamps, centres, turns, seen, noise, turned)
+        motion, covariance = _by_window(scene, stamps, centres, turns, seen, noise, turned)
+        return StateEstimate(motion.state, covariance)
     if not (np.diff(stamps) > 0).all():
         raise UserError('times do not rise, expected increasing ones; sort the frames')
     if noise is None and scene.tracker is None:
         noise = _noise(stamps, centres, seen)
     with compiling():
-        states, covariances, found = states_by_laws(scene, stamps, centres, seen, noise)
-    if found.all() and not turned.any():
-        state = State(
-            positions=states[:, :3],
-            quaternions=np.tile(_UNTURNED, (len(states), 1)),
-            velocities=states[:, 3:6],
-            angular_velocities=states[:, 6:],
+        laws = _laws_of(scene, centres.shape[1]).with_noise(noise)
+        state, covariance = state_by_laws(
+            laws,
+            stamps,
+            centres,
+            turns,
+            seen,
+            lambda: _by_window(scene, stamps, centres, turns, seen, noise, turned),
         )
-        return StateEstimate(state, covariances)
-    # of balls with few frames, and rotations where they are tracked
-    base = _by_window(scene, stamps, centres, turns, seen, noise, turned)
-    own = found[:, None]
-    by_laws = own & ~turned[:, None]
-    spins = np.where(by_laws, states[:, 6:], base.state.angular_velocities)
-    mixed = State(
-        positions=np.where(own, states[:, :3], base.state.positions),
-        quaternions=base.state.quaternions,
-        velocities=np.where(own, states[:, 3:6], base.state.velocities),
-        angular_velocities=spins,
-    )
-    return StateEstimate(mixed, np.where(found[:, None, None], covariances, base.covariance))
+    return StateEstimate(state, covariance)
+
+
+@lru_cache(maxsize=8)
+def _laws_of(scene: Scene, count: int) -> KnownLaws:
+    return KnownLaws.of(scene, tuple(range(count)))
 
 
 def _by_window(
@@ -126,8 +120,8 @@ def _by_window(
     seen: NDArray[np.bool_],
     noise: float | None,
     turned: NDArray[np.bool_],
-) -> StateEstimate:
-    """The node's fit to its window of frames."""
+) -> tuple[Motion, Array]:
+    """Fit of motions without air, as of the node in a scene without it, and its covariance."""
     radii = scene.per_sphere('radius', centres.shape[1])
     sigma = _noise(stamps, centres, seen) if noise is None else noise
     with compiling():
@@ -140,13 +134,7 @@ def _by_window(
             noise=sigma,
             seen=seen,
         )
-    state = State(
-        positions=motion.positions,
-        quaternions=motion.quaternions,
-        velocities=motion.velocities,
-        angular_velocities=motion.angular_velocities,
-    )
-    return StateEstimate(state, motion_covariance(motion, radii, sigma, turned))
+    return motion, motion_covariance(motion, radii, sigma, turned)
 
 
 def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:

@@ -21,7 +21,7 @@ from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
 from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
-from .noise_estimate import MAX_DIFFERENCES, NoiseEstimate, third_differences
+from .noise_estimate import MAX_DIFFERENCES, MIN_DIFFERENCES, NoiseEstimate, third_differences
 from .velocity import estimate_motion
 from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
@@ -52,6 +52,7 @@ class TrackerSettings:
         coast_time: A track not seen for longer is deleted [s], but not within two frames.
         max_speed: Largest speed of a new track [m/s].
         radius: Radius of the largest sphere [m].
+        memory: Frames of this time before the newest are kept as well [s].
     """
 
     environment: Environment
@@ -61,11 +62,25 @@ class TrackerSettings:
     coast_time: float
     max_speed: float
     radius: float
+    memory: float = 0.0
 
     @property
-    def memory(self) -> int:
-        """Number of frames kept."""
+    def fewest(self) -> int:
+        """Number of frames kept at least; a late one is inserted among as many."""
         return max(self.length, _NOISE_FRAMES)
+
+    def used(self, stamps: NDArray[np.int64], spheres: int) -> int:
+        """Number of the newest frames from which a start is estimated.
+
+        Those of the window, of the memory, and so many that the noise of few spheres is known.
+        """
+        used = self.length
+        if self.noise is None and not self.matched and spheres and self.length >= _NOISE_FRAMES:
+            used = max(used, -(-MIN_DIFFERENCES // (3 * spheres)) + _NOISE_FRAMES - 1)
+        if self.memory and len(stamps):
+            recent = stamps >= stamps[-1] - round(self.memory * 1e9)
+            used = max(used, int(recent.sum()))
+        return min(used, len(stamps))
 
 
 @dataclass(frozen=True)
@@ -121,6 +136,10 @@ class Tracks:
         observed = self.noise_estimate.spread
         return _NOISE_GUESS * settings.radius if observed is None else observed
 
+    def knows_noise(self, settings: TrackerSettings) -> bool:
+        """Whether the noise is given or estimated; if not, it is a guess."""
+        return settings.noise is not None or self.noise_estimate.spread is not None
+
     def updated(self, frame: PoseArrayFrame, settings: TrackerSettings) -> Tracks:
         """Tracks after the next frame, whose stamp is later than all before."""
         step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
@@ -146,9 +165,11 @@ class Tracks:
         # where the order counts, spheres begin together
         begins = settings.matched or (visible.all() and not len(self.ids))
         free = poses[~claimed & visible & begins]
-        tail = slice(-(settings.memory - 1), None)
+        stamps = np.append(self.stamps, np.int64(frame.stamp_ns))
+        kept = max(settings.fewest, settings.used(stamps, len(self.ids)))
+        tail = slice(-kept + 1, None)
         grown = Tracks(
-            stamps=np.append(self.stamps[tail], np.int64(frame.stamp_ns)),
+            stamps=stamps[-kept:],
             ids=self.ids[keep],
             poses=np.concatenate([self.poses[tail], row[None]])[:, keep],
             seen=np.concatenate([self.seen[tail], detected[None]])[:, keep],
@@ -236,7 +257,8 @@ class Tracks:
         kept = MAX_DIFFERENCES
         if not settings.matched:
             # so that a start depends on the frames of its window alone
-            kept = values.size * max(settings.length - _NOISE_FRAMES + 1, 0)
+            used = settings.used(self.stamps, len(self.ids))
+            kept = values.size * max(used - _NOISE_FRAMES + 1, 0)
         return replace(self, noise_estimate=self.noise_estimate.updated(values, kept))
 
     def _estimate_motion(self, frames: int, settings: TrackerSettings) -> Motion:

@@ -32,6 +32,8 @@ LATE_FRAMES = 4
 MAX_AHEAD_NS = 1_000_000_000
 # a position further out than this many radii is not in metres
 MAX_DISTANCE = 1e6
+# a clock that is set by less is not told from frames that arrive late [ns]
+MIN_STEP_NS = 50_000_000
 # consecutive frames that may be missing, and the interval that is a gap [median intervals]
 MISSING = 2
 GAP = MISSING + 1.5
@@ -176,6 +178,7 @@ def usable_passes(
     known: list[int] = []
     masks: dict[int, NDArray[np.bool_]] = {}  # which spheres each frame shows
     places: Array | None = None  # where each was last [m]
+    arrived = 0  # time of arrival of the newest frame [ns]
     for k, (frame, time) in enumerate(zip(frames, times.tolist(), strict=True)):
         try:
             order.check(frame)
@@ -210,8 +213,13 @@ def usable_passes(
             passes.append([])
         for accepted in admitted:
             late = bool(known) and accepted.stamp_ns < known[-1]
-            if known and accepted.stamp_ns - known[-1] > WINDOW_GAP * 1e9:
+            apart = accepted.stamp_ns - known[-1] if known else 0
+            before_ns = np.array(known, dtype=np.int64)
+            if apart > WINDOW_GAP * 1e9 or (
+                not late and clock_was_set(before_ns, apart, time - arrived)
+            ):
                 known, places = [], None
+            arrived = arrived if late else time
             if not late:
                 repeats.took(accepted)
             seen = masks[accepted.stamp_ns] = measured(accepted.poses)
@@ -227,6 +235,20 @@ def usable_passes(
             refused.pop(index[id(accepted)], None)
             order.accepted(accepted.stamp_ns, time, late=late)
     return passes, Counter(refused.values())
+
+
+def clock_was_set(stamps: Stamps, apart_ns: int, arrived_ns: int) -> bool:
+    """Whether stamps went ahead without the time that they tell, as of a clock that was set.
+
+    Frames of both sides are not fitted together then, as where frames are missing for long.
+
+    Args:
+        stamps: Of the frames before, rising [ns], shape (k,).
+        apart_ns: Time to the next frame by its stamp [ns].
+        arrived_ns: The same by its arrival [ns].
+    """
+    usual = GAP * median_interval(stamps)
+    return 0 < usual < apart_ns and apart_ns > MIN_STEP_NS and arrived_ns < apart_ns / 2
 
 
 def median_interval(stamps: Stamps) -> float:

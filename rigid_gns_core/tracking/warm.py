@@ -11,14 +11,15 @@ import numpy as np
 
 from .association import match
 from .ball_contact import FREE
-from .ball_estimate import estimate_ball, forecast_ball, MOVES
+from .ball_estimate import estimate_ball
 from .ball_model import BallModel
 from .ball_slopes import normal_equations
 from .coasting import turn_on
 from .environment import Environment
 from .gating import gates
 from .jit import compiling
-from .start_prior import StartPrior
+from .known_laws import KnownLaws
+from .start_guess import ALL
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
 
@@ -30,22 +31,32 @@ def warm_up() -> None:
         _call_entries()
 
 
+@cache
 def warm_up_laws() -> None:
-    """Compile what states by the laws and their identification take: a node does without."""
+    """The same of estimates by the laws: a node in a scene without air does without."""
+    scene = Scene(surfaces=(Plane(),), radius=0.02)
+    times = 0.01 * np.arange(12.0)
+    places = np.array([0.0, 0.0, 1.0]) + times[:, None, None] * [1.0, 0.0, 0.0]
+    seen = np.ones((12, 1), dtype=bool)
+    seen[-1] = False  # is coasted
+    with compiling():
+        KnownLaws.of(scene, (0,)).states(times, places, seen)
+
+
+def warm_up_identification() -> None:
+    """The same of what identification takes besides."""
+    warm_up_laws()
     model = BallModel.of(Scene(surfaces=(Plane(),), radius=0.02))
     times = 0.01 * np.arange(12.0)
     places = np.array([0.0, 0.0, 1.0]) + times[:, None] * [1.0, 0.0, 0.0]
     noise = np.array([1e-3, 1e-2, 0.02])
     with compiling():
-        found = estimate_ball(model, noise, StartPrior.of_any_spin(0.02), times, places)
-        forecast_ball(model, found, float(times[-1]), times[-1:] + 0.1)
+        found = estimate_ball(model, noise, None, times, places)
         none = np.zeros((0, 1, 14)), np.zeros((0, 1, 14)), np.zeros((0, 1, 8)), np.zeros(0)
         laws = (model.ball, model.planes, model.laws)
         ends = np.zeros((9, 9)), np.zeros(9)
         frames = (float(times[0]), times, places)
-        normal_equations(
-            found.state, MOVES, *frames, *laws, FREE, noise, np.ones(12), *none, *ends
-        )
+        normal_equations(found.state, ALL, *frames, *laws, FREE, noise, np.ones(12), *none, *ends)
 
 
 def _call_entries() -> None:

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from .environment import Environment
 from .lost_spheres import check_seen, measured, why_lost
-from .pose_noise import rotates
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
-from .state_estimate import motion_covariance, StateEstimate
+from .scene_laws import by_window, SceneLaws
+from .state_estimate import StateEstimate
 from .tracks import TrackerSettings, Tracks
-from .usable_frames import FrameOrder
-from .warm import warm_up
+from .usable_frames import clock_was_set, FrameOrder
+from .warm import warm_up, warm_up_laws
 from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
@@ -41,7 +41,8 @@ class TrackingWindow:
 
     Args:
         frame_id: Coordinate frame that messages must be in.
-        length: Number of frames from which velocities are estimated; 1: spheres start at rest.
+        length: Number of frames from which velocities are estimated; 1: spheres start at rest. In
+            a scene with air or a learned tracker, all frames of its memory count.
         max_spheres: Largest number of spheres accepted.
         gravity: Acceleration of free flight [m/s^2].
         max_gap: Longest time between two frames of a window [s]; a longer one empties it.
@@ -77,6 +78,10 @@ class TrackingWindow:
         max_speed: float | None = None,
     ) -> None:
         warm_up()
+        self._laws = None if scene is None else SceneLaws.of(scene)
+        if self._laws is not None:
+            warm_up_laws()
+            noise = self._laws.noise if noise is None else noise
         size = float(np.linalg.norm(gravity)) or 1.0
         natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
         for name, value in (
@@ -100,11 +105,14 @@ class TrackingWindow:
             coast_time=_COAST * natural if coast_time is None else coast_time,
             max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
             radius=radius,
+            memory=0.0 if self._laws is None else self._laws.memory,
         )
         # newest frames, each with the tracks before it, to insert a late frame
-        self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.memory)
+        self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.fewest)
         self._tracks = _NO_TRACKS
-        self._state: State | None = None  # at the newest frame, computed on demand
+        # at the newest frame, computed on demand
+        self._state: State | None = None
+        self._estimate: StateEstimate | None = None
         self._repeats = Repeats(radius)
         self.lost = ''  # what is wrong with the first lost pose of the newest frame
         self.arrival_ns = 0  # of the newest frame, by the node's clock
@@ -137,14 +145,21 @@ class TrackingWindow:
         return self._tracks.noise(self.settings)
 
     @property
+    def knows_noise(self) -> bool:
+        """Whether that is given or estimated; if not, it is a guess."""
+        return self._tracks.knows_noise(self.settings)
+
+    @property
     def stamp_ns(self) -> int | None:
         """Stamp of the newest frame [ns]; None before the first."""
         return self._frames[-1][0].stamp_ns if self._frames else None
 
     @property
     def window_ns(self) -> tuple[int, ...]:
-        """Stamps of the frames from which velocities are estimated, the newest last [ns]."""
-        return tuple(frame.stamp_ns for frame, _ in self._frames)[-self.length :]
+        """Stamps of the frames from which a start is estimated, the newest last [ns]."""
+        stamps = self._tracks.stamps
+        used = self.settings.used(stamps, len(self._tracks.ids))
+        return tuple(stamps[len(stamps) - used :].tolist())
 
     @property
     def lead_ns(self) -> int:
@@ -232,9 +247,12 @@ class TrackingWindow:
             later.insert(0, last)
         ids_reused = tracks.next_id < next_id
         for queued in (frame, *later):
-            if len(tracks.stamps) and queued.stamp_ns - tracks.stamps[-1] > self.max_gap_ns:
-                if not self.full:
-                    self._on_gap((queued.stamp_ns - int(tracks.stamps[-1])) * 1e-9)
+            apart = queued.stamp_ns - int(tracks.stamps[-1]) if len(tracks.stamps) else 0
+            if apart > self.max_gap_ns or (
+                not later and clock_was_set(tracks.stamps, apart, now_ns - self.arrival_ns)
+            ):
+                if not self.full and apart > self.max_gap_ns:
+                    self._on_gap(apart * 1e-9)
                 frames.clear()
                 matched = self.settings.matched
                 tracks = (
@@ -254,7 +272,8 @@ class TrackingWindow:
         self._set_tracks(tracks, changed=ids_reused)
 
     def _set_tracks(self, tracks: Tracks, *, changed: bool = False) -> None:
-        before, self._tracks, self._state = self._tracks.ids, tracks, None
+        before, self._tracks = self._tracks.ids, tracks
+        self._state = self._estimate = None
         if changed or not np.array_equal(before, tracks.ids):
             self.generation += 1
             self.counts['appeared'] += len(np.setdiff1d(tracks.ids, before))
@@ -262,29 +281,22 @@ class TrackingWindow:
 
     def start(self) -> tuple[int, State]:
         """Stamp [ns] of the newest frame, and the state at it, from the whole window."""
+        if self._laws is not None and self.length > 1:
+            stamp, estimate = self.estimate()
+            return stamp, estimate.state
         if self._state is None:
-            motion = self._tracks.window_motion(self.settings)
-            self._state = State(
-                positions=motion.positions,
-                quaternions=motion.quaternions,
-                velocities=motion.velocities,
-                angular_velocities=motion.angular_velocities,
-            )
+            self._state = self._tracks.window_motion(self.settings).state
         return int(self._tracks.stamps[-1]), self._state
 
     def estimate(self) -> tuple[int, StateEstimate]:
         """As `start`, with the covariance of the state."""
-        stamp, state = self.start()
-        tracks, settings = self._tracks, self.settings
-        motion, quaternions = tracks.window_motion(settings), tracks.poses[..., 3:]
-        turned = np.array(
-            [rotates(own[seen]) for own, seen in zip(
-                np.moveaxis(quaternions, 1, 0), tracks.seen.T, strict=True
-            )],
-            dtype=np.bool_,
-        )  # fmt: skip
-        radii = settings.environment.radii(tracks.ids)
-        return stamp, StateEstimate(state, motion_covariance(motion, radii, self.noise, turned))
+        if self._estimate is None:
+            if self._laws is not None and self.length > 1:
+                self._estimate = self._laws.estimate(self._tracks, self.settings)
+            else:
+                _, covariance = by_window(self._tracks, self.settings)
+                self._estimate = StateEstimate(self.start()[1], covariance)
+        return int(self._tracks.stamps[-1]), self._estimate
 
     def _check_count(self, count: int) -> None:
         known, matched = self.count, self.settings.matched

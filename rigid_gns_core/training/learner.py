@@ -83,6 +83,7 @@ class Learner(ABC, Generic[N]):
     """
 
     kind: ClassVar[str]
+    measure: ClassVar[str]  # name of the validation score in the card
 
     def __init__(
         self,

@@ -8,10 +8,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from .gns.learner import GNSTrainConfig
+from .residual.learner import ResidualTrainConfig
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
+RECIPES: dict[str, type[GNSTrainConfig] | type[ResidualTrainConfig]] = {
+    'gns': GNSTrainConfig,
+    'residual': ResidualTrainConfig,
+}
 
-def load_recipe(name: str | Path) -> GNSTrainConfig:
+
+def load_recipe(name: str | Path) -> GNSTrainConfig | ResidualTrainConfig:
     """Training recipe of a YAML file, or of a shipped name in config/train; `kind` is the model's.
 
     Raises:
@@ -20,6 +26,6 @@ def load_recipe(name: str | Path) -> GNSTrainConfig:
     path = find_config('train', name)
     mapping = load_yaml(path)
     kind = mapping.pop('kind', None)
-    if kind != 'gns':
-        raise ConfigError(f'{path}: kind is {kind!r}, allowed: gns')
-    return from_mapping(GNSTrainConfig, mapping, str(path))
+    if kind not in RECIPES:
+        raise ConfigError(f'{path}: kind is {kind!r}, allowed: {", ".join(RECIPES)}')
+    return from_mapping(RECIPES[kind], mapping, str(path))

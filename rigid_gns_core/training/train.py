@@ -12,7 +12,7 @@ import json
 import math
 from pathlib import Path
 import time
-from typing import Any
+from typing import Any, TypeAlias
 import warnings
 
 import numpy as np
@@ -22,6 +22,8 @@ import yaml
 from .fine_tune import StartingPoint
 from .gns.learner import GNSLearner, GNSTrainConfig
 from .recipes import load_recipe
+from .residual.learner import ResidualLearner, ResidualTrainConfig
+from .residual.validation import rollout_error
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
 from ..errors import UserError
@@ -31,7 +33,10 @@ from ..prediction.gns import GNSSimulator
 from ..rollout.simulator import Simulator
 from ..running.interrupt import stop_on_signal
 from ..running.progress import Progress
+from ..scenes.scene_file import load_scene
 from ..scoring import chamfer
+
+TrainConfig: TypeAlias = GNSTrainConfig | ResidualTrainConfig
 
 STATE, RECIPE, LOG = 'state.safetensors', 'recipe.yaml', 'log.jsonl'
 SAVE_EVERY = 60.0
@@ -58,7 +63,7 @@ class Trainer:
 
     def __init__(
         self,
-        config: GNSTrainConfig,
+        config: TrainConfig,
         records: Sequence[Record],
         validation: Sequence[Record],
         folder: str | Path,
@@ -67,9 +72,17 @@ class Trainer:
         start: StartingPoint | None = None,
     ) -> None:
         self.config, self.folder, self.origin, self.start = config, Path(folder), origin, start
-        self.validation = _long_enough(validation, config)
+        self.validation = (
+            list(validation[: config.validation_rollouts])
+            if isinstance(config, ResidualTrainConfig)
+            else _long_enough(validation, config)
+        )
         self.data = {'data': fingerprint(records), 'validation': fingerprint(self.validation)}
-        self.learner = GNSLearner.of(config, records, device)
+        self.learner: GNSLearner | ResidualLearner
+        if isinstance(config, ResidualTrainConfig):
+            self.learner = ResidualLearner.of(config, records)
+        else:
+            self.learner = GNSLearner.of(config, records, device)
         self.best = math.inf
         self._resume()
         if start is not None:
@@ -102,9 +115,16 @@ class Trainer:
         return self.best
 
     def validate(self) -> float:
-        """Mean over held-out rollouts of the root Chamfer distance [radii]; inf: one diverged."""
+        """Mean over held-out records, infinite where a rollout diverged [radii].
+
+        Of a GNS: the root Chamfer distance of a rollout. Of a residual network, with whose
+        rollouts each sphere keeps its name: the mean position error at the end of short ones.
+        """
         if not self.validation:
             return math.inf
+        if isinstance(self.config, ResidualTrainConfig):
+            with self.learner.averaged_weights() as network:
+                return rollout_error(tensors_of(network), self.config, self.validation)
         with self.learner.averaged_weights() as network, warnings.catch_warnings():
             warnings.simplefilter('ignore')  # a rollout that diverges shows in the score
             simulator = GNSSimulator(tensors_of(network), self.card(None), 'validation')
@@ -124,7 +144,7 @@ class Trainer:
                 'data': self.origin,
                 'trajectories': self.learner.trajectories,
             },
-            'validation': {'root_chamfer_radii': score},
+            'validation': {self.learner.measure: score},
         }
 
     def _rollout_score(self, simulator: Simulator, record: Record) -> float:
@@ -209,7 +229,7 @@ def find_device(name: str) -> torch.device:
     return torch.device(name)
 
 
-def _long_enough(records: Sequence[Record], config: GNSTrainConfig) -> list[Record]:
+def _long_enough(records: Sequence[Record], config: TrainConfig) -> list[Record]:
     enough = [r for r in records if r.trajectory.steps >= config.validation_steps]
     if records and not enough:
         raise UserError(
@@ -229,6 +249,11 @@ def run(arguments: argparse.Namespace) -> int:
     device = find_device(arguments.device)
     validation = list(Dataset(arguments.validation)) if arguments.validation else []
     records = [record for folder in arguments.data for record in Dataset(folder)]
+    if arguments.scene:
+        scene = load_scene(arguments.scene)
+        records, validation = (
+            [replace(record, scene=scene) for record in some] for some in (records, validation)
+        )
     origin = ' '.join(folder.name for folder in arguments.data)
     if start := StartingPoint.of(arguments.start) if arguments.start else None:
         records, validation = start.records(records), start.records(validation)

@@ -136,7 +136,8 @@ class Diagnostics:
             'rate [Hz]': f'{self._frames.rate:.3g}',
             'since the newest frame [s]': f'{silence:.3g}',
             'spheres': str(self._window.count or 0),
-            'noise [m]': f'{self._window.noise:.3g}',
+            'noise [m]': f'{self._window.noise:.3g}'
+            + ('' if self._window.knows_noise else ', a guess: too few frames tell it'),
             'lost': str(self.lost),
             'rejected': str(self.rejected),
             'last rejection': self._last_rejection,

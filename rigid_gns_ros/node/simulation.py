@@ -30,6 +30,7 @@ from .alarm import Alarm
 from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
+from .inputs import Convert
 from .markers import MarkerPublisher
 from .odd_poses import OddPoses
 from .silence import Silence
@@ -122,14 +123,14 @@ class Simulation:
 
     # --- tracked frames ---
 
-    def on_tracked(self, cdr: bytes) -> None:
-        """Process a message on tracked_poses."""
+    def on_tracked(self, cdr: bytes, convert: Convert = lambda cdr: cdr) -> None:
+        """Process a message of a tracker, which `convert` makes a PoseArray."""
         self._check_clock()
         now = self._now()
         try:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
-            cdr = restamped(cdr, -self._latency_ns)
+            cdr = restamped(convert(cdr), -self._latency_ns)
             frame = decode_pose_array(cdr)
             restarted = self.window.add(frame, now)
         except UserError as error:
@@ -163,16 +164,14 @@ class Simulation:
         elif self.window.count is None and self.predictor.forecast is not None:
             self._stop('spheres')
 
-    def _on_lost(self, count: int) -> None:
+    def _on_lost(self, topic: str, depth: int, count: int, total: int) -> None:
         """Note tracked messages that never came to `on_tracked`."""
         self.diagnostics.frames_lost(count)
-        topics = self.topics
         self.warn(
             'lost',
-            f'tracked messages were lost on the way or in the queue, {topics.lost_frames.total} '
-            f'so far; where the node is too busy to take them in time, give it a longer queue '
-            f'than {topics.queue_depth}: -p qos_overrides.{topics.tracked.topic_name}'
-            '.subscription.depth:=50',
+            f'tracked messages were lost on the way or in the queue, {total} so far; where the '
+            f'node is too busy to take them in time, give it a longer queue than {depth}: '
+            f'-p qos_overrides.{topic}.subscription.depth:=50',
         )
 
     def _tracker_is_gone(self, now: int) -> bool:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from .lost_messages import LostMessages
+from .inputs import Convert, Input, OTHERS
 
 # QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (
@@ -59,8 +59,8 @@ class NodeTopics:
 
     Args:
         node: Node of the topics.
-        on_tracked: Called with the bytes of each message on tracked_poses.
-        on_lost: Called with the number of messages on it that were lost before one that came.
+        on_tracked: See `Input`, as of the next.
+        on_lost: See there.
         record: Folder of the bag to write; empty: no recording.
         max_size: See `BagWriter` [MB].
         max_duration: See `BagWriter` [s].
@@ -73,8 +73,8 @@ class NodeTopics:
     def __init__(
         self,
         node: Node,
-        on_tracked: Callable[[bytes], None],
-        on_lost: Callable[[int], None],
+        on_tracked: Callable[[bytes, Convert], None],
+        on_lost: Callable[[str, int, int, int], None],
         record: str,
         *,
         max_size: float = 0.0,
@@ -105,20 +105,10 @@ class NodeTopics:
         self.start = self._publisher(String, '~/start', depth=1, latched=True)
         self.step_time = self._publisher(Float64, '~/step_time')
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
-        profile = sensor_data()
-        heard: Any = self._heard  # rclpy counts its arguments
-        with _named_overrides('tracked_poses'):
-            self.tracked = node.create_subscription(
-                PoseArray,
-                'tracked_poses',
-                heard,
-                profile,
-                raw=True,
-                qos_overriding_options=overridable(),
-            )
-        self._register(self.tracked.topic_name, PoseArray, profile)
-        self.lost_frames = LostMessages(self.tracked.get_publisher_count)
-        self.queue_depth = profile.depth
+        self._inputs: list[Input] = []
+        self.tracked = self._subscription(PoseArray, 'tracked_poses')
+        for name, (kind, convert) in OTHERS.items():
+            self._subscription(kind, name, convert)
         # last, so that a failing topic leaves no bag; no message was sent or received yet
         if record:
             self.bag = self._new_bag(record, max_size, max_duration)
@@ -148,19 +138,28 @@ class NodeTopics:
         self._record(self.tracked.topic_name, cdr, time_ns)
 
     def drain(self) -> None:
-        """Process all waiting messages on tracked_poses; the executor takes one at a time."""
-        while True:
-            with self.tracked.handle:
-                taken = self.tracked.handle.take_message(self.tracked.msg_type, self.tracked.raw)
-            if taken is None:
-                return
-            self._heard(*taken)
+        """Process all waiting messages of trackers."""
+        for own in self._inputs:
+            own.drain()
 
-    def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
-        """Take a message on tracked_poses, with what rclpy knows of it."""
-        if lost := self.lost_frames.take(information.get('publication_sequence_number')):
-            self._on_lost(lost)
-        self._on_tracked(cdr)
+    def _subscription(self, kind: Any, name: str, *convert: Convert) -> Any:
+        """Subscription of a tracker's topic, which is recorded as a PoseArray on tracked_poses."""
+        profile = sensor_data()
+        with _named_overrides(name):
+            own = Input(
+                self._node,
+                kind,
+                name,
+                profile,
+                overridable(),
+                self._on_tracked,
+                self._on_lost,
+                *convert,
+            )
+        self._inputs.append(own)
+        if not convert:
+            self._register(own.subscription.topic_name, PoseArray, profile)
+        return own.subscription
 
     def close(self) -> str:
         """Finish the bag; a line on the result, empty without a bag."""

@@ -12,7 +12,7 @@ import sys
 from rigid_gns_core.installation import extras, versions
 
 # extras of users; the others are of those who work on the package
-USED = ('torch', 'teacher', 'plot', 'bench', 'cluster', 'ros')
+USED = ('torch', 'teacher', 'plot', 'bench', 'worlds', 'cluster', 'ros')
 
 
 def test_each_is_what_the_package_asks_for() -> None:

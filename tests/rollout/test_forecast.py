@@ -118,7 +118,7 @@ def test_wrong_arguments_are_named(simulator, leads, samples, message) -> None:
 
 
 def test_a_wall_is_crossed_where_the_closed_form_says(simulator) -> None:
-    """x = 3 t, through two bounces."""
+    """A ball at x = 3 t goes through two bounces."""
     found = simulator.forecast(SCENE, START, [1.0])
     for place in np.linspace(0.05, 2.95, 30):
         crossing = found.crossing(Plane((place, 0.0, 0.0), (-1.0, 0.0, 0.0)))

@@ -126,7 +126,9 @@ def test_drawn_motions_have_the_spread_that_is_stated() -> None:
     """1000 draws: deviations to 1 / sqrt(2000) = 2 %."""
     start = State(positions=[[0.0, 0.0, RADIUS + 0.5]], velocities=[[2.0, 0.0, 0.0]])
     paths = paths_of(SCENE, start, 40)
-    tracker = Tracker(noise=1e-3, forecast_drift=0.02, forecast_impact=0.03)
+    tracker = Tracker(
+        noise=1e-3, forecast_drift=0.02, forecast_impact=0.03, forecast_acceleration=0.5
+    )
     many = Paths(
         *(np.repeat(one, 1000, axis=0) for one in (
             paths.positions, paths.velocities, paths.flights, paths.blows,

@@ -10,7 +10,8 @@ import pytest
 from rigid_gns_core import Air, ContactLaw, Plane, Scene
 from rigid_gns_core.tracking.ball_contact import FREE
 from rigid_gns_core.tracking.ball_model import BallModel
-from rigid_gns_core.tracking.ball_path import path, path_and_slopes
+from rigid_gns_core.tracking.ball_path import path
+from rigid_gns_core.tracking.path_slopes import path_and_slopes
 from scipy.integrate import solve_ivp
 
 RADIUS, G = 0.03, 9.81
@@ -126,20 +127,49 @@ def test_a_ball_rolls_into_a_cushion_and_over_an_end() -> None:
     assert states[0, 2] < -1.0  # 0.5 s of fall
 
 
-def test_slopes_are_those_of_differences_through_a_bounce() -> None:
-    """Against central differences with wide steps: 1e-4 of slopes of up to 1."""
-    scene = Scene(surfaces=Plane(contact=ContactLaw(restitution=0.9, friction=0.3)), **BALL)
+AIR = Air(
+    drag_coefficient=0.4, drag_slope=0.3, lift_coefficient=0.4, spin_decay=0.3, wind=(1, 2, 0)
+)
+GRIP = ContactLaw(restitution=0.9, friction=0.3, rolling_friction=0.01)
+# flight and a bounce; a bounce that slides and rolls into a cushion; flight with gaps
+STARTS = {
+    'bounce': ([0.0, 0.0, 0.3, 2.0, 0.0, -1.0, 0.0, 5.0, 3.0], FREE),
+    'rolling': ([0.0, 0.0, RADIUS, -1.5, 0.3, 0.0, 0.0, 5.0, 3.0], 0),
+    'flight': ([0.0, 0.0, 9.0, 2.0, 9.0, 3.0, 100.0, 50.0, 30.0], FREE),
+}
+
+
+@pytest.mark.parametrize('air', [None, AIR])
+@pytest.mark.parametrize('name', STARTS)
+def test_slopes_are_those_of_differences(name: str, air: Air | None) -> None:
+    """Against central differences with wide steps: 1e-4 of the largest slope."""
+    cushion = Plane((-1.0, 0, 0), (1, 0, 0), contact=ContactLaw(restitution=0.5, friction=0.1))
+    scene = Scene(surfaces=(Plane(contact=GRIP), cushion), air=air, **BALL)
     model = BallModel.of(scene)
-    laws, stamps = (model.ball, model.planes, model.laws), np.array([0.2, 0.6])
-    start = np.array([0.0, 0.0, 0.3, 2.0, 0.0, -1.0, 0.0, 5.0, 3.0])
-    moves = np.array([1e-6] * 3 + [1e-5] * 3 + [1e-3] * 3)
-    states, slopes = np.zeros((2, 9)), np.zeros((9, 2, 9))
-    path_and_slopes(start, moves, 0.0, stamps, *laws, FREE, states, slopes, np.zeros((8, 3)))
-    for j in range(9):
+    laws, stamps = (model.ball, model.planes, model.laws), np.array([0.005, 0.2, 0.205, 0.8])
+    start, on = np.array(STARTS[name][0]), STARTS[name][1]
+    states, slopes = np.zeros((4, 9)), np.zeros((4, 9, 9))
+    path_and_slopes(start, np.ones(9), 0.0, stamps, *laws, on, states, slopes, np.zeros((8, 3)))
+    np.testing.assert_array_equal(states, follow(scene, start.tolist(), stamps, on)[0])
+    for j, move in enumerate([1e-4] * 3 + [1e-3] * 3 + [1e-1] * 3):
+        if on != FREE and j in (2, 5):  # a ball on a surface is not moved off it
+            continue
         ends = []
         for sign in (1, -1):
             moved = start.copy()
-            moved[j] += sign * 100 * moves[j]
-            ends.append(follow(scene, moved.tolist(), stamps)[0])
-        central = (ends[0] - ends[1]) / (200 * moves[j])
-        np.testing.assert_allclose(slopes[j], central, atol=1e-4 * max(1, abs(central).max()))
+            moved[j] += sign * move
+            ends.append(follow(scene, moved.tolist(), stamps, on)[0])
+        central = (ends[0] - ends[1]) / (2 * move)
+        np.testing.assert_allclose(
+            slopes[:, :, j], central, atol=1e-4 * max(1, abs(central).max())
+        )
+
+
+def test_a_part_of_the_start_that_is_held_has_no_slope() -> None:
+    scene = Scene(surfaces=Plane(contact=GRIP), **BALL)
+    model = BallModel.of(scene)
+    laws, varied = (model.ball, model.planes, model.laws), np.repeat([1.0, 1.0, 0.0], 3)
+    states, slopes = np.zeros((1, 9)), np.ones((1, 9, 9))
+    start, stamps = np.array(STARTS['bounce'][0]), np.array([0.6])
+    path_and_slopes(start, varied, 0.0, stamps, *laws, FREE, states, slopes, np.zeros((8, 3)))
+    assert not slopes[..., 6:].any() and slopes[..., :6].any()

@@ -9,10 +9,9 @@ import numba
 import numpy as np
 from rigid_gns_core import ContactLaw, Plane, Scene
 from rigid_gns_core.tracking.ball_contact import FREE
-from rigid_gns_core.tracking.ball_fit import _whitened
 from rigid_gns_core.tracking.ball_model import BallModel
 from rigid_gns_core.tracking.ball_path import path
-from rigid_gns_core.tracking.model_error import filter_gains, GAINS
+from rigid_gns_core.tracking.model_error import filter_gains, GAINS, whiten
 
 
 @numba.njit(error_model='numpy')
@@ -22,9 +21,9 @@ def whitened(
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Whitened residuals of a path, shape (m, 3), and the sum of log variances of an axis."""
     m = len(times)
-    gains, residuals = np.zeros((m, GAINS)), np.zeros((m, 3))
+    gains, residuals = np.zeros((m, GAINS)), observed - states[:, :3]
     log = filter_gains(0.0, times, np.ones(m), noise, impacts, count, gains)
-    _whitened(0.0, times, observed, states, gains, np.zeros(m), residuals, np.zeros(6))
+    whiten(0.0, times, gains, residuals, np.zeros(3), np.zeros(3))
     return residuals, log
 
 

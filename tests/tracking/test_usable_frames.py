@@ -120,3 +120,42 @@ def test_two_frames_may_be_missing() -> None:
     assert short_gaps(DT * np.arange(20), seen).tolist() == [4, 5]
     jitter = np.random.default_rng(0).integers(-DT // 8, DT // 8, 20)
     assert short_gaps(DT * np.arange(20) + jitter, seen).tolist() == [4, 5]
+
+
+def moving(stamp: int, k: int) -> PoseArrayFrame:
+    one = frame(stamp)
+    one.poses[:, 1] = 0.01 * k
+    return one
+
+
+@pytest.mark.parametrize(
+    ('ahead', 'arrived', 'kept'),
+    [
+        (50 * 8_000_000, 8_000_000, 1),  # the clock was set ahead by 0.4 s
+        (50 * 8_000_000, 50 * 8_000_000, 6),  # frames are missing
+        (3 * 8_000_000, 8_000_000, 6),  # two are missing, and this one is early
+        (5 * 8_000_000, 8_000_000, 6),  # 40 ms: frames that come late
+    ],
+)
+def test_frames_of_two_clocks_are_not_fitted_together(ahead: int, arrived: int, kept: int) -> None:
+    window = TrackingWindow(
+        frame_id='world',
+        length=6,
+        max_spheres=10,
+        gravity=(0.0, 0.0, -9.81),
+        max_gap=WINDOW_GAP,
+        radius=0.02,
+        check=lambda _: None,
+        on_gap=lambda _: None,
+    )
+    stamps = [10**9 + 8_000_000 * k for k in range(8)]
+    times = stamps.copy()
+    stamps.append(stamps[-1] + ahead)
+    times.append(times[-1] + arrived)
+    frames = [moving(stamp, k) for k, stamp in enumerate(stamps)]
+    for one, time in zip(frames, times, strict=True):
+        window.add(one, time)
+    assert len(window.window_ns) == kept
+    assert window.window_ns[-1] == stamps[-1]
+    passes, refused = usable_passes(frames, np.array(times), frame_id='world', radius=0.02)
+    assert passes == [list(range(9))] and not refused

@@ -102,6 +102,22 @@ class MujocoSpheres:
         positions: Array = self._data.qpos.reshape(-1, 7)[:, :3].copy()
         return positions
 
+    def state(self) -> State:
+        """State now; its velocities are those of the instant."""
+        from scipy.spatial.transform import Rotation
+
+        quaternions = np.roll(self._data.qpos.reshape(-1, 7)[:, 3:], -1, axis=1)
+        moving = self._data.qvel.reshape(-1, 6)
+        early = 0.5 * self._model.opt.timestep * self._model.opt.gravity
+        spins = Rotation.from_quat(quaternions).apply(moving[:, 3:])
+        positions = self._data.qpos.reshape(-1, 7)[:, :3]
+        return State(
+            positions=positions,
+            quaternions=quaternions,
+            velocities=moving[:, :3] + early,
+            angular_velocities=spins,
+        )
+
     def close(self) -> None:
         """Free MuJoCo's memory."""
         del self._model, self._data

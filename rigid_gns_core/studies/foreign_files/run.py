@@ -32,6 +32,7 @@ MEMORY = 2**30
 """Most memory that reading may take, above what the process has [bytes]."""
 LONGEST = 4000
 """Most characters of an error, besides what a bag warns of."""
+_BEGIN = 300.0  # longest time to load all that is needed [s]
 _BATCH = 200  # files read by one process
 
 
@@ -113,6 +114,9 @@ def _batch(
         process.start()
         its.close()
         try:
+            if not mine.poll(_BEGIN):
+                raise RuntimeError(f'an intact {form.name} is not read within {_BEGIN:g} s')
+            mine.recv()
             while begin < end and process.exitcode is None:
                 what, trace = _answer(mine, process)
                 begin += 1
@@ -143,6 +147,10 @@ def _read(pipe: Connection, form: Format, seed: int, begin: int, end: int) -> No
     used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     with TemporaryDirectory() as folder:
+        path = Path(folder) / f'intact{form.suffix}'
+        path.write_bytes(form.intact()[0])
+        problem_of(form, path)  # what is loaded on a first use is no fault of the first file
+        pipe.send('ready')
         for number in range(begin, end):
             path = Path(folder) / f'file{number}{form.suffix}'
             path.write_bytes(changed_file(form, seed, number))

@@ -94,6 +94,8 @@ class BulletSimulator(Simulator):
 
 
 class _BulletStepper(Stepper):
+    """Bullet from a state on."""
+
     def __init__(self, scene: Scene, state: State, dt: float) -> None:
         settings = TeacherSettings(substeps=_SUBSTEPS)
         self._teacher = Teacher(bullet_scene(scene, len(state)), state, dt, settings)

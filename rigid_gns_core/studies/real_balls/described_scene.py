@@ -68,12 +68,12 @@ def _table(about: Mapping[str, Any], radius: float) -> tuple[Plane, ...]:
     # of a floor of which only the direction is told the height is 0
     centre = np.asarray(table.get('centre_at_contact', radius * normal), dtype=np.float64)
     point = centre - radius * normal
-    lengths = {'length_x': np.inf, 'length_y': np.inf}
+    lengths = [np.inf, np.inf]
     extent = about.get('table_extent') or {}
-    for axis, name in ((0, 'length_x'), (1, 'length_y')):
+    for axis in (0, 1):
         if (ends := extent.get('xy'[axis])) is not None:
             point[axis] = 0.5 * (ends[0] + ends[1])
-            lengths[name] = abs(ends[1] - ends[0])
+            lengths[axis] = abs(ends[1] - ends[0])
     point = point - normal * ((point - centre) @ normal + radius)
     return (
         Plane(
@@ -81,8 +81,8 @@ def _table(about: Mapping[str, Any], radius: float) -> tuple[Plane, ...]:
             normal=(float(normal[0]), float(normal[1]), float(normal[2])),
             direction=(1.0, 0.0, 0.0),
             contact=TABLE,
-            length_x=lengths['length_x'],
-            length_y=lengths['length_y'],
+            length_x=lengths[0],
+            length_y=lengths[1],
         ),
     )
 

@@ -119,7 +119,8 @@ def halves(found: TrackSet, seed: int) -> tuple[TrackSet, TrackSet]:
     tracks = found.tracks
     if len(tracks) < _FEWEST:
         parts = [_cut(track) for track in tracks]
-        return tuple(replace(found, tracks=tuple(p[k] for p in parts)) for k in (0, 1))  # type: ignore[return-value]
+        first, second = (replace(found, tracks=tuple(p[k] for p in parts)) for k in (0, 1))
+        return first, second
     pairs = (len(tracks) + 1) // 2
     drawn = np.random.default_rng(seed).integers(0, 2, pairs)
     inside = np.array([drawn[k // 2] == k % 2 for k in range(len(tracks))])

@@ -79,6 +79,7 @@ class GNSLearner(Learner[GNS]):
     """
 
     kind = 'gns'
+    measure = 'root_chamfer_radii'
     config: GNSTrainConfig
 
     def __init__(

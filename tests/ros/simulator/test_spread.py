@@ -94,7 +94,7 @@ def throw(setup: Any, start: list[float], velocity: list[float], frames: int = 2
 def test_a_thrown_ball_crosses_a_plane_when_and_where_it_is_told(
     simulated: Simulated, tmp_path: Path
 ) -> None:
-    """x = -0.6 + 3 t meets x = 0.9 m at 0.5 s: after a bounce, 0.4 s after the last frame."""
+    """A ball meets x = 0.9 m at 0.5 s: after a bounce, 0.4 s after the last frame."""
     setup = simulated(
         scene=written(tmp_path),
         horizon=0.8,

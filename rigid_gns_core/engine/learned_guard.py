@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Energy guard of soft contacts: what an overlap stores may come back, and no more.
+
+A soft ball that is seen in the middle of a bounce has given its energy to the contact. With the
+stiffness k that a network was trained with, per effective mass m, an overlap o stores at most
+m k o^2 / 2. Each sphere has a store, which an island's loss of energy fills up to that, and which
+is empty where nothing overlaps; an island may gain what its spheres have stored. So the sum of
+kinetic and potential energy and of the stores never rises, whatever the weights. With k = 0 it is
+the guard of the laws.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .guard import energy_of, limit_energy, limit_energy_beyond
+from .islands import groups_of, Islands
+from .learned_contacts import LearnedContacts
+from .shielding import offset_from_plane
+from .spheres import Spheres
+from .world import World
+from ..kernels.jit import compiled
+from ..kernels.vector import length, minus, row
+from ..scenes.state import Array
+
+
+@compiled
+def limit_energy_of_soft(
+    world: World,
+    before: Spheres,
+    islands: Islands,
+    contacts: LearnedContacts,
+    stiffness: float,
+    dt: float,
+    stored_out: Array,
+    after_out: Spheres,
+) -> tuple[int, float]:
+    """As `guard.limit_energy`; `stored_out` are the stores of the spheres, shape (n,)."""
+    if stiffness <= 0:
+        return limit_energy(world, before, islands, dt, after_out)
+    stored, after = stored_out, after_out
+    done = limit_energy_beyond(world, before, islands, dt, stored, after)
+    most, groups = stores(world, after.positions, contacts, stiffness), groups_of(islands)
+    held = stored.copy()
+    stored[:] = 0.0
+    for island in range(len(groups.grounded)):
+        members = groups.members[groups.start[island] : groups.start[island + 1]]
+        left, room = 0.0, 0.0
+        for i in members:
+            kinetic, potential = energy_of(world, after, i)
+            kinetic_before, potential_before = energy_of(world, before, i)
+            left += held[i] + islands.work[i]
+            left += kinetic_before + potential_before - kinetic - potential
+            room += most[i]
+        if left > 0 and room > 0:
+            share = min(1.0, left / room)
+            for i in members:
+                stored[i] = share * most[i]
+    return done
+
+
+@compiled
+def stores(world: World, positions: Array, contacts: LearnedContacts, stiffness: float) -> Array:
+    """Most that the overlaps of each sphere store; half of one of two spheres is each one's."""
+    most, is_met = np.zeros(len(positions)), np.zeros(len(positions), np.bool_)
+    for c in range(len(contacts.a)):
+        a, b = contacts.a[c], contacts.b[c]
+        is_met[a] = True
+        if b >= 0:
+            is_met[b] = True
+            gap = length(minus(row(positions, a), row(positions, b)))
+            overlap = max(0.0, world.radius[a] + world.radius[b] - gap)
+            mass = 1.0 / (world.inverse_mass[a] + world.inverse_mass[b])
+            energy = 0.5 * mass * stiffness * overlap**2
+            most[a] += 0.5 * energy
+            most[b] += 0.5 * energy
+    for i in range(len(positions)):
+        if is_met[i]:
+            for plane in range(len(world.point)):
+                offset = offset_from_plane(world, plane, row(positions, i))
+                overlap = max(0.0, world.radius[i] - length(offset))
+                most[i] += 0.5 / world.inverse_mass[i] * stiffness * overlap**2
+    return most

@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Messages of trackers that send no PoseArray, as the PoseArray that they amount to (CDR bytes).
+
+Of points nothing is known of rotation, which is (0, 0, 0, 1); so it is where an orientation is NaN
+or zero. A position that is NaN stays: that ball is lost.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .cdr import MessageError, Reader
+from .poses import PoseArrayCodec
+from ..scenes.state import Array
+
+# sensor_msgs/PointField: datatypes of coordinates
+_FLOATS = {7: 'f4', 8: 'f8'}
+_UNTURNED = (0.0, 0.0, 0.0, 1.0)
+_LEAST = 1e-6  # largest part of a quaternion that is one
+
+
+def pose_array_of_pose(cdr: bytes) -> bytes:
+    """PoseArray of one ball from a geometry_msgs/PoseStamped.
+
+    Raises:
+        MessageError: The bytes are no such message, as of the other functions.
+    """
+    reader = Reader(cdr, 'PoseStamped')
+    stamp, frame_id = reader.stamp(), reader.text('frame_id')
+    pose = reader.floats(1, 7, 'pose')
+    reader.end()
+    if not np.abs(pose[0, 3:]).max() > _LEAST:  # also NaN
+        pose[0, 3:] = _UNTURNED
+    return PoseArrayCodec(frame_id, 1).encode(pose, stamp)
+
+
+def pose_array_of_point(cdr: bytes) -> bytes:
+    """PoseArray of one ball from a geometry_msgs/PointStamped."""
+    reader = Reader(cdr, 'PointStamped')
+    stamp, frame_id = reader.stamp(), reader.text('frame_id')
+    point = reader.floats(1, 3, 'point')
+    reader.end()
+    return _of_points(frame_id, point, stamp)
+
+
+def pose_array_of_cloud(cdr: bytes) -> bytes:
+    """PoseArray of a sensor_msgs/PointCloud2 with coordinates x, y, z of float32 or float64."""
+    reader = Reader(cdr, 'PointCloud2')
+    stamp, frame_id = reader.stamp(), reader.text('frame_id')
+    count = reader.number('I', 'height') * reader.number('I', 'width')
+    columns: dict[str, tuple[int, int]] = {}
+    for _ in range(reader.number('I', 'number of fields')):
+        name, offset = reader.text('field name'), reader.number('I', 'offset')
+        columns[name] = (offset, reader.number('B', 'datatype'))
+        reader.number('I', 'count')
+    order = '>' if reader.number('B', 'is_bigendian') else '<'
+    step, row_step = reader.number('I', 'point_step'), reader.number('I', 'row_step')
+    size = reader.number('I', 'length of data')
+    data = reader.raw(size, 'data')
+    reader.number('B', 'is_dense')
+    reader.end()
+    if not count:
+        return _of_points(frame_id, np.zeros((0, 3)), stamp)
+    if count * step != size or row_step * max(size // max(row_step, 1), 1) != size:
+        raise MessageError(
+            f'PointCloud2: {count} points of {step} bytes, but {size} bytes of data in rows of '
+            f'{row_step}; expected rows without padding'
+        )
+    points = np.empty((count, 3))
+    for axis, name in enumerate('xyz'):
+        offset, datatype = columns.get(name, (0, 0))
+        kind = _FLOATS.get(datatype)
+        if kind is None or offset + int(kind[1]) > step:
+            raise MessageError(
+                f'PointCloud2: no field {name} of float32 or float64 within points of {step} '
+                f'bytes; fields: {", ".join(columns) or "none"}'
+            )
+        record = np.dtype(
+            {'names': ['value'], 'formats': [order + kind], 'offsets': [offset], 'itemsize': step}
+        )
+        points[:, axis] = np.frombuffer(data, record, count)['value']
+    return _of_points(frame_id, points, stamp)
+
+
+def _of_points(frame_id: str, points: Array, stamp_ns: int) -> bytes:
+    poses = np.concatenate([points, np.tile(_UNTURNED, (len(points), 1))], axis=1)
+    return PoseArrayCodec(frame_id, len(points)).encode(poses, stamp_ns)

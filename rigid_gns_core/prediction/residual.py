@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The laws with a residual network as a simulator. It needs no torch."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from .laws import UNITS
+from ..engine.learned_network import network_of, ResidualConfig
+from ..engine.options import LawsOptions
+from ..errors import UserError
+from ..files.checkpoint import CheckpointError, Tensors
+from ..files.config import from_mapping
+from ..rollout.simulator import Simulator
+from ..rollout.stepper import Stepper
+from ..scenes.scene import Scene
+from ..scenes.similarity import ModelUnits
+from ..scenes.state import State
+
+
+class ResidualSimulator(Simulator):
+    """The laws, and what a network learned of a lab beyond them.
+
+    Args:
+        tensors: The trained weights, by name.
+        card: See `Simulator`.
+        name: See `Simulator`.
+        options: See `LawsOptions`.
+
+    Raises:
+        UserError: There is no such option, or its value is out of range.
+        CheckpointError: The weights are those of another network, or of other units.
+    """
+
+    kind = 'residual'
+    velocities = 'given'
+
+    def __init__(self, tensors: Tensors, card: dict[str, Any], name: str, **options: Any) -> None:
+        super().__init__(card, name, from_mapping(ModelUnits, card['units'], f'{name}: units'))
+        if self.units != UNITS:
+            raise CheckpointError(f'{name}: units are {self.units}, those of the laws are {UNITS}')
+        self.options = from_mapping(LawsOptions, options, 'options of the laws')
+        config = from_mapping(ResidualConfig, card['config'], f'{name}: config')
+        try:
+            self.network = network_of(tensors, config)
+        except (KeyError, ValueError) as error:
+            raise CheckpointError(
+                f'{name}: weights and card do not belong together: {error}'
+            ) from error
+
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:  # noqa: ARG002
+        """Refuse surfaces that move, of which no network has learned."""
+        if any(plane.moves for plane in scene.surfaces):
+            raise UserError(
+                f'the scene has surfaces that move, which model {self.name!r} does not know; use '
+                'the laws'
+            )
+
+    def warm_up(self) -> None:
+        """Compile the engine, or read it from the disk."""
+        from ..engine.learned_stepper import warm_up
+
+        warm_up(self.network)
+
+    def stepper(self, scene: Scene, state: State) -> Stepper:
+        """Stepper that starts from `state`; scene and state are in the model's units."""
+        from ..engine.learned_stepper import LearnedStepper
+
+        return LearnedStepper(self.network, scene, state, self.units.dt, **asdict(self.options))

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""States of all balls of a window, each from its own last frames, in one call."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .ball_window import estimate_window, FEWEST
+from .jit import compiled, entry
+from .kinks import find_kinks
+from .spin_windows import SpinWindows
+from ..kernels.neighbours import Flags, Indices
+from ..scenes.state import Array
+
+# two balls nearer than this many sums of radii may have touched
+_NEAR = 1.04
+
+
+@compiled
+def _last_near(positions: Array, seen: Flags, radii: Array, begin: int, near_out: Indices) -> None:
+    """First frame after the last in which another ball was near, or `begin`, shape (n,).
+
+    A ball that is not seen is where it was.
+    """
+    m, n = seen.shape
+    places, known = np.zeros((n, 3)), np.zeros(n, dtype=np.bool_)
+    near_out[:] = begin
+    for frame in range(m):
+        for i in range(n):
+            if seen[frame, i]:
+                places[i] = positions[frame, i]
+                known[i] = True
+        if frame < begin:
+            continue
+        for i in range(n):
+            for j in range(i):
+                reach = _NEAR * (radii[i] + radii[j])
+                apart = 0.0
+                for c in range(3):
+                    apart += (places[i, c] - places[j, c]) ** 2
+                if known[i] and known[j] and apart < reach * reach:
+                    near_out[i] = near_out[j] = frame + 1
+
+
+@compiled
+def _fastest(times: Array, positions: Array, seen: Flags, begins: Indices, most: int) -> Flags:
+    """Mask of the balls that moved fastest from the first to the last of their frames."""
+    m, n = seen.shape
+    taken = np.ones(n, dtype=np.bool_)
+    if n <= most:
+        return taken
+    slowness = np.zeros(n)  # less the square of the speed
+    for i in range(n):
+        first = begins[i]
+        while first < m and not seen[first, i]:
+            first += 1
+        last = m - 1
+        while last > first and not seen[last, i]:
+            last -= 1
+        if last > first:
+            for c in range(3):
+                speed = positions[last, i, c] - positions[first, i, c]
+                speed /= times[last] - times[first]
+                slowness[i] -= speed * speed
+    taken[np.argsort(slowness, kind='mergesort')[most:]] = False
+    return taken
+
+
+@entry
+def estimate_balls(
+    balls: Array,
+    planes: Array,
+    laws: Array,
+    noise: Array,
+    windows: SpinWindows,
+    times: Array,
+    positions: Array,
+    seen: Flags,
+    begin: int,
+    most: int,
+    states_out: Array,
+    covariances_out: Array,
+    ends_out: Indices,
+) -> None:
+    """Estimate the state of each ball at the last frame that shows it.
+
+    Frames count after the last that may hold what the laws do not know: another ball near by, or a
+    jump that no surface explains.
+
+    Args:
+        balls: Rows of `ball_path`, shape (n, 14).
+        planes: See there, shape (planes, 14).
+        laws: Of each ball, shape (n, planes, 8).
+        noise: s, q, kappa of `model_error`.
+        windows: Prior of spins.
+        times: Rising times [s], shape (m,).
+        positions: Centres [m], shape (m, n, 3); any number where a ball is not seen.
+        seen: Whether it is, shape (m, n).
+        begin: First frame of the memory.
+        most: Of more balls the fastest are estimated.
+        states_out: States, shape (n, 9).
+        covariances_out: Their covariances, shape (n, 9, 9).
+        ends_out: Frame of the state, surface that the ball is on or FREE, shape (n, 2); the first
+            is -1 where there is no estimate.
+    """
+    m, n = seen.shape
+    near = np.zeros(n, dtype=np.int64)
+    _last_near(positions, seen, balls[:, 7], begin, near)
+    taken = _fastest(times, positions, seen, near, most)
+    own_times, places = np.zeros(m), np.zeros((m, 3))
+    kinks = np.zeros(m, dtype=np.int64)
+    state, covariance = np.zeros(9), np.zeros((9, 9))
+    for i in range(n):
+        count, last = 0, -1
+        ends_out[i, 0] = -1
+        if not taken[i]:
+            continue
+        for frame in range(near[i], m):
+            if seen[frame, i]:
+                own_times[count] = times[frame]
+                places[count] = positions[frame, i]
+                count, last = count + 1, frame
+        if count < FEWEST:
+            continue
+        ball = balls[i : i + 1]
+        hits = find_kinks(ball, planes, own_times[:count], places[:count], noise[0], kinks)
+        first = kinks[hits - 1] if hits else 0
+        if count - first < FEWEST:
+            continue
+        ends_out[i, 1], loss, _, _ = estimate_window(
+            ball,
+            planes,
+            laws[i],
+            noise,
+            windows,
+            True,
+            own_times[first:count],
+            places[first:count],
+            state,
+            covariance,
+        )
+        if not loss < math.inf:
+            continue
+        ends_out[i, 0] = last
+        states_out[i] = state
+        covariances_out[i] = covariance

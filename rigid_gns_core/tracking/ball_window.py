@@ -1,0 +1,230 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""State of one ball at the end of a window: guess, fit, and shorter windows where it fails."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .ball_contact import FREE
+from .ball_fit import fit_start
+from .jit import compiled, entry, in_place
+from .spin_windows import SpinWindows
+from .start_guess import first_frames, guess_start, prior_of_window, surface_of_start
+from ..scenes.state import Array
+
+# least number of frames of a window, and of a part of one
+FEWEST, _FEW = 4, 6
+MOST_CONTACTS = 32
+# parts of the window that are tried, until one is met to this loss per coordinate: what the laws
+# do not know, as a net or a racket, may be in it; and a loss at which another guess is made
+_PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
+_STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
+
+
+@in_place
+def _begins_near(ball: Array, planes: Array, positions: Array, frames: int) -> bool:
+    """Whether the ball comes within a radius of a surface in the first frames."""
+    for i in range(min(frames, len(positions))):
+        for k in range(len(planes)):
+            off = 0.0
+            for c in range(3):
+                off += planes[k, 9 + c] * (positions[i, c] - planes[k, c])
+            if off < 2.0 * ball[0, 7]:
+                return True
+    return False
+
+
+@in_place
+def _may_touch(ball: Array, planes: Array, positions: Array) -> bool:
+    """Whether the ball may have touched a surface in or between frames: its plane, however far."""
+    for k in range(len(planes)):
+        nearest, farthest, before = math.inf, 0.0, 0.0
+        for i in range(len(positions)):
+            off = -ball[0, 7]
+            for c in range(3):
+                off += planes[k, 9 + c] * (positions[i, c] - planes[k, c])
+            nearest = min(nearest, off)
+            if i > 0:
+                farthest = max(farthest, abs(off - before))
+            before = off
+        if nearest < farthest + ball[0, 7]:
+            return True
+    return False
+
+
+@compiled
+def _estimate(
+    ball: Array,
+    planes: Array,
+    laws: Array,
+    noise: Array,
+    windows: SpinWindows,
+    spinning: bool,
+    times: Array,
+    positions: Array,
+    frames: int,
+    first: int,
+    state_out: Array,
+    covariance_out: Array,
+) -> tuple[int, float, int, float]:
+    """Estimate from all frames of a window; the guess is from `frames`, the first fit to `first`.
+
+    Returns:
+        Surface that the ball is on at the end, or FREE; loss per coordinate, number of impacts,
+        and the loss with that of dropped frames.
+    """
+    on = surface_of_start(ball, planes, times, positions, noise[0])
+    guess, start = np.zeros(6), np.zeros(9)
+    mean, precision = np.zeros(9), np.zeros((9, 9))
+    guess_start(ball, planes, times, positions, on, frames, guess)
+    prior_of_window(planes, guess, on, spinning, windows, mean, precision)
+    start[:6] = guess
+    start[6:] = mean[6:]
+    weights = np.ones(len(times))
+    loss, contacts, where = fit_start(
+        start,
+        mean,
+        precision,
+        np.ones(9) if spinning else np.repeat(np.array([1.0, 1.0, 0.0]), 3),
+        times[0],
+        times,
+        positions,
+        ball,
+        planes,
+        laws,
+        on,
+        noise,
+        first,
+        _GROWTH,
+        _STEPS,
+        _GATE,
+        weights,
+        np.zeros((9, 9)),
+        state_out,
+        covariance_out,
+        np.zeros((MOST_CONTACTS, 3)),
+    )
+    if where != FREE:  # the drift beside the path is no motion off the surface
+        away = 0.0
+        for c in range(3):
+            away += planes[where, 9 + c] * state_out[3 + c]
+        for c in range(3):
+            state_out[3 + c] -= away * planes[where, 9 + c]
+    return where, loss, contacts, loss + 4.0 * (1.0 - weights.mean())
+
+
+@in_place
+def _line(
+    times: Array, positions: Array, noise: float, state_out: Array, covariance_out: Array
+) -> None:
+    """State of a ball that moved evenly in its last frames, and does not spin."""
+    m = len(times)
+    span = times[m - 1] - times[m - FEWEST]
+    for a in range(9):
+        state_out[a] = 0.0
+        for b in range(9):
+            covariance_out[a, b] = 0.0
+    for c in range(3):
+        state_out[c] = positions[m - 1, c]
+        state_out[3 + c] = (positions[m - 1, c] - positions[m - FEWEST, c]) / span
+        covariance_out[c, c] = noise**2
+        covariance_out[3 + c, 3 + c] = 2.0 * (noise / span) ** 2
+
+
+@entry
+def estimate_window(
+    ball: Array,
+    planes: Array,
+    laws: Array,
+    noise: Array,
+    windows: SpinWindows,
+    spinning: bool,
+    times: Array,
+    positions: Array,
+    state_out: Array,
+    covariance_out: Array,
+) -> tuple[int, float, int, int]:
+    """Estimate the state at the last frame.
+
+    Args:
+        ball: As `ball_path.path` takes it, as the next two.
+        planes: See there.
+        laws: See there.
+        noise: s, q, kappa of `model_error`.
+        windows: Prior of the spin.
+        spinning: Whether the ball may spin; if not, it does not in the air, and rolls on a
+            surface.
+        times: Rising times of the frames [s], shape (m,), `FEWEST` or more.
+        positions: Centres [m], shape (m, 3).
+        state_out: State, shape (9,).
+        covariance_out: Its covariance, shape (9, 9).
+
+    Returns:
+        Surface that the ball is on, or FREE; Huber's loss per coordinate, infinite where no path
+        was found; index of the first frame that was used, number of impacts.
+    """
+    m, best, quality = len(times), -1, math.inf
+    on, loss, contacts = FREE, math.inf, 0
+    state, covariance = np.zeros(9), np.zeros((9, 9))
+    other, other_covariance = np.zeros(9), np.zeros((9, 9))
+    for part in _PARTS:
+        begin = 0
+        while times[begin] < times[-1] - part * (times[-1] - times[0]) - 1e-9:
+            begin += 1
+        if best >= 0 and m - begin < _FEW:
+            break
+        seen, places = times[begin:], positions[begin:]
+        frames, touches = first_frames(seen), _may_touch(ball, planes, places)
+        # without a contact there is none that must be met with a known path, nor one to be made
+        count = len(planes) if touches else 0
+        one = _estimate(
+            ball,
+            planes[:count],
+            laws[:count],
+            noise,
+            windows,
+            spinning,
+            seen,
+            places,
+            frames,
+            frames if touches else len(seen),
+            state,
+            covariance,
+        )
+        doubted = best < 0 and one[3] > _DOUBTED
+        if doubted and _begins_near(ball, planes, places, frames + FEWEST):
+            # an impact may be in the frames of the first guess
+            again = _estimate(
+                ball,
+                planes,
+                laws,
+                noise,
+                windows,
+                spinning,
+                seen,
+                places,
+                FEWEST,
+                FEWEST,
+                other,
+                other_covariance,
+            )
+            if again[3] < one[3]:
+                one = again
+                state[:] = other
+                covariance[:] = other_covariance
+        # half as good at most, since fewer frames are met more easily
+        if one[3] < (0.5 * quality if best >= 0 else math.inf):
+            best, quality = begin, one[3]
+            on, loss, contacts = one[0], one[1], one[2]
+            state_out[:] = state
+            covariance_out[:] = covariance
+        if quality < _MET:
+            break
+    if best < 0:
+        _line(times, positions, noise[0], state_out, covariance_out)
+        best = m - FEWEST
+    return on, loss, best, contacts

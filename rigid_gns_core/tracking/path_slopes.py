@@ -1,0 +1,209 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Path of one ball with its slopes: how each state moves with the start.
+
+Slopes go from stamp to stamp as the state does, S' = M S. In flight M follows from the gradients
+A = da/dv and B = da/dw of the acceleration at the middle of the step, to second order in its time:
+
+    p' = p + h v + h^2/2 (A v + B w),   v' = v + h (A (v + h/2 (A v + B w)) + B w)
+
+Over a step with an impact or on a surface it is by differences of the step itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .ball_contact import FREE, normal_of
+from .ball_path import advance, LONGEST, Place, place_of, put_state
+from .jit import compiled, entry, in_place
+from ..kernels.flight import Flight, flight_at, spin_after
+from ..kernels.vector import cross, dot, length, minus, plus, times, Vector
+from ..scenes.state import Array
+
+# steps of the differences: p [m], v [m/s], w [rad/s]
+_PLACE, _VELOCITY, _SPIN = 1e-6, 1e-5, 1e-3
+
+
+@in_place
+def _along(axis: int, size: float) -> Vector:
+    """Vector of a size along an axis."""
+    return (size if axis == 0 else 0.0, size if axis == 1 else 0.0, size if axis == 2 else 0.0)
+
+
+@in_place
+def acceleration_gradients(velocity: Vector, spin: Vector, flight: Flight, out: Array) -> None:
+    """Gradients of `acceleration` over velocity and spin, shape (3, 6).
+
+    With u = v - wind, t = w x u, T = r |t|: a = g' - d u + l t, with the drag
+    d = q (C |u| + k T / |u|) and the lift l = q a r |u|^2 / (T + b |u|^2).
+    """
+    u = minus(velocity, flight.wind)
+    square = dot(u, u)
+    if square == 0.0:
+        for k in range(6):
+            out[0, k] = out[1, k] = out[2, k] = 0.0
+        return
+    speed, turning = math.sqrt(square), cross(spin, u)
+    size = length(turning)
+    twist = flight.radius * size
+    drag = flight.load * (flight.drag * speed + flight.drag_slope * twist / speed)
+    below = twist + flight.lift_half_ratio * square
+    lifting = flight.load * flight.lift * flight.radius
+    for k in range(6):
+        axis = _along(k % 3, 1.0)
+        faster, turned = 0.0, cross(axis, u)
+        if k < 3:
+            faster, turned = dot(axis, u) / speed, cross(spin, axis)
+        more_twist = flight.radius * dot(turning, turned) / size if size > 0.0 else 0.0
+        more_drag = flight.load * (
+            flight.drag * faster
+            + flight.drag_slope * (more_twist / speed - twist * faster / square)
+        )
+        more_lift = lifting * (2.0 * speed * faster * twist - square * more_twist) / below**2
+        change = minus(times(more_lift, turning), times(more_drag, u))
+        change = plus(change, times(lifting * square / below, turned))
+        if k < 3:
+            change = minus(change, times(drag, axis))
+        out[0, k], out[1, k], out[2, k] = change
+
+
+@in_place
+def _fly_slopes(
+    v: Vector,
+    after: Vector,
+    w: Vector,
+    h: float,
+    flight: Flight,
+    slope: Array,
+    gradients: Array,
+    rate: Array,
+) -> None:
+    """Move the slopes of a state, shape (9, 9), over a flight of time h from v to `after`."""
+    parts = int(h / LONGEST) + 1
+    piece, change = h / parts, minus(after, v)
+    kept = math.exp(-flight.spin_decay * piece)
+    for part in range(parts):
+        middle = (part + 0.5) / parts
+        for c in range(3):
+            for j in range(9):
+                rate[c, j] = 0.0
+        if flight.load > 0.0:
+            spin = spin_after(w, flight, middle * h)
+            acceleration_gradients(plus(v, times(middle, change)), spin, flight, gradients)
+            for c in range(3):
+                for k in range(6):
+                    for j in range(9):
+                        rate[c, j] += gradients[c, k] * slope[3 + k, j]
+        for c in range(3):
+            for j in range(9):
+                slope[c, j] += piece * (slope[3 + c, j] + 0.5 * piece * rate[c, j])
+                slope[3 + c, j] += piece * rate[c, j]
+                slope[6 + c, j] *= kept
+        if flight.load > 0.0:
+            for c in range(3):
+                for k in range(3):
+                    for j in range(9):
+                        slope[3 + c, j] += 0.5 * piece * piece * gradients[c, k] * rate[k, j]
+
+
+@in_place
+def _moved(place: Place, k: int, step: float, planes: Array, radius: float) -> Place:
+    """A place with part k of its state moved; on a surface with the velocity what rolls with it.
+
+    A difference across rolling would see it slide for a moment, whichever way it is moved.
+    """
+    move = _along(k % 3, step)
+    p, v, w = place.p, place.v, place.w
+    if k < 3:
+        p = plus(p, move)
+    elif k < 6:
+        v = plus(v, move)
+        if place.on >= 0:
+            w = plus(w, times(1.0 / radius, cross(normal_of(planes, place.on), move)))
+    else:
+        w = plus(w, move)
+    return Place(place.now, p, v, w, place.on, place.longest)
+
+
+@compiled
+def _contact_slopes(
+    before: Place,
+    after: Place,
+    stamp: float,
+    flight: Flight,
+    inertia: float,
+    planes: Array,
+    laws: Array,
+    slope: Array,
+    work: Array,
+    contacts: Array,
+) -> None:
+    """Move the slopes of a state over a step with contacts, by differences of the step."""
+    if before.on >= 0:  # of the spin, what is not of rolling: see `_moved`
+        n = normal_of(planes, before.on)
+        for j in range(9):
+            rolls = cross(n, (slope[3, j], slope[4, j], slope[5, j]))
+            for axis in range(3):
+                slope[6 + axis, j] -= rolls[axis] / flight.radius
+    work[:] = 0.0
+    for k in range(9):
+        step = _PLACE if k < 3 else _VELOCITY if k < 6 else _SPIN
+        moved = _moved(before, k, step, planes, flight.radius)
+        other, _ = advance(moved, stamp, flight, inertia, planes, laws, 0, contacts)
+        changes = (minus(other.p, after.p), minus(other.v, after.v), minus(other.w, after.w))
+        for part in range(3):
+            for axis in range(3):
+                change = changes[part][axis] / step
+                for j in range(9):
+                    work[3 * part + axis, j] += change * slope[k, j]
+    slope[:] = work
+
+
+@entry
+def path_and_slopes(
+    start: Array,
+    varied: Array,
+    begin: float,
+    stamps: Array,
+    ball: Array,
+    planes: Array,
+    laws: Array,
+    on: int,
+    states_out: Array,
+    slopes_out: Array,
+    contacts_out: Array,
+) -> tuple[int, int]:
+    """As `path`, with the slopes of the states over the start, `slopes_out`, shape (m, 9, 9).
+
+    The last axis is the part of the start, held where `varied`, shape (9,), is 0.
+    """
+    flight, inertia = flight_at(ball, 0), ball[0, 13]
+    place, count = place_of(start, begin, on, planes, flight.radius), 0
+    slope, work = np.zeros((9, 9)), np.zeros((9, 9))
+    gradients, rate, scratch = np.zeros((3, 6)), np.zeros((3, 9)), np.zeros((1, 3))
+    for j in range(9):
+        slope[j, j] = 1.0 if varied[j] > 0.0 else 0.0
+    if on >= 0:
+        n = normal_of(planes, on)
+        for j in range(3):
+            turn = times(1.0 / flight.radius, cross(n, _along(j, slope[3 + j, 3 + j])))
+            slope[6, 3 + j], slope[7, 3 + j], slope[8, 3 + j] = turn
+    for i in range(len(stamps)):
+        before = place
+        place, met = advance(before, stamps[i], flight, inertia, planes, laws, count, contacts_out)
+        if met == count and before.on == FREE and place.on == FREE:
+            h = place.now - before.now
+            if h > 0.0:
+                _fly_slopes(before.v, place.v, before.w, h, flight, slope, gradients, rate)
+        else:
+            _contact_slopes(
+                before, place, stamps[i], flight, inertia, planes, laws, slope, work, scratch
+            )
+        count = met
+        put_state(place, states_out, i)
+        slopes_out[i] = slope
+    return count, place.on

@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Starts of tracked spheres in a scene with air or a learned tracker, by the scene's laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Self
+
+from .known_laws import KnownLaws, state_by_laws
+from .motion_models import Motion
+from .pose_noise import rotating
+from .state_estimate import motion_covariance, StateEstimate
+from .tracks import TrackerSettings, Tracks
+from ..scenes.scene import Scene
+from ..scenes.state import Array
+
+# of more balls the fastest are estimated by the laws: of slow ones air and spin change little, and
+# all would take longer than a frame
+MOST_BALLS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class SceneLaws:
+    """Laws of a scene, by the ids of spheres.
+
+    Args:
+        scene: The scene.
+        memory: Frames of this time before the newest count [s].
+        noise: Standard deviation of a coordinate [m]; None: not learned.
+    """
+
+    scene: Scene
+    memory: float
+    noise: float | None
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self | None:
+        """Laws of a scene; None: it has neither air nor a learned tracker."""
+        if scene.air is None and scene.tracker is None:
+            return None
+        laws = KnownLaws.of(scene, (0,))
+        return cls(scene, laws.tracker.memory, laws.tracker.noise if laws.learned else None)
+
+    @lru_cache(maxsize=8)  # noqa: B019 of few objects, which live as long as a node
+    def _of_ids(self, ids: tuple[int, ...]) -> KnownLaws:
+        return KnownLaws.of(self.scene, ids)
+
+    def estimate(self, tracks: Tracks, settings: TrackerSettings) -> StateEstimate:
+        """State at the newest frame, and its covariance, from all frames in memory."""
+        noise = tracks.noise(settings)
+        laws = self._of_ids(tuple(tracks.ids.tolist())).with_noise(noise)
+        state, covariance = state_by_laws(
+            laws,
+            (tracks.stamps - tracks.stamps[-1]) * 1e-9,
+            tracks.poses[..., :3],
+            tracks.poses[..., 3:],
+            tracks.seen,
+            lambda: by_window(tracks, settings),
+            MOST_BALLS,
+        )
+        return StateEstimate(state, covariance)
+
+
+def by_window(tracks: Tracks, settings: TrackerSettings) -> tuple[Motion, Array]:
+    """Motion at the newest frame from the window, and its covariance, shape (n, 9, 9)."""
+    motion = tracks.window_motion(settings)
+    turned = rotating(tracks.poses[..., 3:], tracks.seen)
+    radii = settings.environment.radii(tracks.ids)
+    return motion, motion_covariance(motion, radii, tracks.noise(settings), turned)

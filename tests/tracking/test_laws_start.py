@@ -1,0 +1,166 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Starts of tracked balls in a scene with air or a learned tracker: those of `estimate_state`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigid_gns_core import Air, ContactLaw, Plane, Scene
+from rigid_gns_core.messages.poses import PoseArrayFrame
+from rigid_gns_core.scenes.state import State
+from rigid_gns_core.scenes.tracker import Tracker
+from rigid_gns_core.tracking import estimate_state
+from rigid_gns_core.tracking.ball_contact import FREE
+from rigid_gns_core.tracking.ball_model import BallModel
+from rigid_gns_core.tracking.ball_path import path
+from rigid_gns_core.tracking.scene_laws import MOST_BALLS
+from rigid_gns_core.tracking.window import TrackingWindow
+
+NOISE, RATE = 1e-3, 180.0
+LEARNED = Scene(
+    surfaces=(Plane(contact=ContactLaw(restitution=0.94, friction=0.25)),),
+    radius=0.02,
+    mass=0.0027,
+    inertia_factor=2 / 3,
+    air=Air(drag_coefficient=0.4, lift_coefficient=0.42),
+    tracker=Tracker(noise=NOISE, drift=1e-4, impact=1e-3),
+)
+VACUUM = replace(LEARNED, air=None, tracker=None)
+STARTS = [
+    [0.0, 0.0, 0.5, 4.0, 0.3, 1.0, -20.0, 110.0, 15.0],
+    [0.0, 2.0, 0.4, 4.0, 0.3, -1.5, 10.0, -80.0, 30.0],
+]
+
+
+def tracked(scene: Scene, end: float, starts: list[list[float]] = STARTS) -> np.ndarray:
+    """True states of balls, shape (m, n, 9)."""
+    model, times = BallModel.of(scene), np.arange(round(end * RATE) + 1) / RATE
+    found = np.zeros((len(starts), len(times), 9))
+    for own, start in zip(found, starts, strict=True):
+        laws = (model.ball, model.planes, model.laws)
+        path(np.array(start), 0.0, times, *laws, FREE, own, np.zeros((8, 3)))
+    return found.transpose(1, 0, 2)
+
+
+def frames(states: np.ndarray, noise: float = NOISE, seed: int = 0) -> list[PoseArrayFrame]:
+    """Frames of noisy positions, whose rotations are unknown."""
+    rng = np.random.default_rng(seed)
+    places = states[..., :3] + rng.normal(0.0, noise, states[..., :3].shape)
+    turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*places.shape[:2], 4))
+    return [
+        PoseArrayFrame(stamp_ns=10**12 + round(k / RATE * 1e9), frame_id='world', poses=poses)
+        for k, poses in enumerate(np.concatenate([places, turns], axis=2))
+    ]
+
+
+def window(scene: Scene, *, matched: bool = False, noise: float | None = None) -> TrackingWindow:
+    return TrackingWindow(
+        frame_id='world',
+        length=6,
+        max_spheres=100,
+        gravity=scene.gravity,
+        max_gap=1.25,
+        radius=0.02,
+        check=lambda _: None,
+        on_gap=lambda _: None,
+        scene=scene,
+        matched=matched,
+        noise=noise,
+    )
+
+
+def start_of(target: TrackingWindow, given: list[PoseArrayFrame]) -> State:
+    for frame in given:
+        target.add(frame, frame.stamp_ns)
+    return target.start()[1]
+
+
+def bytes_of(state: State) -> list[bytes]:
+    return [value.tobytes() for value in vars(state).values()]
+
+
+@pytest.mark.parametrize('matched', [False, True])
+@pytest.mark.parametrize('learned', [False, True])
+def test_a_start_is_the_estimate_from_the_memory(matched: bool, learned: bool) -> None:
+    """Through a bounce; stamps of whole nanoseconds move a ball at 5 m/s by 3e-9 m."""
+    scene = LEARNED if learned else replace(LEARNED, tracker=None)
+    states = tracked(scene, 0.5)
+    given, target = frames(states), window(scene, matched=matched)
+    found = start_of(target, given)
+    times = np.array([frame.stamp_ns - given[0].stamp_ns for frame in given]) * 1e-9
+    places = np.stack([frame.poses[:, :3] for frame in given])
+    noise = None if learned else target.noise
+    expected = estimate_state(scene, times, places, noise=noise)
+    np.testing.assert_allclose(found.positions, expected.state.positions, atol=1e-6)
+    np.testing.assert_allclose(found.velocities, expected.state.velocities, atol=1e-4)
+    covariance = target.estimate()[1].covariance
+    np.testing.assert_allclose(covariance, expected.covariance, rtol=1e-2, atol=1e-9)
+    # deviations of 72 frames with a millimetre: 0.3 mm and 1 cm/s, and 0.5 m/s of a free spin
+    assert np.abs(found.positions - states[-1, :, :3]).max() < 2e-3
+    assert np.abs(found.velocities - states[-1, :, 3:6]).max() < 0.06
+
+
+def test_all_frames_of_the_memory_are_told_and_no_others_count() -> None:
+    """What reproduces a prediction from the frames of its start relies on that."""
+    given = frames(tracked(LEARNED, 0.8))
+    long, short = window(LEARNED), window(LEARNED)
+    found = start_of(long, given)
+    assert len(long.window_ns) == 73  # 0.4 s at 180 Hz
+    again = start_of(short, [frame for frame in given if frame.stamp_ns in long.window_ns])
+    assert bytes_of(again) == bytes_of(found)
+
+
+def test_a_late_frame_makes_no_difference() -> None:
+    given = frames(tracked(LEARNED, 0.3))
+    late = [*given[:-3], given[-2], given[-3], given[-1]]
+    found = [start_of(window(LEARNED), each) for each in (given, late)]
+    assert bytes_of(found[0]) == bytes_of(found[1])
+
+
+def test_a_scene_without_air_and_tracker_starts_from_its_window() -> None:
+    given, target, short = frames(tracked(VACUUM, 0.3)), window(VACUUM), window(VACUUM)
+    found = start_of(target, given)
+    assert len(target.window_ns) == 7  # of two spheres, so many tell the noise
+    again = start_of(short, [frame for frame in given if frame.stamp_ns in target.window_ns])
+    assert bytes_of(again) == bytes_of(found)
+
+
+@pytest.mark.parametrize('noise', [0.3e-3, 3e-3])
+def test_the_noise_of_one_ball_is_estimated_and_a_guess_is_told(noise: float) -> None:
+    """From eight third differences on each axis: a deviation within a factor of two."""
+    found: list[float] = []
+    for seed in range(20):
+        given = frames(tracked(VACUUM, 0.1, STARTS[:1]), noise, seed)
+        target = window(VACUUM)
+        start_of(target, given[:6])
+        assert not target.knows_noise and target.noise == 0.5e-2 * 0.02
+        start_of(target, given[6:])
+        assert target.knows_noise and len(target.window_ns) == 11
+        found.append(target.noise)
+    assert 0.75 < np.median(found) / noise < 1.33
+    assert all(0.4 < each / noise < 2.0 for each in found)
+
+
+def test_of_many_balls_the_fastest_are_estimated_by_the_laws() -> None:
+    count = MOST_BALLS + 6
+    starts = [[0.0, k, 2.0, 0.2 * k, 0.0, 1.0, 0.0, 0.0, 0.0] for k in range(count)]
+    given = frames(tracked(LEARNED, 0.4, starts))
+    found = start_of(window(LEARNED), given)
+    plain = start_of(window(replace(LEARNED, air=None, tracker=None), noise=NOISE), given)
+    same = (found.velocities == plain.velocities).all(axis=1)
+    np.testing.assert_array_equal(same, np.arange(count) < 6)
+    spins = np.linalg.norm(found.angular_velocities, axis=1)
+    assert (spins[6:] > 0).all() and not spins[:6].any()
+
+
+def test_a_ball_that_two_surfaces_clamp_is_no_endless_path() -> None:
+    walls = (Plane(), Plane((0, 0, 0.038), (0, 0, -1)))
+    scene = replace(LEARNED, surfaces=walls)
+    still = np.zeros((30, 1, 9))
+    still[..., 2] = 0.019
+    found = start_of(window(scene), frames(still))
+    assert np.isfinite(found.velocities).all() and np.abs(found.velocities).max() < 1.0

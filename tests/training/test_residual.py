@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A residual network learns what the laws lack, resumes to the same bytes, and loads."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigid_gns_core.data.records import Record
+from rigid_gns_core.engine.learned_network import ResidualConfig
+from rigid_gns_core.errors import UserError
+from rigid_gns_core.files.checkpoint import CheckpointError
+from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.scenes.scene import Plane, Scene
+from rigid_gns_core.scenes.state import State
+from rigid_gns_core.training.recipes import load_recipe
+from rigid_gns_core.training.residual.frames import Track
+from rigid_gns_core.training.residual.learner import ResidualTrainConfig
+from rigid_gns_core.training.residual.smoothing import smoothed_states
+from rigid_gns_core.training.residual.stiffness import stiffness_of
+from rigid_gns_core.training.train import Trainer
+
+LAWS = Scene(surfaces=Plane.box(8.0, 8.0), restitution=0.9)
+CONFIG = ResidualTrainConfig(
+    model=ResidualConfig(width=8, vectors=2),
+    steps=12,
+    batch=4,
+    validate_every=6,
+    validation_steps=3,
+    pushforward_starts=3,
+    average=0.9,
+    warm_up=2,
+)
+
+
+def bouncing(seed, restitution=0.5, frames=30, count=6):
+    """Spheres in a box of another restitution than the laws are told."""
+    rng = np.random.default_rng(seed)
+    places = np.stack(np.meshgrid([-2.5, 0, 2.5], [-2.5, 0, 2.5]), -1).reshape(-1, 2)
+    height = rng.uniform(1.5, 5.0, (count, 1))
+    positions = np.concatenate([places[rng.permutation(9)[:count]], height], axis=1)
+    scene = replace(LAWS, restitution=restitution)
+    truth = load_simulator().rollout(
+        scene, positions, rng.normal(0, 2, positions.shape), steps=frames
+    )
+    return Record(trajectory=truth, scene=LAWS, seed=seed)
+
+
+RECORDS, HELD_OUT = [bouncing(seed) for seed in range(8)], [bouncing(20), bouncing(21)]
+
+
+def test_it_learns_another_restitution(tmp_path):
+    """The laws bounce too high; what is left of their error must be less than two thirds."""
+    config = replace(CONFIG, model=ResidualConfig(width=16, vectors=2), steps=400, batch=8)
+    config = replace(config, validate_every=400, learning_rate=5e-3, pushforward_starts=20)
+    Trainer(config, RECORDS, HELD_OUT, tmp_path).run()
+    errors = {}
+    for name, model in (('laws', 'laws'), ('residual', tmp_path / 'best')):
+        simulator, found = load_simulator(model), []
+        for record in HELD_OUT:
+            for start in range(0, 25, 3):
+                made = simulator.rollout(LAWS, steps=3, **vars(record.trajectory[start]))
+                truth = record.trajectory.positions[start + 3]
+                found.append(np.linalg.norm(made.positions[-1] - truth, axis=1))
+        errors[name] = np.mean(found)
+    assert errors['residual'] < 0.67 * errors['laws']
+
+
+def test_resumed_run_gives_the_same_bytes(tmp_path):
+    Trainer(CONFIG, RECORDS[:2], HELD_OUT, tmp_path / 'whole').run()
+    for stop in (5, 9, None):
+        Trainer(CONFIG, RECORDS[:2], HELD_OUT, tmp_path / 'parts').run(stop_at=stop)
+    for name in ('best.safetensors', 'state.safetensors', 'best.json'):
+        assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
+
+
+def test_card_and_weights_must_belong_together(tmp_path):
+    Trainer(replace(CONFIG, steps=1), RECORDS[:1], [], tmp_path).run()
+    simulator = load_simulator(tmp_path / 'best', substeps=4)
+    assert simulator.kind == 'residual' and simulator.options.substeps == 4
+    card = tmp_path / 'best.json'
+    card.write_text(card.read_text().replace('"width": 8', '"width": 9'))
+    with pytest.raises(CheckpointError, match='do not belong together'):
+        load_simulator(tmp_path / 'best')
+
+
+def test_shipped_recipe():
+    recipe = load_recipe('residual')
+    assert isinstance(recipe, ResidualTrainConfig) and recipe.model == ResidualConfig()
+
+
+def test_a_step_that_is_no_part_of_a_frame_is_refused():
+    record = RECORDS[0]
+    other = replace(record, trajectory=replace(record.trajectory, dt=0.07))
+    with pytest.raises(UserError, match='time step'):
+        Track.of(other)
+
+
+def test_stiffness_of_springs_is_found():
+    """A ball on a spring of 8000 / s^2, in closed form; samples resolve 89 rad/s to 4 %."""
+    k, h, g = 8000.0, 0.0025, 9.81
+    time, rate = np.arange(13) * h, np.sqrt(k)
+    deep = g / k * (1 - np.cos(rate * time)) + 3.0 / rate * np.sin(rate * time)
+    height = (1.0 - deep)[:, None, None] * [0.0, 0.0, 1.0]
+    bounces = State.unchecked(height, height, height, height)
+    track = Track(Scene(surfaces=(Plane(),)), bounces, 40)
+    assert stiffness_of([track] * 6) == pytest.approx(k, rel=0.04)
+    assert stiffness_of([Track.of(RECORDS[0])]) == 0.0  # hard contacts do not overlap
+
+
+def test_smoothing_finds_states_in_flight_and_through_a_bounce():
+    """In flight velocities are far better known than by differences, sqrt(2) noise / h = 0.23 m/s,
+
+    and a bounce between two samples is not smeared over more than a few of them.
+    """
+    h, noise, bounce = 0.0125, 0.002, 0.5
+    time = np.arange(80) * h
+    fall = -1.0 - 9.81 * time
+    after = 0.6 * (1.0 + 9.81 * bounce)
+    fallen = time < bounce
+    height = 1.0 + bounce + 0.5 * 9.81 * bounce**2 - time - 0.5 * 9.81 * time**2
+    later = time - bounce
+    height = np.where(fallen, height, 1.0 + after * later - 0.5 * 9.81 * later**2)
+    velocity = np.where(fallen, fall, after - 9.81 * later)
+    rng = np.random.default_rng(0)
+    positions = np.stack([0.5 * time, 0 * time, height], axis=1)[:, None]
+    quaternions = np.tile([0.0, 0, 0, 1.0], (80, 1, 1))
+    tracked = positions + noise * rng.standard_normal(positions.shape)
+    states = smoothed_states(Scene(surfaces=(Plane(),)), tracked, quaternions, h)
+    error = np.linalg.norm(
+        states.velocities[:, 0] - np.stack([0.5 + 0 * time, 0 * time, velocity], axis=1), axis=1
+    )
+    far = np.abs(later) > 4 * h
+    assert error[far].mean() < 0.06
+    assert np.linalg.norm(states.positions - positions, axis=-1).mean() < 1.3 * noise
