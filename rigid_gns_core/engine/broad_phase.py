@@ -26,13 +26,15 @@ class Candidates(NamedTuple):
     """Candidate pairs of bodies, sorted by their keys; m of them, shape (m,) each.
 
     a: sphere; b: the other sphere, a < b, or n for a plane; plane: index of the plane, -1 for two
-    spheres; key: number of the pair, the same in all frames.
+    spheres; key: number of the pair, the same in all frames; pairs: how many are of two spheres,
+    which are first.
     """
 
     a: Indices
     b: Indices
     plane: Indices
     key: Indices
+    pairs: int
 
 
 @compiled
@@ -97,20 +99,23 @@ def _mark_near_plane(
 
 @compiled
 def _merged(first: Indices, second: Indices, near: Flags) -> Candidates:
-    """Candidates in the order of their keys: of each sphere the spheres, then the planes."""
+    """Candidates in the order of their keys: those of two spheres, then those with planes."""
     count, planes = near.shape
-    size, pair, k = len(first) + near.sum(), 0, 0
-    a, b = np.empty(size, np.int64), np.empty(size, np.int64)
+    pairs = len(first)
+    size, k = pairs + near.sum(), pairs
+    a, b = np.empty(size, np.int64), np.full(size, count)
     plane, key = np.full(size, -1), np.empty(size, np.int64)
+    a[:pairs], b[:pairs], key[:pairs] = first, second, first * count + second
     for i in range(count):
-        while pair < len(first) and first[pair] == i:
-            a[k], b[k] = i, second[pair]
-            key[k] = i * (count + planes) + b[k]
-            pair += 1
-            k += 1
         for surface in range(planes):
             if near[i, surface]:
-                a[k], b[k], plane[k] = i, count, surface
-                key[k] = i * (count + planes) + count + surface
+                a[k], plane[k] = i, surface
+                key[k] = count * count + i * planes + surface
                 k += 1
-    return Candidates(a=a, b=b, plane=plane, key=key)
+    return Candidates(a=a, b=b, plane=plane, key=key, pairs=pairs)
+
+
+@in_place
+def sphere_of(key: int, count: int, planes: int) -> int:
+    """The sphere a of a candidate, by its key."""
+    return key // count if key < count * count else (key - count * count) // planes

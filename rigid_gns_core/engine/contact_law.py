@@ -25,8 +25,10 @@ from ..scenes.state import Array
 _ELASTIC = 1e-9
 # resistance to rolling of a contact that resists only otherwise
 _NEXT_TO_NOTHING = 1e-300
+# restitutions up to this do not bounce
+NO_BOUNCE = 1e-3
 # speeds below this are rounding
-_ROUNDING = 1e-12
+ROUNDING = 1e-12
 
 
 class Law(NamedTuple):
@@ -179,7 +181,7 @@ def target_of(
     later, meets = 0.0, root >= 0
     # bodies that touch and part slower than this stay: so much is left by rounding and by turning
     touches = before == 0 and gap == 0
-    rests = touches and closing >= -THRESHOLD_TIME * max(fall, 0.0) - _ROUNDING
+    rests = touches and closing >= -THRESHOLD_TIME * max(fall, 0.0) - ROUNDING
     if closing > 0:
         later = 2.0 * gap / (closing + math.sqrt(max(root, 0.0)))
     elif fall > 0 and meets:
@@ -205,7 +207,7 @@ def target_of(
         since, speed = _last_flight(slow, fast, middle, closing, fall, remaining)
         bounced = since >= 0
         flight_time = since if bounced else 0.0
-    elif closing > THRESHOLD_TIME * fall and e > 1e-3:
+    elif closing > THRESHOLD_TIME * fall and e > NO_BOUNCE:
         flights, series, damping = _flights(e, speed, fall, remaining)
         # the first flight whose approach is too slow is not begun
         most = math.ceil(math.log(THRESHOLD_TIME * fall / closing) / math.log(e)) if e < 1 else 1e9

@@ -10,20 +10,38 @@ from typing import NamedTuple
 
 from .broad_phase import Candidates, PAD
 from .flight import Paths, position_on_path
-from .impact import impact_of_spheres, impact_with_plane
+from .impact import impact_with_plane
+from .impacts import (
+    ACCELERATION,
+    APPROACH_SPEED,
+    CROSSING_TIME,
+    drop_doubles,
+    find_impacts_of_spheres,
+    GAP,
+    Impacts,
+    NORMAL_TIME,
+    PARALLEL,
+    REST_GAP,
+    SPECULATIVE_GAP,
+    TIME,
+    TURNING_SPEED,
+    X,
+    Y,
+    Z,
+)
 from .plane_motion import in_world, moves, path_on_plane
-from .rectangle import is_over_face
+from .rectangle import first_touch_of_spheres, is_over_face
 from .shielding import is_shielded, offset_from_plane
+from .sphere_impact import impact_of_spheres, straight_meeting
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
+from ..kernels.lanes import WIDTH
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import cross, dot, length, minus, put, row, Vector
 from ..scenes.state import Array
 
 # most planes in a row to which a contact is handed on within a substep
 _HANDS = 4
-# sine of the angle up to which two planes are one
-_PARALLEL = 1e-7
 
 
 class Contacts(NamedTuple):
@@ -47,21 +65,6 @@ class Contacts(NamedTuple):
     turning_speed: Array
     crossing_time: Array
     rest_gap: Array
-
-
-class Impacts(NamedTuple):
-    """Impacts of all candidates, shapes (m,), (m, 3) and (m, 9).
-
-    values: normal_time, time, gap, speculative_gap, approach_speed, acceleration, turning_speed,
-    crossing_time, rest_gap; surface_velocity: of a plane that moves, at the contact.
-    """
-
-    found: Flags
-    edge: Flags
-    lasting: Flags
-    normal: Array
-    values: Array
-    surface_velocity: Array
 
 
 @in_place
@@ -89,8 +92,11 @@ def find_impacts(
         lookback: Bodies that overlap are taken to have met at most so long ago.
         impacts_out: Those of the pairs are written.
     """
-    impacts, edges = impacts_out, False
-    for k in pairs:
+    impacts, edges, lanes = impacts_out, False, 0
+    if len(pairs) == len(candidates.a) and not world.in_air:
+        lanes = candidates.pairs // WIDTH * WIDTH
+        find_impacts_of_spheres(world, paths, candidates, lanes, chosen, h, lookback, impacts)
+    for k in pairs[lanes:]:  # all of them, or none of the first
         impacts.found[k] = impacts.edge[k] = impacts.lasting[k] = False
         if chosen[k] and _may_meet(world, paths, candidates, k, h):
             _find(world, paths, candidates, k, h, lookback, False, impacts)
@@ -99,7 +105,7 @@ def find_impacts(
         for k in pairs:
             if impacts.found[k] and impacts.edge[k]:
                 _shield(world, paths, candidates, k, h, lookback, impacts)
-    _drop_doubles(candidates, pairs, impacts)
+    drop_doubles(candidates, pairs, impacts)
 
 
 @in_place
@@ -166,12 +172,22 @@ def _find(
         relative = (0.0, 0.0, 0.0)  # in a vacuum both fall alike
         if world.in_air:
             relative = minus(row(paths.accelerations, a), row(paths.accelerations, b))
+        offset = minus(row(paths.positions, a), row(paths.positions, b))
+        velocity = minus(row(paths.velocities, a), row(paths.velocities, b))
+        touching, bends = world.radius[a] + world.radius[b], dot(relative, relative) > 0
+        hits, time = straight_meeting(offset, velocity, touching, h)
+        if bends:
+            time = first_touch_of_spheres(offset, velocity, relative, touching, h)
+            hits = length(offset) > touching and time <= h
         impact = impact_of_spheres(
-            offset=minus(row(paths.positions, a), row(paths.positions, b)),
-            velocity=minus(row(paths.velocities, a), row(paths.velocities, b)),
+            offset=offset,
+            velocity=velocity,
             acceleration=relative,
+            bends=bends,
             radius_a=world.radius[a],
             radius_b=world.radius[b],
+            hits=hits,
+            time=time,
             h=h,
             lookback=lookback,
             margin=margin,
@@ -181,22 +197,24 @@ def _find(
     impacts.found[k], impacts.edge[k] = impact.found, impact.edge
     if impact.found:
         impacts.lasting[k] = impact.lasting
-        put(impacts.normal, k, impact.normal)
-        values[k, 0], values[k, 1], values[k, 2] = impact.normal_time, impact.time, impact.gap
-        values[k, 3], values[k, 4] = impact.speculative_gap, impact.approach_speed
-        values[k, 5], values[k, 6] = impact.acceleration, impact.turning_speed
-        values[k, 7], values[k, 8] = impact.crossing_time, impact.rest_gap
+        values[X, k], values[Y, k], values[Z, k] = impact.normal
+        values[NORMAL_TIME, k], values[TIME, k] = impact.normal_time, impact.time
+        values[GAP, k], values[SPECULATIVE_GAP, k] = impact.gap, impact.speculative_gap
+        values[APPROACH_SPEED, k] = impact.approach_speed
+        values[ACCELERATION, k] = impact.acceleration
+        values[TURNING_SPEED, k] = impact.turning_speed
+        values[CROSSING_TIME, k], values[REST_GAP, k] = impact.crossing_time, impact.rest_gap
         if moves(world, plane):
             normal, turning, surface = in_world(
                 world, plane, world.radius[a], row(paths.positions, a), row(paths.velocities, a),
                 row(paths.accelerations, a) if world.in_air else gravity_of(world), acceleration,
                 impact, h,
             )  # fmt: skip
-            put(impacts.normal, k, normal)
-            values[k, 6] = turning
+            values[X, k], values[Y, k], values[Z, k] = normal
+            values[TURNING_SPEED, k] = turning
             put(impacts.surface_velocity, k, surface)
         if impact.crossing_time < h and _continues(world, paths, candidates, k, h):
-            values[k, 7] = math.inf
+            values[CROSSING_TIME, k] = math.inf
 
 
 @in_place
@@ -216,7 +234,7 @@ def _shield(
     impacts, a, current = impacts_out, candidates.a[k], k
     start = row(paths.positions, a)
     for hand in range(_HANDS):
-        time = impacts.values[current, 0]
+        time = impacts.values[NORMAL_TIME, current]
         velocity, pull = path_on_plane(
             world, candidates.plane[current], start, row(paths.velocities, a),
             row(paths.accelerations, a),
@@ -235,10 +253,12 @@ def _shield(
             return  # it meets that face only later, and is held until then
         _find(world, paths, candidates, other, h, lookback, True, impacts)
         # a sphere that leaves a face within h is on it until then, whose ever its edge is
-        crossing = impacts.values[current, 7]
+        crossing = impacts.values[CROSSING_TIME, current]
         if crossing < h:
-            impacts.values[other, 7] = min(impacts.values[other, 7], crossing)
-            impacts.values[other, 4] = impacts.values[current, 4]
+            bound = min(impacts.values[CROSSING_TIME, other], crossing)
+            impacts.values[CROSSING_TIME, other] = bound
+            speed = impacts.values[APPROACH_SPEED, current]
+            impacts.values[APPROACH_SPEED, other] = speed
         if not impacts.edge[other]:
             return
         current = other
@@ -250,28 +270,6 @@ def _is_ghost(world: World, candidates: Candidates, k: int, centre: Vector) -> b
     if is_over_face(offset_from_plane(world, candidates.plane[k], centre)):
         return False
     return _shielding(world, candidates, k, centre) >= 0
-
-
-@in_place
-def _drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) -> None:
-    """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
-    impacts = impacts_out
-    for k in pairs:
-        if not impacts.found[k] or candidates.plane[k] < 0:
-            continue
-        q = k - 1
-        while q >= 0 and candidates.a[q] == candidates.a[k] and candidates.plane[q] >= 0:
-            if impacts.found[q] and _is_parallel(impacts, q, k):
-                farther = impacts.values[q, 2] > impacts.values[k, 2] + _PARALLEL
-                impacts.found[q if farther else k] = False
-                if not farther:
-                    break
-            q -= 1
-
-
-@in_place
-def _is_parallel(impacts: Impacts, q: int, k: int) -> bool:
-    return dot(row(impacts.normal, q), row(impacts.normal, k)) > 1.0 - _PARALLEL**2
 
 
 @in_place
@@ -287,7 +285,7 @@ def _continues(world: World, paths: Paths, candidates: Candidates, k: int, h: fl
     if other < 0:
         return False
     normals = row(world.axes[candidates.plane[k]], 2), row(world.axes[candidates.plane[other]], 2)
-    return length(cross(normals[0], normals[1])) < _PARALLEL
+    return length(cross(normals[0], normals[1])) < PARALLEL
 
 
 @in_place

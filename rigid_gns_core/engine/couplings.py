@@ -23,6 +23,7 @@ import numpy as np
 
 from .contact_law import Law
 from .contacts import Contacts
+from .direct import MOST_CONTACTS
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
@@ -48,75 +49,51 @@ class Couplings(NamedTuple):
 
 
 @compiled
-def new_couplings(bodies: int, contacts: int, couplings: int) -> Couplings:
-    """Room for so many, to be written."""
-    sizes = np.empty((2, couplings))
-    places = np.empty((2, couplings), np.int64)
+def new_couplings(bodies: int) -> Couplings:
+    """Room for those of a small island among so many bodies, to be written."""
+    most = (2 * MOST_CONTACTS) * MOST_CONTACTS
+    sizes, places = np.empty((2, most)), np.empty((2, most), np.int64)
+    ends = np.empty((2, 2 * MOST_CONTACTS + 1), np.int64)
     return Couplings(
-        start=np.empty(2 * contacts + 1, np.int64),
+        start=ends[0],
         other=places[0],
         side=places[1],
         normal=sizes[0],
         friction=sizes[1],
         head=np.empty(bodies, np.int64),
-        next=np.empty(2 * contacts, np.int64),
+        next=ends[1],
     )
 
 
 @in_place
-def find_couplings(
-    world: World,
-    contacts: Contacts,
-    law: Law,
-    begin: Indices,
-    islands: int,
-    couplings_out: Couplings,
-) -> None:
-    """Find the couplings among the contacts of each island; the fixed body couples none.
+def find_couplings(world: World, contacts: Contacts, law: Law, couplings_out: Couplings) -> None:
+    """Find the couplings among the contacts of a small island; the fixed body couples none.
 
     Args:
         world: What does not move.
-        contacts: All contacts of the substep, by island.
+        contacts: Those of the island, at most `MOST_CONTACTS`.
         law: Their coefficients.
-        begin: Where island i begins, i = 1, 2, ...; before those are isolated contacts.
-        islands: How many there are.
         couplings_out: Written.
     """
-    fixed, out, e = len(world.restitution), couplings_out, 0
-    for island in range(1, islands + 1):
-        first, last = begin[island], begin[island + 1]
-        for k in range(first, last):
-            out.head[contacts.a[k]] = out.head[contacts.b[k]] = -1
-        for end in range(2 * last - 1, 2 * first - 1, -1):
-            i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
-            if i < fixed:
-                out.next[end], out.head[i] = out.head[i], end
-        for end in range(2 * first, 2 * last):
-            i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
-            out.start[end] = e
-            other = out.head[i] if i < fixed else -1
-            while other >= 0:
-                m, side = other // 2, other % 2
-                out.other[e], out.side[e] = m - first, side
-                out.normal[e], out.friction[e] = _sizes(
-                    world, contacts, law, end // 2, end % 2, m, side
-                )
-                e, other = e + 1, out.next[other]
-        out.start[2 * last] = e
-
-
-@in_place
-def couplings_among(couplings: Couplings, first: int, last: int) -> Couplings:
-    """View of the couplings of the contacts of an island."""
-    return Couplings(
-        start=couplings.start[2 * first : 2 * last + 1],
-        other=couplings.other,
-        side=couplings.side,
-        normal=couplings.normal,
-        friction=couplings.friction,
-        head=couplings.head,
-        next=couplings.next,
-    )
+    out, fixed, e, size = couplings_out, len(world.restitution), 0, len(contacts.a)
+    for k in range(size):
+        out.head[contacts.a[k]] = out.head[contacts.b[k]] = -1
+    for end in range(2 * size - 1, -1, -1):
+        i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
+        if i < fixed:
+            out.next[end], out.head[i] = out.head[i], end
+    for end in range(2 * size):
+        i = contacts.a[end // 2] if end % 2 == 0 else contacts.b[end // 2]
+        out.start[end] = e
+        other = out.head[i] if i < fixed else -1
+        while other >= 0:
+            m, side = other // 2, other % 2
+            out.other[e], out.side[e] = m, side
+            out.normal[e], out.friction[e] = _sizes(
+                world, contacts, law, end // 2, end % 2, m, side
+            )
+            e, other = e + 1, out.next[other]
+    out.start[2 * size] = e
 
 
 @in_place

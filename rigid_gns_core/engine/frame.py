@@ -159,7 +159,11 @@ def _members(candidates: Candidates, count: int) -> tuple[Indices, Candidates]:
     for m in range(len(members)):
         place[members[m]] = m
     local = Candidates(
-        a=place[candidates.a], b=place[candidates.b], plane=candidates.plane, key=candidates.key
+        a=place[candidates.a],
+        b=place[candidates.b],
+        plane=candidates.plane,
+        key=candidates.key,
+        pairs=candidates.pairs,
     )
     return members, local
 

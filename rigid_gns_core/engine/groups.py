@@ -10,11 +10,25 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates
-from .contacts import Contacts, Impacts
+from .contacts import Contacts
+from .impacts import (
+    ACCELERATION,
+    APPROACH_SPEED,
+    CROSSING_TIME,
+    GAP,
+    Impacts,
+    REST_GAP,
+    SPECULATIVE_GAP,
+    TIME,
+    TURNING_SPEED,
+    X,
+    Y,
+    Z,
+)
 from .islands import root_of
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
-from ..kernels.vector import put, row
+from ..kernels.vector import put
 
 
 class Order(NamedTuple):
@@ -139,15 +153,13 @@ def _write(
     out, values = contacts_out, impacts.values
     out.candidate[place], out.plane[place] = k, candidates.plane[k]
     out.a[place], out.b[place] = candidates.a[k], candidates.b[k]
-    put(out.normal, place, row(impacts.normal, k))
-    out.time[place], out.gap[place], out.speculative_gap[place] = (
-        values[k, 1],
-        values[k, 2],
-        values[k, 3],
-    )
-    out.approach_speed[place], out.acceleration[place] = values[k, 4], values[k, 5]
-    out.turning_speed[place], out.crossing_time[place] = values[k, 6], values[k, 7]
-    out.rest_gap[place] = values[k, 8]
+    put(out.normal, place, (values[X, k], values[Y, k], values[Z, k]))
+    out.time[place], out.gap[place] = values[TIME, k], values[GAP, k]
+    out.speculative_gap[place] = values[SPECULATIVE_GAP, k]
+    out.approach_speed[place] = values[APPROACH_SPEED, k]
+    out.acceleration[place] = values[ACCELERATION, k]
+    out.turning_speed[place] = values[TURNING_SPEED, k]
+    out.crossing_time[place], out.rest_gap[place] = values[CROSSING_TIME, k], values[REST_GAP, k]
 
 
 @in_place

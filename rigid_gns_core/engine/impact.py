@@ -16,12 +16,10 @@ from typing import NamedTuple
 
 from .flight import position_on_path, velocity_on_path
 from .rectangle import (
-    centrifugal,
     crossing_of_edge,
     curvature_of_path,
     first_touch_of_plane,
     first_touch_of_rectangle,
-    first_touch_of_spheres,
     from_plane,
     is_over_face,
     offset_from_rectangle,
@@ -29,15 +27,15 @@ from .rectangle import (
 )
 from .world import THRESHOLD_TIME, UNIT_GRAVITY, World
 from ..kernels.jit import in_place
-from ..kernels.vector import dot, length, minus, plus, row, times, Vector
+from ..kernels.vector import dot, length, minus, row, times, Vector
 
 # gaps [radii of the smaller one] up to which bodies touch: rounding
 TOUCH = 1e-10
 # bodies nearer than this [radii], that approach slower than this speed, stay in contact
-_LASTING_GAP = 2e-4
-_LASTING_SPEED = UNIT_GRAVITY * THRESHOLD_TIME
+LASTING_GAP = 2e-4
+LASTING_SPEED = UNIT_GRAVITY * THRESHOLD_TIME
 # largest turn [rad] of a contact until the middle of a substep; one that turns farther flies off
-_LARGEST_TURN = 0.3
+LARGEST_TURN = 0.3
 
 
 class Impact(NamedTuple):
@@ -108,92 +106,11 @@ def _lasts(
     h: float,
 ) -> bool:
     """Whether bodies are so near, and so slow along the normal, that they stay in contact."""
-    if gap > _LASTING_GAP * radius or not pressed:
+    if gap > LASTING_GAP * radius or not pressed:
         return False
     tangential = math.sqrt(max(dot(velocity, velocity) - approach_speed**2, 0.0))
-    slow = math.fabs(approach_speed) <= _LASTING_SPEED
-    return slow and 0.5 * h * tangential <= _LARGEST_TURN * distance
-
-
-@in_place
-def impact_of_spheres(
-    offset: Vector,
-    velocity: Vector,
-    acceleration: Vector,
-    radius_a: float,
-    radius_b: float,
-    h: float,
-    lookback: float,
-    margin: float,
-    pressed: bool,
-) -> Impact:
-    """Contact of two spheres that touch or meet within h.
-
-    Where both fall alike, relative paths are straight, and the time of impact is the first root of
-    |x + y t| = R, R = r_a + r_b. With d = |x| - R and b = x . y it is
-    t = d (|x| + R) / (sqrt(b^2 - y^2 d (|x| + R)) - b), which loses no digits. Where air bends
-    their paths differently, it is found by Newton's method.
-
-    Args:
-        offset: x, position of a relative to b.
-        velocity: y, velocity of a relative to b.
-        acceleration: Of a relative to b.
-        radius_a: r_a.
-        radius_b: r_b.
-        h: Length of the substep.
-        lookback: Spheres that overlap are taken to have met at most so long ago.
-        margin: Gap up to which spheres that do not meet are speculative contacts.
-        pressed: Whether gravity may press bodies together, so that contacts last.
-    """
-    touching, distance = radius_a + radius_b, length(offset)
-    gap = distance - touching
-    along = dot(offset, velocity)
-    hits, time, bends = False, 0.0, dot(acceleration, acceleration) > 0
-    if gap > 0 and bends:
-        time = first_touch_of_spheres(offset, velocity, acceleration, touching, h)
-        hits = time <= h
-    elif gap > 0 and along < 0:
-        inside = along * along - dot(velocity, velocity) * gap * (distance + touching)
-        if inside >= 0:
-            time = gap * (distance + touching) / max(math.sqrt(inside) - along, 1e-30)
-            hits = time <= h
-    approach_speed = -along / max(distance, 1e-30)
-    smaller = min(radius_a, radius_b)
-    lasting = _lasts(gap, smaller, pressed, approach_speed, velocity, distance, h)
-    touches = lasting or gap <= TOUCH * smaller
-    if not (hits or touches or gap <= margin):
-        return _no_impact()
-    if not hits:
-        time = _missed_time(gap, approach_speed, lookback)
-    before = max(time, 0.0)
-    normal_time = 0.5 * (before + h) if lasting else before
-    at, moving = plus(offset, times(normal_time, velocity)), velocity
-    if bends:
-        at = position_on_path(offset, velocity, acceleration, normal_time)
-        moving = velocity_on_path(velocity, acceleration, normal_time)
-    far = length(at)
-    normal = times(1.0 / far, at) if far > 1e-9 else (0.0, 0.0, 1.0)
-    if not lasting:
-        gap_then, approach_speed = far - touching, -dot(normal, moving)
-    else:
-        gap_then = gap
-        approach_speed -= before * dot(normal, acceleration)
-    curving = centrifugal(at, moving)
-    return Impact(
-        found=True,
-        edge=False,
-        lasting=lasting,
-        normal=normal,
-        normal_time=normal_time,
-        time=time,
-        gap=gap_then,
-        speculative_gap=0.0 if hits or touches else gap,
-        approach_speed=approach_speed,
-        acceleration=dot(acceleration, normal) + curving if bends else curving,
-        turning_speed=curving * (h - normal_time),
-        crossing_time=math.inf,
-        rest_gap=max(gap_then, 0.0) if lasting and not hits else 0.0,
-    )
+    slow = math.fabs(approach_speed) <= LASTING_SPEED
+    return slow and 0.5 * h * tangential <= LARGEST_TURN * distance
 
 
 @in_place

@@ -75,18 +75,20 @@ def copy_impulse(impulses: Impulses, i: int, target_out: Impulses, k: int) -> No
 
 @in_place
 def copy_impulses(impulses: Impulses, pairs: Indices, target_out: Impulses) -> None:
-    """Copy the impulses of some contacts."""
+    """Copy the impulses of some contacts; without a normal one there are no others."""
     for k in pairs:
-        copy_impulse(impulses, k, target_out, k)
+        if impulses.normal[k] != 0 or target_out.normal[k] != 0:
+            copy_impulse(impulses, k, target_out, k)
 
 
 @in_place
 def clear_impulses(pairs: Indices, impulses_out: Impulses) -> None:
     """Take away the impulses of some contacts."""
     for k in pairs:
-        impulses_out.normal[k] = 0.0
-        put(impulses_out.tangential, k, (0.0, 0.0, 0.0))
-        put(impulses_out.rolling, k, (0.0, 0.0, 0.0))
+        if impulses_out.normal[k] != 0:
+            impulses_out.normal[k] = 0.0
+            put(impulses_out.tangential, k, (0.0, 0.0, 0.0))
+            put(impulses_out.rolling, k, (0.0, 0.0, 0.0))
 
 
 @in_place

@@ -13,7 +13,7 @@ from .contacts import Contacts
 from .rectangle import from_plane, offset_from_rectangle, to_plane
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.vector import add_to, length, minus, put, row, times, Vector
+from ..kernels.vector import add_to, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
 # most sweeps of push-out at the end of a substep
@@ -79,6 +79,9 @@ def push_out(
     for _ in range(_SWEEPS):
         any_deep = False
         for k in range(count):
+            if _is_apart(world, positions, contacts, k):
+                depth[k] = 0.0
+                continue
             gap, direction = gap_of(world, positions, contacts, k)
             deep = gap < -ROUNDING * world.radius[contacts.a[k]]
             depth[k] = -gap if deep else 0.0
@@ -107,3 +110,13 @@ def push_out(
                 add_to(positions, a, times(push * inverse[a], way))
                 if b < fixed:
                     add_to(positions, b, times(-push * inverse[b], way))
+
+
+@in_place
+def _is_apart(world: World, positions: Array, contacts: Contacts, k: int) -> bool:
+    """Whether contact k is one of two spheres with a gap, at a glance."""
+    a, b = contacts.a[k], contacts.b[k]
+    if contacts.plane[k] >= 0:
+        return False
+    offset, reach = minus(row(positions, a), row(positions, b)), world.radius[a] + world.radius[b]
+    return dot(offset, offset) > reach * reach

@@ -10,7 +10,8 @@ surface at the contact and its angular velocity W; the energy guard lets an isla
 
 from __future__ import annotations
 
-from .contacts import Contacts, Impacts
+from .contacts import Contacts
+from .impacts import Impacts
 from .impulses import Bodies, Impulses
 from .motion import Motion
 from .plane_motion import moves

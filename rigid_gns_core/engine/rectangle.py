@@ -12,6 +12,7 @@ import math
 
 from .flight import position_on_path, velocity_on_path
 from ..kernels.jit import in_place
+from ..kernels.lanes import choose, larger
 from ..kernels.vector import dot, length, minus, plus, row, times, Vector
 from ..scenes.state import Array
 
@@ -173,8 +174,7 @@ def curvature_of_path(offset: Vector, velocity: Vector) -> float:
 def centrifugal(offset: Vector, velocity: Vector) -> float:
     """Second derivative of the length d of an offset without acceleration: (v^2 - d'^2) / d."""
     distance = length(offset)
-    if distance < 1e-9:
-        return 0.0
-    rate = dot(offset, velocity) / distance
-    across = minus(velocity, times(rate / distance, offset))
-    return dot(across, across) / distance
+    inverse = 1.0 / larger(distance, 1e-30)
+    rate = dot(offset, velocity) * inverse
+    across = minus(velocity, times(rate * inverse, offset))
+    return choose(distance < 1e-9, 0.0, dot(across, across) * inverse)

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Impulses of all contacts of a substep, iteratively.
+"""Impulses of all contacts of a substep, island by island.
 
 Each iteration compares every contact with its law under its coupling to the others (residual).
-The normal impulses of few contacts are then found exactly (`direct.py`); those of many take the
-step that would satisfy the law if bodies were split as the contacts couple (`couplings.py`):
+The normal impulses of few contacts are then found exactly (`direct.py`); those of many
+(`large.py`) take the step that would satisfy the law if bodies were split as contacts couple:
 
     d lambda = momentum (lambda - lambda_before) + residual / (s_a / m_a + s_b / m_b).
 
@@ -18,31 +18,29 @@ from __future__ import annotations
 
 import math
 
+from .blocks import Blocks
 from .contact_law import Law, law_among
 from .contacts import Contacts
-from .couplings import Couplings, couplings_among, split_bodies
+from .couplings import Couplings, find_couplings, split_bodies
 from .direct import MOST_CONTACTS, Pivots, pivots_of, solve_normals
 from .displacement import displace_by_blows, displace_directly
 from .groups import contacts_among
 from .impulses import apply_linear, Bodies, Impulses, impulses_among, start_from
+from .large import solve_large
 from .residuals import find_free_motion, find_residuals, reset_state, SolverState, state_among
+from .splitting import LARGEST_MOMENTUM
 from .steps import step_friction, step_normal, step_rolling
-from .world import UNIT_GRAVITY, weight_of, World
+from .world import weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.vector import length, put, row, times
 from ..scenes.state import Array
 
-# largest momentum, the share of a step that the next one repeats: halves the iterations of piles
-MOMENTUM = 0.5
 # few contacts are solved until an iteration changes none by more than this [g h, and approach
 # speed]; blows need it, and resting contacts have it after the first iteration
 _EXACT, _MOST_ITERATIONS = 3e-4, 16
 # few whose last iteration changed one by more than this [g h, and approach speed] have friction
 # that does not converge, as between masses of a ratio of 1e6
 _LOST = 30.0
-# many, whose last iteration changed a contact by more than this [g h], have not converged, as
-# after a blow; they get at most so many more, until one changes none by more than that [g h]
-_UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
 # bodies are split anew in the first iterations, and then in every so many
 _FIRST, _EVERY = 3, 4
 
@@ -95,7 +93,6 @@ def solve(
     world: World,
     contacts: Contacts,
     law: Law,
-    couplings: Couplings,
     start: Impulses,
     first: int,
     last: int,
@@ -103,7 +100,9 @@ def solve(
     h: float,
     nominal_h: float,
     iterations: int,
-    scratch_out: Pivots,
+    couplings_out: Couplings,
+    pivots_out: Pivots,
+    blocks_out: Blocks,
     state_out: SolverState,
     bodies_out: Bodies,
     impulses_out: Impulses,
@@ -114,7 +113,6 @@ def solve(
         world: What does not move.
         contacts: All contacts of the substep.
         law: Their coefficients.
-        couplings: Among them.
         start: Impulses of the last substep, from which forces that last are told from blows.
         first: Where the island begins; no other contact shares a moving body with it.
         last: Where it ends.
@@ -122,44 +120,40 @@ def solve(
         h: Length of the substep; 0 for a correction of collisions that the last one missed.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations, unless more are needed.
-        scratch_out: Of the direct solution.
-        state_out: Reset, and written.
+        couplings_out: Scratch.
+        pivots_out: Scratch of the direct solution.
+        blocks_out: Scratch of a large island.
+        state_out: Scratch of a small one.
         bodies_out: Changes of their bodies are written.
         impulses_out: Written.
     """
     contacts, law = contacts_among(contacts, first, last), law_among(law, first, last)
-    couplings, start = couplings_among(couplings, first, last), impulses_among(start, first, last)
-    bodies, impulses = bodies_out, impulses_among(impulses_out, first, last)
-    state = state_among(state_out, first, last)
+    start, impulses = impulses_among(start, first, last), impulses_among(impulses_out, first, last)
+    if last - first > MOST_CONTACTS:
+        return solve_large(
+            world, contacts, law, start, accelerations, h, nominal_h, iterations, blocks_out,
+            bodies_out, impulses,
+        )  # fmt: skip
+    bodies, state, couplings = bodies_out, state_among(state_out, first, last), couplings_out
+    find_couplings(world, contacts, law, couplings)
     reset_state(state)
     start_from(world, contacts, law, start, bodies, impulses)
     find_free_motion(contacts, law, bodies, impulses, state)
+    pivots, fastest = pivots_of(world, contacts, pivots_out), 0.0
     for k in range(len(contacts.a)):
         state.previous_normal[k] = impulses.normal[k]
         put(state.previous_tangential, k, row(impulses.tangential, k))
-    few, pivots = len(contacts.a) <= MOST_CONTACTS, scratch_out
-    most, tolerance, fastest = iterations, 0.0, 0.0
-    if few:
-        pivots = pivots_of(world, contacts, scratch_out)
-        for k in range(len(contacts.a)):
-            fastest = max(fastest, contacts.approach_speed[k])
-        most = max(iterations, _MOST_ITERATIONS)
-        tolerance = _EXACT * (weight_of(world) * nominal_h + fastest)
+        fastest = max(fastest, contacts.approach_speed[k])
+    unit = weight_of(world) * nominal_h + fastest
     change = _iterate(
-        world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few, pivots,
-        bodies, impulses, state,
+        world, contacts, law, couplings, accelerations, h, nominal_h,
+        max(iterations, _MOST_ITERATIONS), _EXACT * unit, pivots, bodies, impulses, state,
     )  # fmt: skip
-    if few and change > _LOST * (weight_of(world) * nominal_h + fastest):
+    if change > _LOST * unit:
         _drop_friction(
             world, contacts, law, h, nominal_h, pivots, accelerations, state, bodies, impulses
         )
-    if not few and change > _UNCONVERGED * UNIT_GRAVITY * nominal_h:
-        most, tolerance = _EXTRA_ITERATIONS, _CONVERGED * UNIT_GRAVITY * nominal_h
-        change = _iterate(
-            world, contacts, law, couplings, accelerations, h, nominal_h, most, tolerance, few,
-            pivots, bodies, impulses, state,
-        )  # fmt: skip
-    if not (few and displace_directly(world, contacts, pivots, impulses, state, h, bodies)):
+    if not displace_directly(world, contacts, pivots, impulses, state, h, bodies):
         displace_by_blows(world, contacts, law, impulses, state, False, bodies)
     return change
 
@@ -175,7 +169,6 @@ def _iterate(
     nominal_h: float,
     most: int,
     tolerance: float,
-    direct: bool,
     pivots: Pivots,
     bodies_out: Bodies,
     impulses_out: Impulses,
@@ -195,14 +188,13 @@ def _iterate(
                 state.rolling_split,
             )
             _set_momentum(state)
-        if not (direct and _step_exactly(world, contacts, pivots, bodies, impulses, state)):
+        if not _step_exactly(world, contacts, pivots, bodies, impulses, state):
             step_normal(world, contacts, bodies, impulses, state)
         step_rolling(world, contacts, law, bodies, impulses, state)
         step_friction(world, contacts, law, bodies, impulses, state)
-        if tolerance > 0 or iteration == most - 1:
-            change = _last_change(law, impulses, state)
-            if change < tolerance:
-                break
+        change = _last_change(law, impulses, state)
+        if change < tolerance:
+            break
     return change
 
 
@@ -238,7 +230,7 @@ def _set_momentum(state_out: SolverState) -> None:
     """Set the momentum, (1 - 1 / split) / 2: none for a contact that shares no force."""
     for k in range(len(state_out.momentum)):
         split = max(state_out.split[k, 0], state_out.split[k, 1])
-        state_out.momentum[k] = MOMENTUM * (1.0 - 1.0 / split)
+        state_out.momentum[k] = LARGEST_MOMENTUM * (1.0 - 1.0 / split)
 
 
 @in_place

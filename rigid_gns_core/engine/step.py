@@ -11,7 +11,6 @@ from .broad_phase import Candidates
 from .contact_law import find_law, Law
 from .contacts import Contacts, find_impacts
 from .containment import keep_sides
-from .couplings import find_couplings
 from .events import has_event, MOST_OF_EVENTS, opening_time
 from .flight import find_accelerations, fly_in_place, Paths, slow_spins
 from .groups import contacts_among, contacts_by_island
@@ -114,13 +113,11 @@ def step(
         impulses_out=impulses,
     )
     # by island, so that none depends on what happens elsewhere
-    find_couplings(world, contacts, work.law, begin, islands, work.couplings)
     for island in range(1, islands + 1):
         solve(
             world=world,
             contacts=contacts,
             law=work.law,
-            couplings=work.couplings,
             start=work.start,
             first=begin[island],
             last=begin[island + 1],
@@ -128,7 +125,9 @@ def step(
             h=h,
             nominal_h=nominal_h,
             iterations=iterations,
-            scratch_out=work.pivots,
+            couplings_out=work.couplings,
+            pivots_out=work.pivots,
+            blocks_out=work.blocks,
             state_out=work.state,
             bodies_out=bodies,
             impulses_out=impulses,

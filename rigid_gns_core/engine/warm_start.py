@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .broad_phase import sphere_of
 from .impulses import copy_impulse, Impulses, no_impulses
 from ..kernels.jit import compiled, entry
 from ..kernels.neighbours import Flags, Indices
@@ -64,8 +65,10 @@ def with_sleepers(new: WarmStart, old: WarmStart, awake: Flags, planes: int) -> 
     """Warm start of this frame, with the impulses with which sleepers fell asleep."""
     if awake.all() or len(old.key) == 0:
         return new
-    bodies = len(awake) + planes
-    asleep = np.flatnonzero(~awake[old.key // bodies])
+    rests = np.zeros(len(old.key), np.bool_)
+    for k in range(len(old.key)):
+        rests[k] = not awake[sphere_of(old.key[k], len(awake), planes)]
+    asleep = np.flatnonzero(rests)
     key = np.concatenate((new.key, old.key[asleep]))
     order = np.argsort(key, kind='mergesort')
     now, before = new.impulses, old.impulses

@@ -13,13 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .blocks import Blocks, new_blocks
 from .broad_phase import Candidates
 from .contact_law import Law, new_law
-from .contacts import Contacts, Impacts
+from .contacts import Contacts
 from .containment import Cuts, new_cuts
 from .couplings import Couplings, new_couplings
 from .direct import new_pivots, Pivots
 from .groups import new_contacts, new_order, Order
+from .impacts import Impacts, new_impacts
 from .impulses import Bodies, Impulses, no_impulses
 from .motion import Motion, new_motion
 from .overlap import new_overlaps, Overlaps
@@ -32,7 +34,8 @@ from ..scenes.state import Array
 class Workspace(NamedTuple):
     """Scratch for n spheres with m candidates.
 
-    Of a step: impacts, order, contacts, law, bodies, impulses, start, state, couplings, pivots,
+    Of a step: impacts, order, contacts, law, bodies, impulses, start, state, couplings, blocks,
+    pivots,
     overlaps, cuts; path, mean: accelerations in air, shape (n, 3); positions: before the step,
     shape (n, 3).
 
@@ -53,6 +56,7 @@ class Workspace(NamedTuple):
     start: Impulses
     state: SolverState
     couplings: Couplings
+    blocks: Blocks
     pivots: Pivots
     overlaps: Overlaps
     cuts: Cuts
@@ -85,17 +89,10 @@ def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace
     moving = size if fixed > 1 else 0
     vectors, numbers = np.empty((8, bodies, 3)), np.empty((4, bodies))
     labels, begins = np.empty((3, spheres), np.int64), np.empty((3, spheres + 2), np.int64)
-    flags = np.empty((6, size), np.bool_)
-    flags[3] = True
+    flags = np.empty((3, size), np.bool_)
+    flags[0] = True
     return Workspace(
-        impacts=Impacts(
-            found=flags[0],
-            edge=flags[1],
-            lasting=flags[2],
-            normal=np.empty((size, 3)),
-            values=np.empty((size, 9)),
-            surface_velocity=np.empty((moving, 3)),
-        ),
+        impacts=new_impacts(spheres, moving, size),
         order=new_order(spheres, size),
         contacts=new_contacts(size),
         law=new_law(size),
@@ -110,7 +107,8 @@ def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace
         impulses=no_impulses(size),
         start=no_impulses(size),
         state=new_state(size),
-        couplings=new_couplings(bodies, size, _most_couplings(spheres, candidates)),
+        couplings=new_couplings(bodies),
+        blocks=new_blocks(bodies, size),
         pivots=new_pivots(),
         overlaps=new_overlaps(bodies, size),
         cuts=new_cuts(spheres),
@@ -122,9 +120,9 @@ def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace
         speeds=numbers[1],
         everyone=np.arange(spheres),
         every_pair=np.arange(size),
-        every=flags[3],
-        chosen=flags[4],
-        missed=flags[5],
+        every=flags[0],
+        chosen=flags[1],
+        missed=flags[2],
         label=labels[0],
         opening=numbers[2],
         inner_label=labels[1],
@@ -135,15 +133,3 @@ def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace
         pair_begin=begins[1],
         place=begins[2],
     )
-
-
-@compiled
-def _most_couplings(spheres: int, candidates: Candidates) -> int:
-    """How many couplings there are where all candidates touch: sum of squares of their numbers."""
-    degree, most = np.zeros(spheres + 1, np.int64), 0
-    for k in range(len(candidates.a)):
-        degree[candidates.a[k]] += 1
-        degree[candidates.b[k]] += 1
-    for i in range(spheres):
-        most += degree[i] * degree[i]
-    return most

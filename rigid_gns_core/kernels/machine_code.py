@@ -46,7 +46,7 @@ class MachineCode:
     Args:
         name: What the folder's name begins with.
         sources: Folders of the sources; the code is kept beside the first. The hash is that of
-            their `jit.py` and of the files that import it.
+            their `jit.py`, of the files that import it, and of those that extend Numba.
         options: Options of numba.njit, for all functions.
     """
 
@@ -54,7 +54,9 @@ class MachineCode:
         self._name, self._options = name, options
         paths = [path for folder in sources for path in sorted(folder.glob('*.py'))]
         texts = [(path.name, path.read_bytes()) for path in paths]
-        code = b''.join(text for own, text in texts if own == 'jit.py' or b'jit import' in text)
+        makes = (b'jit import', b'numba.extending import')
+        kept = (own == 'jit.py' or any(m in text for m in makes) for own, text in texts)
+        code = b''.join(text for (_, text), keeps in zip(texts, kept, strict=True) if keeps)
         self._hash = hashlib.sha256(code + repr(options).encode()).hexdigest()[:16]
         self._beside = sources[0] / '__pycache__'
         self._complete = False

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jit import compiled, entry, in_place
+from .lanes import bits, load, lowest_bit, WIDTH
+from .vector import dot, minus, row, Vector
 from ..scenes.state import Array
 
 Indices = NDArray[np.int64]
@@ -108,102 +110,141 @@ def find_pairs(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, 
         awake: Shape (n,).
     """
     count = len(positions)
-    pairs = np.empty((max(64, 8 * count), 2), np.int64)
-    size = 0
     if count < _BRUTE:
         return _every_pair(positions, extent, awake)
-    grid = make_grid(positions, extent)
-    mask = len(grid.start) - 2
-    near = np.empty(count, np.int64)
+    grid, near = make_grid(positions, extent), np.empty(count, np.int64)
+    pairs, size = np.empty((8 * count, 2), np.int64), 0
+    # what a cell holds in a row of memory
+    places, cells = positions[grid.members], grid.cell[grid.members]
+    reaches, levels = extent[grid.members], grid.level[grid.members]
     for i in range(count):
-        found = 0
-        for level in range(grid.level[i], len(grid.size)):
-            first, last = grid.level_start[level], grid.level_start[level + 1]
-            own = level == grid.level[i]
-            if last - first <= _FEW:
-                for k in range(first, last):
-                    j = grid.by_level[k]
-                    if (j > i or not own) and _within(positions, extent, i, j):
-                        near[found] = j
-                        found += 1
-                continue
-            cx = math.floor(positions[i, 0] / grid.size[level])
-            cy = math.floor(positions[i, 1] / grid.size[level])
-            cz = math.floor(positions[i, 2] / grid.size[level])
-            for x in range(cx - 1, cx + 2):
-                for y in range(cy - 1, cy + 2):
-                    for z in range(cz - 1, cz + 2):
-                        bucket = _bucket(level, x, y, z, mask)
-                        for k in range(grid.start[bucket], grid.start[bucket + 1]):
-                            j = grid.members[k]
-                            if own and j <= i:
-                                continue
-                            if (
-                                grid.cell[j, 0] == x
-                                and grid.cell[j, 1] == y
-                                and grid.cell[j, 2] == z
-                                and grid.level[j] == level
-                                and _within(positions, extent, i, j)
-                            ):
-                                near[found] = j
-                                found += 1
-        for k in range(found):
-            j = near[k]
-            if not (awake[i] or awake[j]):
-                continue
-            if size == len(pairs):
-                longer = np.empty((2 * size, 2), np.int64)
-                longer[:size] = pairs
-                pairs = longer
-            pairs[size, 0], pairs[size, 1] = min(i, j), max(i, j)
-            size += 1
+        found = _near_in_cells(grid, positions, extent, places, cells, reaches, levels, i, near)
+        pairs = _with_room(pairs, size + found)
+        size = _append(awake, i, near, found, size, pairs)
     return _sorted(pairs[:size], count)
 
 
 @compiled
 def _every_pair(positions: Array, extent: Array, awake: Flags) -> tuple[Indices, Indices]:
     """Pairs as of `find_pairs`, by comparing all, which is faster for few spheres."""
-    count = len(positions)
-    near = np.empty((count, count), np.bool_)
-    start = np.zeros(count + 1, np.int64)
-    # columns, so that the inner loop becomes vector instructions
-    x, y, z = positions[:, 0].copy(), positions[:, 1].copy(), positions[:, 2].copy()
+    count, size = len(positions), 0
+    near, pairs = np.empty(count, np.int64), np.empty((max(64, 8 * count), 2), np.int64)
+    # coordinates and extents in rows, with spheres infinitely far away after the last one
+    length = count + WIDTH
+    columns = np.full(4 * length, np.inf)
     for i in range(count):
-        start[i + 1] = start[i] + _mark_near(x, y, z, extent, awake, i, near[i])
-    first, second = np.empty(start[-1], np.int64), np.empty(start[-1], np.int64)
+        for axis in range(3):
+            columns[axis * length + i] = positions[i, axis]
+        columns[3 * length + i] = extent[i]
+    columns[3 * length + count :] = 0.0
     for i in range(count):
-        place = start[i]
-        if start[i + 1] == place:
-            continue
-        for j in range(i + 1, count):
-            if near[i, j]:
-                first[place], second[place] = i, j
-                place += 1
-    return first, second
+        found = _near_among_all(columns, count, i, near)
+        pairs = _with_room(pairs, size + found)
+        size = _append(awake, i, near, found, size, pairs)
+    return pairs[:size, 0].copy(), pairs[:size, 1].copy()
+
+
+@compiled
+def _with_room(pairs: Indices, size: int) -> Indices:
+    """The same pairs, in more memory where there is none for so many."""
+    if size <= len(pairs):
+        return pairs
+    longer = np.empty((2 * size, 2), np.int64)
+    longer[: len(pairs)] = pairs
+    return longer
 
 
 @in_place
-def _mark_near(
-    x: Array, y: Array, z: Array, extent: Array, awake: Flags, i: int, near_out: Flags
-) -> int:
-    """Mark the spheres after i whose extents overlap its own; returns how many."""
-    x_i, y_i, z_i, reach_i, awake_i = x[i], y[i], z[i], extent[i], awake[i]
-    found = 0
-    for j in range(i + 1, len(x)):
-        reach = reach_i + extent[j]
-        square = (x[j] - x_i) ** 2 + (y[j] - y_i) ** 2 + (z[j] - z_i) ** 2
-        near_out[j] = (square <= reach * reach) & (awake_i | awake[j])
-        found += near_out[j]
+def _append(awake: Flags, i: int, near: Indices, found: int, size: int, pairs_out: Indices) -> int:
+    """Append pairs of sphere i, unless both spheres sleep; returns how many pairs there are."""
+    for k in range(found):
+        j = near[k]
+        if awake[i] or awake[j]:
+            pairs_out[size, 0], pairs_out[size, 1] = min(i, j), max(i, j)
+            size += 1
+    return size
+
+
+@in_place
+def _near_among_all(columns: Array, count: int, i: int, near_out: Indices) -> int:
+    """Find the spheres after i within reach, by comparing all; returns how many there are."""
+    length, found = count + WIDTH, 0
+    x, y, z = columns[i], columns[length + i], columns[2 * length + i]
+    own = columns[3 * length + i]
+    for first in range(i + 1, count, WIDTH):
+        dx, dy = load(columns, first) - x, load(columns, length + first) - y
+        dz = load(columns, 2 * length + first) - z
+        reach = load(columns, 3 * length + first) + own
+        mask = bits(dx * dx + dy * dy + dz * dz <= reach * reach)
+        while mask > 0:
+            near_out[found] = first + lowest_bit(mask)
+            found += 1
+            mask &= mask - 1
     return found
 
 
 @in_place
-def _within(positions: Array, extent: Array, i: int, j: int) -> bool:
-    reach = extent[i] + extent[j]
-    square = 0.0
-    for axis in range(3):
-        square += (positions[i, axis] - positions[j, axis]) ** 2
-    return square <= reach * reach
+def _near_in_cells(
+    grid: Grid,
+    positions: Array,
+    extent: Array,
+    places: Array,
+    cells: Indices,
+    reaches: Array,
+    levels: Indices,
+    i: int,
+    near_out: Indices,
+) -> int:
+    """Find spheres within reach of sphere i, each pair once; returns how many there are.
+
+    Args:
+        grid: Of the spheres.
+        positions: Centres, shape (n, 3).
+        extent: Shape (n,).
+        places: Centres in the order of the grid's members.
+        cells: Cells, likewise.
+        reaches: Extents, likewise.
+        levels: Levels, likewise.
+        i: Which sphere.
+        near_out: Written.
+    """
+    found, place, reach, mask = 0, row(positions, i), extent[i], len(grid.start) - 2
+    for level in range(grid.level[i], len(grid.size)):
+        first, last = grid.level_start[level], grid.level_start[level + 1]
+        own = level == grid.level[i]
+        if last - first <= _FEW:
+            for k in range(first, last):
+                j = grid.by_level[k]
+                if (j > i or not own) and _within(place, reach, row(positions, j), extent[j]):
+                    near_out[found] = j
+                    found += 1
+            continue
+        cx = math.floor(place[0] / grid.size[level])
+        cy = math.floor(place[1] / grid.size[level])
+        cz = math.floor(place[2] / grid.size[level])
+        # of its own level only the cells from its own on: the others find it
+        for step in range(13 if own else 0, 27):
+            x, y, z = cx + step // 9 - 1, cy + step // 3 % 3 - 1, cz + step % 3 - 1
+            bucket = _bucket(level, x, y, z, mask)
+            for k in range(grid.start[bucket], grid.start[bucket + 1]):
+                if (
+                    cells[k, 0] == x
+                    and cells[k, 1] == y
+                    and cells[k, 2] == z
+                    and levels[k] == level
+                    and _within(place, reach, row(places, k), reaches[k])
+                ):
+                    j = grid.members[k]
+                    if step != 13 or j > i or not own:
+                        near_out[found] = j
+                        found += 1
+    return found
+
+
+@in_place
+def _within(one: Vector, reach: float, other: Vector, other_reach: float) -> bool:
+    offset, sum_of_both = minus(one, other), reach + other_reach
+    return dot(offset, offset) <= sum_of_both * sum_of_both
 
 
 @compiled

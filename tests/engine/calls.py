@@ -8,15 +8,14 @@ import numba
 import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
 from rigid_gns_core.engine.contact_law import find_law, new_law, target_of
-from rigid_gns_core.engine.contacts import Contacts, find_impacts, gap_of
-from rigid_gns_core.engine.couplings import find_couplings
+from rigid_gns_core.engine.contacts import Contacts, find_impacts
 from rigid_gns_core.engine.flight import Paths
 from rigid_gns_core.engine.groups import contacts_by_island
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
 from rigid_gns_core.engine.motion import Motion
-from rigid_gns_core.engine.overlap import push_out
+from rigid_gns_core.engine.overlap import gap_of, push_out
 from rigid_gns_core.engine.sleep import put_to_sleep, wake
 from rigid_gns_core.engine.solver import solve, solve_isolated
 from rigid_gns_core.engine.spheres import copy_spheres
@@ -111,13 +110,11 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
     solve_isolated(
         world, found, coefficients, begin[1], world.flight, h, h, work.state, work.bodies, impulses
     )
-    find_couplings(world, found, coefficients, begin, islands, work.couplings)
     for island in range(1, islands + 1):
         last = solve(
             world=world,
             contacts=found,
             law=coefficients,
-            couplings=work.couplings,
             start=start,
             first=begin[island],
             last=begin[island + 1],
@@ -125,7 +122,9 @@ def solved(world, positions, velocities, spins, dt, h, iterations):
             h=h,
             nominal_h=h,
             iterations=iterations,
-            scratch_out=work.pivots,
+            couplings_out=work.couplings,
+            pivots_out=work.pivots,
+            blocks_out=work.blocks,
             state_out=work.state,
             bodies_out=work.bodies,
             impulses_out=impulses,

@@ -15,8 +15,8 @@ from . import calls
 @numba.njit(error_model='numpy')
 def splits(world, contacts, law):
     size = len(contacts.a)
-    couplings = new_couplings(len(world.radius), size, (2 * size) ** 2)
-    find_couplings(world, contacts, law, np.array([0, 0, size]), 1, couplings)
+    couplings = new_couplings(len(world.radius))
+    find_couplings(world, contacts, law, couplings)
     normal, friction, rolling = np.empty((size, 2)), np.empty((size, 2)), np.empty(size)
     split_bodies(couplings, law, np.ones((size, 2)), normal, friction, rolling)
     return normal, friction

@@ -48,13 +48,14 @@ def test_impulses_are_found_by_key_and_zero_where_new(seed):
 def test_sleepers_keep_their_impulses(seed):
     rng = np.random.default_rng(seed)
     count, planes = 10, 2
-    bodies = count + planes
+    first = np.arange(count)
+    of = np.r_[np.repeat(first, count), np.repeat(first, planes)]  # sphere of each key
     awake = rng.random(count) < 0.6
-    key = np.unique(rng.integers(0, count * bodies, 40))
-    new, old = drawn(rng, key[awake[key // bodies]][::2]), drawn(rng, key)
+    key = np.unique(rng.integers(0, len(of), 40))
+    new, old = drawn(rng, key[awake[of[key]]][::2]), drawn(rng, key)
     merged = calls.slept(new, old, awake, planes)
     assert (np.diff(merged.key) > 0).all()
-    asleep = {k: v for k, v in by_key(old).items() if not awake[k // bodies]}
+    asleep = {k: v for k, v in by_key(old).items() if not awake[of[k]]}
     assert by_key(merged) == asleep | by_key(new)
 
 
