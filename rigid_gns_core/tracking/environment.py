@@ -15,6 +15,9 @@ from ..scenes.plane import SOLID
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
+# of impacts and of rolling [m/s]
+_SPEED = 1.0
+
 
 @dataclass(frozen=True)
 class Environment:
@@ -32,10 +35,21 @@ class Environment:
     def of(cls, scene: Scene) -> Environment:
         """Environment of a scene; materials that differ between spheres enter by their mean.
 
-        Without the surfaces that change place: only a rollout knows where they are.
+        A surface with a contact law has that of it, at the speed `_SPEED`. Without the surfaces
+        that change place: only a rollout knows where they are.
         """
         scene = scene.of_fixed_surfaces()
         planes = scene.surfaces
+        restitution = scene.surface_values('restitution') * float(np.mean(scene.restitution))
+        friction = scene.surface_values('friction') * float(np.mean(scene.friction))
+        resistance = float(np.mean(scene.rolling_friction))
+        for k, plane in enumerate(planes):
+            law = plane.contact
+            if law is None:
+                continue
+            restitution[k], friction[k] = float(law.curve.at(_SPEED)), law.friction
+            if np.dot(plane.axes[2], scene.gravity) < 0:  # a ball may roll on it
+                resistance = law.rolling_friction + law.rolling_friction_slope * _SPEED
         x, y, z = np.asarray(scene.gravity, dtype=np.float64).tolist()
         surfaces = Surfaces(
             gravity=(x, y, z),
@@ -43,9 +57,9 @@ class Environment:
             axes=np.array([plane.axes for plane in planes]).reshape(-1, 3, 3),
             half_lengths=np.array([plane.half_lengths for plane in planes]).reshape(-1, 2),
             two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
-            restitution=scene.surface_values('restitution') * float(np.mean(scene.restitution)),
-            friction=scene.surface_values('friction') * float(np.mean(scene.friction)),
-            rolling_friction=float(np.mean(scene.rolling_friction)),
+            restitution=restitution,
+            friction=friction,
+            rolling_friction=resistance,
             sphere_restitution=float(np.mean(scene.restitution)) ** 2,
             inertia=float(np.mean(scene.inertia_factor)),
             known=True,

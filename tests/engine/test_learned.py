@@ -112,10 +112,11 @@ def turned_about_gravity(scene, state, angle, shift):
         )
         for plane in scene.surfaces
     )
-    values = {
-        name: turn.apply(getattr(state, name)) for name in ('velocities', 'angular_velocities')
-    }
-    moved = State(positions=turn.apply(state.positions) + shift, **values)
+    moved = State(
+        positions=np.ascontiguousarray(turn.apply(state.positions) + shift),
+        velocities=np.ascontiguousarray(turn.apply(state.velocities)),
+        angular_velocities=np.ascontiguousarray(turn.apply(state.angular_velocities)),
+    )
     return Scene(**(vars(scene) | {'surfaces': planes})), moved, turn
 
 

@@ -64,8 +64,8 @@ def test_the_demonstration(tmp_path: Path) -> None:
     for lead in ('0.2', '0.4'):
         (line,) = (text for text in output.splitlines() if f'{lead} s ahead: mean' in text)
         error, count = float(line.split('mean')[1].split()[0]), int(line.split('of')[1].split()[0])
-        # with an unknown spin; what knows no air is off by more after a bounce
-        assert count >= 10 and error < 100.0 * float(lead)
+        # six frames without air and spin are off by 10 and 19 cm, the laws by 1 and 2
+        assert count >= 5 and error < 25.0 * float(lead)
     for text in (
         'Normalized Cumulative Energy Gain',
         'Lateness',

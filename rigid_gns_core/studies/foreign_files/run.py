@@ -10,6 +10,7 @@ another error, a dead process, more than `SECONDS`, or more than `MEMORY`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from multiprocessing import get_context
@@ -110,7 +111,8 @@ def _batch(
     """Read files in a process of its own; where it dies, in another from the next file on."""
     while begin < end:
         mine, its = get_context('fork').Pipe()
-        process = get_context('fork').Process(target=_read, args=(its, form, seed, begin, end))
+        arguments = (mine, its, form, seed, begin, end)
+        process = get_context('fork').Process(target=_read, args=arguments)
         process.start()
         its.close()
         try:
@@ -142,7 +144,10 @@ def _answer(mine: Connection, process: BaseProcess) -> tuple[str, str]:
     return str(what), str(trace)
 
 
-def _read(pipe: Connection, form: Format, seed: int, begin: int, end: int) -> None:
+def _read(
+    others: Connection, pipe: Connection, form: Format, seed: int, begin: int, end: int
+) -> None:
+    others.close()  # or this process would wait for ever for a killed parent
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
@@ -156,7 +161,8 @@ def _read(pipe: Connection, form: Format, seed: int, begin: int, end: int) -> No
             path.write_bytes(changed_file(form, seed, number))
             pipe.send(problem_of(form, path))
             path.unlink()
-    pipe.recv()  # what was sent may wait to be read
+    with suppress(EOFError):
+        pipe.recv()  # what was sent may wait to be read
 
 
 def _line(text: str) -> str:

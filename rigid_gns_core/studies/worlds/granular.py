@@ -4,7 +4,7 @@
 """LAMMPS' granular spheres as a world: Hertz contacts with Mindlin friction and damping.
 
 Contacts that act at once share a blow by their stiffness. Damping is that of Tsuji, Tanaka,
-Ishida (1992) for a restitution; the tangential spring is Mindlin's.
+Ishida (1992) for a restitution, 0.70 where 0.6 is asked for; the tangential spring is Mindlin's.
 """
 
 from __future__ import annotations
