@@ -17,7 +17,7 @@ import numpy as np
 
 from .contacts import Contacts
 from .restitution import restitution_at
-from .world import given_law, ROLL, SLIDE, SLOPE, SLOW, SPIN, THRESHOLD_TIME, World
+from .world import given_law, ROLL, SLIDE, SLOPE, SLOW, SPIN, THRESHOLD_TIME, weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
@@ -90,8 +90,11 @@ def new_law(size: int) -> Law:
 def find_law(world: World, contacts: Contacts, law_out: Law) -> None:
     """Coefficients of contacts: those of their contact law, or else products of materials.
 
-    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too.
+    e = e_a e_b and mu = mu_a mu_b, of a sphere and a surface too. A contact law resists rolling
+    where bodies lie on each other, but not in a blow, which has Walton's three parameters;
+    materials do in both, as the teacher's.
     """
+    weight = weight_of(world)
     law = law_out
     for k in range(len(contacts.a)):
         a, b, plane, gap = contacts.a[k], contacts.b[k], contacts.plane[k], contacts.gap[k]
@@ -108,7 +111,9 @@ def find_law(world: World, contacts: Contacts, law_out: Law) -> None:
         given = given_law(world, plane)
         if given >= 0:
             law.restitution[k], law.friction[k] = world.laws[given, SLOW], world.laws[given, SLIDE]
-            law.rolling[k] = _rolling_of(world, given, world.radius[a])
+            law.rolling[k] = 0.0
+            if contacts.approach_speed[k] <= THRESHOLD_TIME * weight:
+                law.rolling[k] = _rolling_of(world, given, world.radius[a])
         law.inverse_effective_mass[k] = world.inverse_mass[a] + world.inverse_mass[b]
         law.rotation_a[k] = law.arm_a[k] * law.arm_a[k] * world.inverse_inertia[a]
         law.rotation_b[k] = law.arm_b[k] * law.arm_b[k] * world.inverse_inertia[b]

@@ -72,7 +72,7 @@ def test_a_reindexed_bag_has_no_storage_identifier(tmp_path, write_bag):
     assert len(bag.topics['/simulator/step_time']) == 100
     assert not bag.warnings
     path.write_text(path.read_text().replace('bag_0.mcap', 'bag_0.db3'))
-    with pytest.raises(BagError, match='stored as sqlite3, expected mcap'):
+    with pytest.raises(BagError, match="stored as 'sqlite3', expected mcap"):
         read_bag(tmp_path / 'bag')
 
 

@@ -90,7 +90,7 @@ def test_what_is_not_a_bag_is_named(tmp_path):
             }
         )
     )
-    with pytest.raises(BagError, match='stored as sqlite3, expected mcap; convert'):
+    with pytest.raises(BagError, match="stored as 'sqlite3', expected mcap; convert"):
         read_bag(tmp_path)
 
 
