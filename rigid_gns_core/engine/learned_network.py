@@ -17,14 +17,13 @@ Surfaces have h = 0 and V = 0.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .learned_contacts import FEATURES, LearnedContacts
-from ..files.config import check_least
+from .options import ResidualConfig
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
@@ -32,22 +31,6 @@ OUTPUTS = 6
 """Numbers that the network gives for a contact."""
 
 Single = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class ResidualConfig:
-    """Sizes of a residual network.
-
-    Args:
-        width: W, numbers by which a side of a contact is known.
-        vectors: K, vectors that a body gathers from its contacts.
-    """
-
-    width: int = 48
-    vectors: int = 8
-
-    def __post_init__(self) -> None:
-        check_least(self, 1, 'width', 'vectors')
 
 
 class Exchange(NamedTuple):

@@ -28,3 +28,19 @@ class LawsOptions:
 
     def __post_init__(self) -> None:
         check_least(self, 1, 'substeps', 'rounds')
+
+
+@dataclass(frozen=True)
+class ResidualConfig:
+    """Sizes of a residual network.
+
+    Args:
+        width: W, numbers by which a side of a contact is known.
+        vectors: K, vectors that a body gathers from its contacts.
+    """
+
+    width: int = 48
+    vectors: int = 8
+
+    def __post_init__(self) -> None:
+        check_least(self, 1, 'width', 'vectors')

@@ -16,7 +16,8 @@ import torch
 from torch import nn, Tensor
 
 from ..engine.learned_contacts import FEATURES, LearnedContacts
-from ..engine.learned_network import OUTPUTS, ResidualConfig
+from ..engine.learned_network import OUTPUTS
+from ..engine.options import ResidualConfig
 
 
 @dataclass

@@ -12,7 +12,7 @@ from typing import Any
 from .gns import GNSSimulator
 from .laws import LawsSimulator
 from .residual import ResidualSimulator
-from ..engine.learned_network import ResidualConfig
+from ..engine.options import ResidualConfig
 from ..files.checkpoint import (
     CheckpointError,
     DEFAULT_MODEL,

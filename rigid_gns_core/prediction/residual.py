@@ -9,8 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from .laws import UNITS
-from ..engine.learned_network import network_of, ResidualConfig
-from ..engine.options import LawsOptions
+from ..engine.options import LawsOptions, ResidualConfig
 from ..errors import UserError
 from ..files.checkpoint import CheckpointError, Tensors
 from ..files.config import from_mapping
@@ -43,6 +42,8 @@ class ResidualSimulator(Simulator):
         if self.units != UNITS:
             raise CheckpointError(f'{name}: units are {self.units}, those of the laws are {UNITS}')
         self.options = from_mapping(LawsOptions, options, 'options of the laws')
+        from ..engine.learned_network import network_of
+
         config = from_mapping(ResidualConfig, card['config'], f'{name}: config')
         try:
             self.network = network_of(tensors, config)

@@ -25,7 +25,7 @@ from .apart import assert_apart, gaps
 @pytest.mark.parametrize('path', sorted((config_folder() / 'scenes').glob('*.yaml')), ids=str)
 def test_shipped_scenes_can_start(path: Path) -> None:
     scene, start = load_start(path)
-    assert_apart(scene, sample_start(scene, start), 0.0 if start.blocks else start.gap)
+    assert_apart(scene, sample_start(scene, start), 0.0 if start.blocks or start.at else start.gap)
 
 
 def test_the_demonstration_scene_is_that_of_the_thesis() -> None:

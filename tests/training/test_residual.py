@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_gns_core.data.records import Record
-from rigid_gns_core.engine.learned_network import ResidualConfig
+from rigid_gns_core.engine.options import ResidualConfig
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.checkpoint import CheckpointError
 from rigid_gns_core.prediction.load import load_simulator

@@ -23,8 +23,8 @@ from .frames import batch_of, Frame, frames_from, Track
 from .stiffness import stiffness_of
 from ..learner import Learner, Schedule
 from ...data.records import Record
-from ...engine.learned_network import network_of, ResidualConfig
-from ...engine.options import LawsOptions
+from ...engine.learned_network import network_of
+from ...engine.options import LawsOptions, ResidualConfig
 from ...errors import UserError
 from ...files.checkpoint import tensors_of
 from ...files.config import check_least, check_positive
