@@ -114,7 +114,7 @@ def _look_for(module: str, distributions: tuple[str, ...], purpose: str) -> dict
 
 def format_info(info: dict[str, Any]) -> str:
     """All of it as text, for people and for bug reports."""
-    slow = f'not compiled yet, so that the first prediction takes a minute: {COMPILE}'
+    slow = f'not compiled yet, so that the first prediction takes two to three minutes: {COMPILE}'
     rows = {
         PACKAGE: info['version'] or 'a source tree that is not installed',
         'Python': f'{info["python"]}, {info["system"]}',

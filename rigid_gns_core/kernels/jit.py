@@ -16,7 +16,7 @@ _CODE = MachineCode(
     'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath=False
 )
 is_compiled = _CODE.is_complete
-compiling = partial(_CODE.compiling, 'the engine', 'about a minute')
+compiling = partial(_CODE.compiling, 'the engine', 'about two and a half minutes')
 
 
 def compiled(function: Function) -> Function:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
+import gc
 import hashlib
 import os
 from pathlib import Path
@@ -79,11 +80,16 @@ class MachineCode:
             return
         print(f'rigid_gns: compiling {what}, once; {wait}', file=sys.stderr)
         self._complete = True  # or what is used within the block would begin another first use
+        collects = gc.isenabled()
+        gc.disable()  # the compiler makes millions of objects that live to its end
         try:
             yield
         except BaseException:
             self._complete = False
             raise
+        finally:
+            if collects:
+                gc.enable()
         # last, and by name: a cache that was copied or cleared in part is not complete
         files = sorted({p.name for folder in self._readable() for p in folder.glob(f'*{_SUFFIX}')})
         if not self.write(_COMPLETE, '\n'.join(files).encode()):
