@@ -10,7 +10,7 @@ import pytest
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)
@@ -32,15 +32,12 @@ def height(drop: float, time: float) -> float:
 @pytest.mark.parametrize('length', [2, 3, 6])
 def test_spheres_that_bounce_keep_their_ids(length: int) -> None:
     """A row of spheres dropped from different heights, at 10 Hz: up to a speed of 25 m/s."""
-    target = TrackingWindow(
-        frame_id='world',
+    target = tracking_window(
         length=length,
         max_spheres=100,
         gravity=SCENE.gravity,
         max_gap=1.0,
         radius=1.0,
-        check=lambda _: None,
-        on_gap=lambda _: None,
         scene=SCENE,
         matched=True,
     )

@@ -19,6 +19,7 @@ from rigid_gns_core.tracking.ball_model import BallModel
 from rigid_gns_core.tracking.ball_path import path
 from rigid_gns_core.tracking.scene_laws import MOST_BALLS
 from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 NOISE, RATE = 1e-3, 180.0
 LEARNED = Scene(
@@ -58,18 +59,8 @@ def frames(states: np.ndarray, noise: float = NOISE, seed: int = 0) -> list[Pose
 
 
 def window(scene: Scene, *, matched: bool = False, noise: float | None = None) -> TrackingWindow:
-    return TrackingWindow(
-        frame_id='world',
-        length=6,
-        max_spheres=100,
-        gravity=scene.gravity,
-        max_gap=1.25,
-        radius=0.02,
-        check=lambda _: None,
-        on_gap=lambda _: None,
-        scene=scene,
-        matched=matched,
-        noise=noise,
+    return tracking_window(
+        max_spheres=100, gravity=scene.gravity, scene=scene, matched=matched, noise=noise
     )
 
 

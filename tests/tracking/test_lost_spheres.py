@@ -14,6 +14,7 @@ from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.usable_frames import RejectedFrame
 from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 DT = 0.01  # [s]
 SCENE = Scene(surfaces=(Plane(),), radius=0.02, mass=0.003)
@@ -34,19 +35,7 @@ def flight(time: float) -> Array:
 
 
 def window(*, matched: bool, scene: Scene = SCENE) -> TrackingWindow:
-    return TrackingWindow(
-        frame_id='world',
-        length=6,
-        max_spheres=10,
-        gravity=SCENE.gravity,
-        max_gap=1.25,
-        radius=0.02,
-        check=lambda _: None,
-        on_gap=lambda _: None,
-        scene=scene,
-        matched=matched,
-        noise=1e-4,
-    )
+    return tracking_window(gravity=SCENE.gravity, scene=scene, matched=matched, noise=1e-4)
 
 
 def add(to: TrackingWindow, frame: int, poses: Array | None = None) -> None:

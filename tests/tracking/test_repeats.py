@@ -19,6 +19,7 @@ from rigid_gns_core.recordings.importing.options import ImportOptions
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, usable_passes
 from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 SCENE = Scene(surfaces=(Plane(),), radius=0.02, mass=0.003)
 VELOCITIES = np.array([[1.0, 0.2, 3.0], [0.5, -1.0, 2.0]])
@@ -34,19 +35,7 @@ def flight(time: float) -> Array:
 
 
 def window(*, matched: bool) -> TrackingWindow:
-    return TrackingWindow(
-        frame_id='world',
-        length=6,
-        max_spheres=10,
-        gravity=SCENE.gravity,
-        max_gap=1.25,
-        radius=0.02,
-        check=lambda _: None,
-        on_gap=lambda _: None,
-        scene=SCENE,
-        matched=matched,
-        noise=1e-4,
-    )
+    return tracking_window(gravity=SCENE.gravity, scene=SCENE, matched=matched, noise=1e-4)
 
 
 def frames_of(rate: float, each: int, count: int) -> list[PoseArrayFrame]:

@@ -16,6 +16,7 @@ from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.tracking.tracks import Tracks
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES
 from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 DT = 100_000_000  # [ns]
 SCENE = Scene(surfaces=(Plane(restitution=1.0),), restitution=0.8, friction=0.0)
@@ -24,18 +25,15 @@ COUNT = 12
 
 def window(**values: Any) -> TrackingWindow:
     given: dict[str, Any] = {
-        'frame_id': 'world',
         'length': 5,
         'max_spheres': 100,
         'gravity': SCENE.gravity,
         'max_gap': 1.0,
         'radius': 1.0,
-        'check': lambda _: None,
-        'on_gap': lambda _: None,
         'scene': SCENE,
         'matched': True,
     }
-    return TrackingWindow(**(given | values))
+    return tracking_window(**(given | values))
 
 
 def poses(time: float, noise: float = 0.0, seed: int = 0) -> np.ndarray:

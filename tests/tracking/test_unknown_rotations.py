@@ -20,7 +20,7 @@ from rigid_gns_core.recordings.importing.options import ImportOptions
 from rigid_gns_core.recordings.scoring.evaluate import score_bag
 from rigid_gns_core.scenes.state import Array, Trajectory
 from rigid_gns_core.tracking import estimate_state
-from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 SPEED = 0.8  # [m/s]
 CONSTANT = np.array([0.0, 0.6, 0.0, 0.8])  # any, but always the same
@@ -73,15 +73,10 @@ def test_a_ball_that_rolls_has_the_spin_of_rolling(
 
 @pytest.mark.parametrize('matched', [False, True])
 def test_the_node_takes_it_so(matched: bool, scene: Scene, rolling: Trajectory) -> None:
-    window = TrackingWindow(
-        frame_id='world',
-        length=6,
+    window = tracking_window(
         max_spheres=4,
         gravity=scene.gravity,
-        max_gap=1.25,
         radius=float(np.max(scene.radius)),
-        check=lambda _: None,
-        on_gap=lambda _: None,
         scene=scene,
         matched=matched,
         noise=1e-4,

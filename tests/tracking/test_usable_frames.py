@@ -19,7 +19,7 @@ from rigid_gns_core.tracking.usable_frames import (
     usable_passes,
     WINDOW_GAP,
 )
-from rigid_gns_core.tracking.window import TrackingWindow
+from tracking_windows import tracking_window
 
 DT = 100_000_000  # [ns]
 STAMP_KINDS = ('duplicate', 'late', 'ahead')
@@ -56,16 +56,7 @@ def recorded(rng: np.random.Generator) -> tuple[list[PoseArrayFrame], np.ndarray
 @pytest.mark.parametrize('seed', range(20))
 def test_a_recording_is_decided_as_on_arrival(seed: int) -> None:
     frames, times = recorded(np.random.default_rng(seed))
-    window = TrackingWindow(
-        frame_id='world',
-        length=MEMORY,
-        max_spheres=10,
-        gravity=(0.0, 0.0, -9.81),
-        max_gap=WINDOW_GAP,
-        radius=1.0,
-        check=lambda _: None,
-        on_gap=lambda _: None,
-    )
+    window = tracking_window(length=MEMORY, max_gap=WINDOW_GAP, radius=1.0)
     taken: list[list[int]] = [[]]
     waiting: list[tuple[int, str]] = []
     refused: Counter[str] = Counter()
@@ -138,16 +129,7 @@ def moving(stamp: int, k: int) -> PoseArrayFrame:
     ],
 )
 def test_frames_of_two_clocks_are_not_fitted_together(ahead: int, arrived: int, kept: int) -> None:
-    window = TrackingWindow(
-        frame_id='world',
-        length=6,
-        max_spheres=10,
-        gravity=(0.0, 0.0, -9.81),
-        max_gap=WINDOW_GAP,
-        radius=0.02,
-        check=lambda _: None,
-        on_gap=lambda _: None,
-    )
+    window = tracking_window(max_gap=WINDOW_GAP)
     stamps = [10**9 + 8_000_000 * k for k in range(8)]
     times = stamps.copy()
     stamps.append(stamps[-1] + ahead)
