@@ -24,6 +24,8 @@ from ..scenes.state import Array
 _TEXT, _NUMBERS, _ROTATION = ('track', 'sphere'), ('time', 'x', 'y', 'z'), ('qx', 'qy', 'qz', 'qw')
 # two quaternions within this of norm 1 are taken as written with few digits
 _NORM = 0.1
+# a smaller one is of no rotation
+_LEAST = 1e-6
 # no larger number is a measurement: nanoseconds since 1970 are 2e18
 _LARGEST = 1e19
 # longest name of a track or a sphere [characters]
@@ -135,7 +137,10 @@ def _numbers(
         values = np.array(cells, dtype=np.float64).reshape(len(cells), len(columns) - 2)
     except ValueError:
         values = np.array([[_number(cell) for cell in row] for row in cells])
-    bad = np.argwhere(~(np.abs(values) < _LARGEST))
+    usable = np.abs(values) < _LARGEST
+    for row, place in np.argwhere(np.isnan(values[:, 4:])) + (0, 4):  # unknown rotations
+        usable[row, place] = cells[row][place].strip().lower() in ('', 'nan')
+    bad = np.argwhere(~usable)
     if len(bad):
         row, place = (int(index) for index in bad[0])
         track, sphere = names[row]
@@ -194,12 +199,13 @@ def _assemble(
     quaternions = None
     if turned:
         norm = np.linalg.norm(values[:, 4:], axis=1, keepdims=True)
+        norm[norm < _LEAST] = np.nan  # a rotation that is NaN or zero is unknown
         off = np.flatnonzero(np.abs(norm[:, 0] - 1.0) > _NORM)
         if len(off):
             raise CsvError(
                 f'{path} line {lines[off[0]]}: track {name}, sphere {spheres[off[0]]}: the '
                 f'quaternion has norm {norm[off[0], 0]:.3g}, expected 1 within {_NORM:g}; leave '
-                'out the columns qx, qy, qz, qw where rotations are not tracked'
+                'it empty where a rotation is unknown, or leave out the columns qx, qy, qz, qw'
             )
         quaternions = np.full((*shape, 4), np.nan)
         quaternions[frames, columns] = values[:, 4:] / norm

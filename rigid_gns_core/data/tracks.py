@@ -37,8 +37,8 @@ class Track:
         name: Name, one of its kind in a data set.
         times: Times of the frames since the first [s], rising, shape (m,).
         positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
-        quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where not seen; None: rotations
-            were not tracked.
+        quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where not seen or unknown; None:
+            rotations were not tracked.
         spheres: Label of each sphere, n of them.
         begin: Time of the first frame on the tracker's clock [s].
 

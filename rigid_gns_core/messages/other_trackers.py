@@ -3,8 +3,8 @@
 
 """Messages of trackers that send no PoseArray, as the PoseArray that they amount to (CDR bytes).
 
-Of points nothing is known of rotation, which is (0, 0, 0, 1); so it is where an orientation is NaN
-or zero. A position that is NaN stays: that ball is lost.
+Of points nothing is known of rotation, which is (0, 0, 0, 1). A position that is NaN stays: that
+ball is lost.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from ..scenes.state import Array
 # sensor_msgs/PointField: datatypes of coordinates
 _FLOATS = {7: 'f4', 8: 'f8'}
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
-_LEAST = 1e-6  # largest part of a quaternion that is one
 
 
 def pose_array_of_pose(cdr: bytes) -> bytes:
@@ -31,8 +30,6 @@ def pose_array_of_pose(cdr: bytes) -> bytes:
     stamp, frame_id = reader.stamp(), reader.text('frame_id')
     pose = reader.floats(1, 7, 'pose')
     reader.end()
-    if not np.abs(pose[0, 3:]).max() > _LEAST:  # also NaN
-        pose[0, 3:] = _UNTURNED
     return PoseArrayCodec(frame_id, 1).encode(pose, stamp)
 
 

@@ -31,6 +31,10 @@ __all__ = [
 ]
 
 
+# largest part of a quaternion that is one
+_LEAST = 1e-6
+
+
 @dataclass(frozen=True)
 class PoseArrayFrame:
     """One geometry_msgs/PoseArray.
@@ -38,7 +42,8 @@ class PoseArrayFrame:
     Args:
         stamp_ns: Time stamp [ns].
         frame_id: Coordinate frame of the poses.
-        poses: Position [m] and quaternion (x, y, z, w) of each body, shape (n, 7).
+        poses: Position [m] and quaternion (x, y, z, w) of each body, shape (n, 7); a quaternion
+            of zero is that of an unknown rotation.
     """
 
     stamp_ns: int
@@ -89,6 +94,8 @@ class PoseArrayCodec:
 def decode_pose_array(cdr: bytes) -> PoseArrayFrame:
     """Decode a geometry_msgs/PoseArray of either byte order.
 
+    A quaternion that is not finite, or is zero, is of a rotation that the tracker does not know.
+
     Raises:
         MessageError: The bytes are cut short, too long, or not a PoseArray.
     """
@@ -96,6 +103,8 @@ def decode_pose_array(cdr: bytes) -> PoseArrayFrame:
     stamp_ns, frame_id = reader.stamp(), reader.text('frame_id')
     poses = reader.floats(reader.number('I', 'number of poses'), 7, 'poses')
     reader.end()
+    size = np.abs(poses[:, 3:]).max(axis=1)
+    poses[~((size > _LEAST) & (size < np.inf)), 3:] = 0.0  # also NaN
     return PoseArrayFrame(stamp_ns, frame_id, poses)
 
 

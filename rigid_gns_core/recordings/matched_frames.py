@@ -23,6 +23,7 @@ from ..forecasts.starts import Start
 from ..forecasts.window_setup import window_of
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array
+from ..tracking.unknown_rotations import whole_rotations
 from ..tracking.usable_frames import RejectedFrame
 from ..tracking.window import TrackingWindow
 
@@ -99,6 +100,7 @@ def segment_matched_frames(
     for run in runs:
         stamps = np.array([matched.stamp_ns for matched in run], dtype=np.int64)
         poses = np.stack([matched.poses for matched in run])
+        poses[..., 3:] = whole_rotations(poses[..., 3:])
         filled += fill_short_gaps(stamps, poses, model.scene, window.noise)
         whole = complete(poses)
         refused['unseen'] += len(run) - len(whole)
@@ -159,6 +161,7 @@ class IdentifiedFrames:
             return DecodedTopic([], tracked.times[:0], tracked.indices[:0], 0)
         stamps = np.array([tracked.frames[index].stamp_ns for index in chosen])
         poses = np.stack([self._columns(index, wanted) for index in chosen])
+        poses[..., 3:] = whole_rotations(poses[..., 3:])
         fill_short_gaps(stamps, poses, self._model.scene, self._window.noise)
         whole = complete(poses)
         frame_id = self._window.frame_id

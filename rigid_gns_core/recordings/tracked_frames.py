@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array, as_unit
 from ..tracking.lost_spheres import lost_at_origin, measured
 from ..tracking.pose_noise import estimate_noise, PoseNoise
+from ..tracking.unknown_rotations import whole_rotations
 from ..tracking.usable_frames import Stamps, usable_passes
 
 # advice where the number of spheres changes
@@ -51,7 +52,11 @@ class Passes:
             # a lost sphere cannot be compared; poses are interpolated between the frames around
             whole = [k for k, seen in zip(pass_, _seen(tracked, pass_), strict=True) if seen]
             refused['unseen'] += len(pass_) - len(whole)
-            frames.append([tracked.frames[k] for k in whole])
+            chosen = [tracked.frames[k] for k in whole]
+            poses = np.array([frame.poses for frame in chosen]).reshape(-1, count, 7)
+            turns = whole_rotations(poses[..., 3:])
+            places = np.concatenate([poses[..., :3], turns], axis=-1)
+            frames.append([replace(f, poses=p) for f, p in zip(chosen, places, strict=True)])
         return cls(frames or [[]], starts, dict(+refused))
 
     def beside(self, indices: Stamps) -> tuple[list[PoseArrayFrame], dict[str, int]]:
@@ -188,7 +193,7 @@ def split_at_gaps(
 def _segment(run: list[PoseArrayFrame], ids: tuple[int, ...] | None) -> Segment:
     poses = np.stack([frame.poses for frame in run])
     poses[~measured(poses) | lost_at_origin(poses[..., :3])] = np.nan
-    poses[..., 3:] = as_unit(poses[..., 3:])
+    poses[..., 3:] = as_unit(whole_rotations(poses[..., 3:]))
     return Segment(np.array([frame.stamp_ns for frame in run], dtype=np.int64), poses, ids)
 
 

@@ -43,10 +43,7 @@ def why_lost(poses: Array, seen: NDArray[np.bool_]) -> str:
             f'the position of sphere {sphere} is exactly the origin, where trackers put a marker '
             'that they have lost'
         )
-    advice = ''
-    if np.isfinite(poses[sphere, :3]).all():
-        advice = '; send (0, 0, 0, 1) where a rotation is unknown'
-    return f'the pose of sphere {sphere} is ({values}), expected finite numbers{advice}'
+    return f'the pose of sphere {sphere} is ({values}), expected finite numbers'
 
 
 def check_seen(

@@ -56,7 +56,7 @@ class SceneLaws:
             laws,
             (tracks.stamps - tracks.stamps[-1]) * 1e-9,
             tracks.poses[..., :3],
-            tracks.poses[..., 3:],
+            tracks.rotations(),
             tracks.seen,
             lambda: by_window(tracks, settings),
             MOST_BALLS,
@@ -67,6 +67,6 @@ class SceneLaws:
 def by_window(tracks: Tracks, settings: TrackerSettings) -> tuple[Motion, Array]:
     """Motion at the newest frame from the window, and its covariance, shape (n, 9, 9)."""
     motion = tracks.window_motion(settings)
-    turned = rotating(tracks.poses[..., 3:], tracks.seen)
+    turned = rotating(tracks.rotations(), tracks.seen)
     radii = settings.environment.radii(tracks.ids)
     return motion, motion_covariance(motion, radii, tracks.noise(settings), turned)

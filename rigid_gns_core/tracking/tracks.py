@@ -22,6 +22,7 @@ from .initiation import initiate_tracks, INITIATION_FRAMES
 from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
 from .noise_estimate import MAX_DIFFERENCES, MIN_DIFFERENCES, NoiseEstimate, third_differences
+from .unknown_rotations import whole_rotations
 from .velocity import estimate_motion
 from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
@@ -90,8 +91,8 @@ class Tracks:
     Args:
         stamps: Stamps of the frames in memory [ns], rising, shape (m,).
         ids: Id of each track, shape (n,).
-        poses: Position [m] and quaternion (x, y, z, w) in each frame, zero where not seen, shape
-            (m, n, 7).
+        poses: Position [m] and quaternion (x, y, z, w) in each frame, zero where not seen, and a
+            quaternion of zero where a rotation is unknown, shape (m, n, 7).
         seen: Whether a sphere was seen in a frame, shape (m, n).
         last_seen: Stamp of the last frame that shows each sphere [ns], shape (n,).
         motion: Motion at the newest frame, where poses are matched.
@@ -136,6 +137,10 @@ class Tracks:
         observed = self.noise_estimate.spread
         return _NOISE_GUESS * settings.radius if observed is None else observed
 
+    def rotations(self, frames: slice = slice(None)) -> Array:
+        """Rotations in some frames, as far as they are known in all, see `whole_rotations`."""
+        return whole_rotations(self.poses[frames, :, 3:], self.seen[frames])
+
     def knows_noise(self, settings: TrackerSettings) -> bool:
         """Whether the noise is given or estimated; if not, it is a guess."""
         return settings.noise is not None or self.noise_estimate.spread is not None
@@ -146,7 +151,8 @@ class Tracks:
         poses = frame.poses.copy()
         visible = measured(poses)
         poses[~visible] = _LOST
-        poses[:, 3:] = as_unit(poses[:, 3:])
+        turned = poses[:, 3:].any(axis=1)
+        poses[turned, 3:] = as_unit(poses[turned, 3:])
         predicted = self.motion
         if settings.matched:
             predicted = _predict(self, settings, step_ns * 1e-9)
@@ -273,7 +279,7 @@ class Tracks:
         estimate = estimate_motion(
             (self.stamps[window] - self.stamps[-1]) * 1e-9,
             self.poses[window][:, observed, :3],
-            self.poses[window][:, observed, 3:],
+            self.rotations(window)[:, observed],
             environment=settings.environment,
             radii=settings.environment.radii(self.ids[observed]),
             noise=self.noise(settings),
@@ -311,7 +317,7 @@ class Tracks:
         return replace(
             predicted,
             positions=np.where(now, self.poses[-1, :, :3], predicted.positions),
-            quaternions=np.where(now, self.poses[-1, :, 3:], predicted.quaternions),
+            quaternions=np.where(now, self.rotations()[-1], predicted.quaternions),
         )
 
 

@@ -306,13 +306,13 @@ def _check_poses(poses: Array, far: float) -> None:
             f'{far:.3g} m (a million radii); are positions in metres?',
         )
     norms = np.hypot.reduce(poses[:, 3:], axis=1)  # squares could overflow
-    off = (norms < 1e-6) | (norms > 1e6)
+    off = norms > 1e6
     if off.any():
         sphere = int(np.argmax(off))
         raise RejectedFrame(
             'quaternion',
             f'the quaternion of sphere {sphere} has norm {norms[sphere]:.2g}, expected 1; send '
-            '(0, 0, 0, 1) where a rotation is unknown',
+            'NaN or zeros where a rotation is unknown',
         )
 
 

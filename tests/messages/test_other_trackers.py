@@ -90,8 +90,8 @@ def test_poses_and_points_of_one_ball(frame_id: str) -> None:
     pose = stamped(PoseStamped(), frame_id)
     place, turn = pose.pose.position, pose.pose.orientation
     place.x, place.y, place.z = POINTS[0].tolist()
-    half = np.array([0.5, -0.5, 0.5, -0.5])
-    for given, expected in ((half, half), (np.zeros(4), unturned), (np.full(4, np.nan), unturned)):
+    half, unknown = np.array([0.5, -0.5, 0.5, -0.5]), np.zeros(4)
+    for given, expected in ((half, half), (unknown, unknown), (np.full(4, np.nan), unknown)):
         turn.x, turn.y, turn.z, turn.w = given.tolist()
         check(pose_array_of_pose(serialize_message(pose)), frame_id, POINTS[:1], expected)
 

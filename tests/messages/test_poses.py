@@ -194,3 +194,12 @@ def test_rclpy_and_the_codec_read_each_other(frame_id):
     assert decode_string(serialize_message(String(data=frame_id))) == frame_id
     assert deserialize_message(encode_float64(0.1), Float64).data == 0.1
     assert decode_float64(serialize_message(Float64(data=0.1))) == 0.1
+
+
+def test_a_rotation_that_is_unknown_is_zero():
+    poses = make_poses(5)
+    poses[1, 3:], poses[2, 6], poses[3, 3:], poses[4, :3] = np.nan, np.inf, 1e-9, np.nan
+    frame = decode_pose_array(PoseArrayCodec('world', 5).encode(poses, STAMP))
+    np.testing.assert_array_equal(frame.poses[1:4, 3:], 0.0)
+    poses[1:4, 3:] = 0.0
+    np.testing.assert_array_equal(frame.poses, poses)

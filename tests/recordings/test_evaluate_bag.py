@@ -167,7 +167,7 @@ def test_tracked_frames_that_the_node_refuses_are_left_out(tmp_path):
         if stamp == START + 5 * PERIOD:
             values[1, 2] = np.nan
         if stamp == START + 6 * PERIOD:
-            values[1, 3:] = 0.0
+            values[1, 3:] = 1e9
         return values
 
     tracked = [*every_period(0, 10), *every_period(8, 20)]

@@ -61,16 +61,16 @@ def write_bag(
     return folder
 
 
-def no_rotation(time: float) -> np.ndarray:
+def no_place(time: float) -> np.ndarray:
     poses = thrown(time)
-    poses[:, 3:] = np.nan
+    poses[:, :3] = np.nan
     return poses
 
 
 UNUSABLE = {
     'stamps of 0': ({'stamp': lambda stamp: 0}, r'stamps that do not rise: all are 0.000000000 s'),
     'XCDR2': ({'change': lambda cdr: b'\0\7' + cdr[2:]}, r'0x0007.*this is XCDR2'),
-    'NaN': ({'poses': no_rotation}, r'60 of 60 frames are refused; the first: .*nan'),
+    'NaN': ({'poses': no_place}, r'60 of 60 frames are refused; the first: .*nan'),
 }
 
 
@@ -87,7 +87,7 @@ def test_the_reason_is_named(tmp_path: Path, kind: str) -> None:
 
 
 def test_the_reason_is_named_beside_predictions(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / 'bag', no_rotation, predictions=range(10, 50))
+    bag = write_bag(tmp_path / 'bag', no_place, predictions=range(10, 50))
     with pytest.raises(UserError, match=r'refused: .*the pose of sphere 0 is .*nan'):
         score_bag(read_bag(bag))
 

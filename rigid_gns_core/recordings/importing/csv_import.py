@@ -28,6 +28,7 @@ from ...scenes.scene_file import load_scene
 from ...scenes.state import Array
 from ...tracking.lost_spheres import lost_at_origin
 from ...tracking.pose_noise import estimate_noise, PoseNoise
+from ...tracking.unknown_rotations import whole_rotations
 from ...tracking.usable_frames import GAP
 
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
@@ -203,5 +204,6 @@ def _poses(track: Track) -> Array:
     turns = track.quaternions
     if turns is None:
         turns = np.broadcast_to(_UNTURNED, (*track.positions.shape[:2], 4))
-    turns = np.where(np.isfinite(turns), turns, _UNTURNED)
+    turns = whole_rotations(np.where(np.isfinite(turns), turns, 0.0), track.seen)
+    turns = np.where(track.seen[..., None], turns, _UNTURNED)
     return np.concatenate([track.positions, turns], axis=-1)

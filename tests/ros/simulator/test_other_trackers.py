@@ -112,3 +112,21 @@ def test_a_cloud_with_a_lost_ball_costs_that_ball_alone(
     bad.fields = []
     publisher.publish(stamped(bad, T0 + 6 * DT // 5))
     setup.bench.until(lambda: 'no field x of float32 or float64' in log(), 'the warning')
+
+
+def test_a_pose_array_without_rotations_loses_no_ball(
+    simulated: Callable[..., Any], falling: Callable[..., Any]
+) -> None:
+    setup = simulated(velocity_window=4)
+    window = setup.node.simulation.window
+    for index in range(6):
+        stamp, poses = T0 + index * DT // 5, falling(0.02 * index)
+        poses[0, 3:], poses[1, 3:] = np.nan, 0.0
+        if index == 4:
+            poses[2, :3] = np.nan  # this one is lost, the others count
+        setup.clock.set(stamp)
+        setup.frame(poses, stamp)
+        assert window.counts['lost spheres'] == (index >= 4)
+    state = window.start()[1]
+    np.testing.assert_allclose(state.positions, falling(0.1)[:, :3], atol=1e-6)
+    assert window.counts['accepted'] == 6
