@@ -6,17 +6,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import time
+from types import MappingProxyType
 from typing import Any, TYPE_CHECKING
 import warnings
 
 import numpy as np
 
 from .interpolation import between
+from .moving_surfaces import with_surfaces
 from ..errors import UserError
-from ..scenes.plane import RANGES
+from ..scenes.plane import Plane, RANGES
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 
@@ -187,15 +189,27 @@ class Forecaster:
             self.simulator.check(self.scene, count)
         return sorted({str(warning.message) for warning in caught})
 
-    def forecast(self, state: State, start_ns: int, ids: Sequence[int] | None = None) -> Forecast:
+    def scene_at(self, ids: Sequence[int] | None, surfaces: Mapping[int, Plane]) -> Scene:
+        """Scene of these spheres, with surfaces that bodies carry; see `forecast`."""
+        scene = self.scene if ids is None else scene_of(self.scene, ids)
+        return with_surfaces(scene, surfaces)
+
+    def forecast(
+        self,
+        state: State,
+        start_ns: int,
+        ids: Sequence[int] | None = None,
+        surfaces: Mapping[int, Plane] = MappingProxyType({}),
+    ) -> Forecast:
         """Forecast from a start state.
 
         Args:
             state: Start state.
             start_ns: Its stamp [ns].
             ids: Ids of its spheres, by which properties per sphere are looked up; None: 0, 1, ...
+            surfaces: Surfaces that bodies carry, then, by index among all.
         """
-        scene = self.scene if ids is None else scene_of(self.scene, ids)
+        scene = self.scene_at(ids, surfaces)
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # `check` reports them
             rollout = self.simulator.start(

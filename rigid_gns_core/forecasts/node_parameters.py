@@ -14,6 +14,7 @@ from math import isfinite
 from typing import Any
 
 from .crossing_planes import planes_of
+from .moving_surfaces import bodies_of
 from ..errors import shown, UserError
 
 Value = bool | int | float | str | list[float]
@@ -148,6 +149,13 @@ SIMULATOR = (
         '{racket: {point: [0.5, 0, 0.3], normal: [-1, 0, 0]}}; empty: none',
         dynamic=True,
         check=planes_of,
+    ),
+    ParameterSpec(
+        'moving_surfaces',
+        '',
+        'bodies that carry surfaces of the scene, as YAML of name, surfaces and topics: {racket: '
+        '{surfaces: [1], pose: racket/pose, twist: racket/twist, plan: racket/plan}}; empty: none',
+        check=bodies_of,
     ),
     ParameterSpec(
         'velocity_window',

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from .forecaster import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
 from .starts import Reason, Start
 from ..errors import UserError
+from ..scenes.plane import Plane
 from ..tracking.usable_frames import seconds
 from ..tracking.window import TrackingWindow
 
@@ -66,6 +67,7 @@ class Predictor:
         on_start: Called with each start of a forecast, before its first prediction.
         warn: Called with a kind and a sentence, possibly often.
         error: Called with a sentence, once.
+        surfaces: Gives the surfaces that bodies carry, at a stamp [ns].
     """
 
     def __init__(
@@ -77,8 +79,10 @@ class Predictor:
         on_start: Callable[[Start], None],
         warn: Callable[[str, str], None],
         error: Callable[[str], None],
+        surfaces: Callable[[int], Mapping[int, Plane]] = lambda _: {},
     ) -> None:
         self._model, self._window, self.resync = model, window, resync
+        self._surfaces = surfaces
         self._on_start, self._warn, self._error = on_start, warn, error
         self.period_ns = round(model.period * 1e9)
         self.forecast: Forecast | None = None
@@ -299,12 +303,15 @@ class Predictor:
         window = self._window
         try:
             stamp, state = window.start()
-            forecast = self._model.forecast(state, stamp, window.ids)
+            surfaces = self._surfaces(stamp)
+            forecast = self._model.forecast(state, stamp, window.ids, surfaces)
         except UserError as error:
             raise PredictionError(
                 'start', f'no start from these tracked frames: {error}'
             ) from error
-        self.last_start = Start(stamp, window.window_ns, reason, window.ids, window.noise)
+        self.last_start = Start(
+            stamp, window.window_ns, reason, window.ids, window.noise, surfaces=surfaces
+        )
         if reason != 'every':
             self._error_seen = None
         self._on_start(self.last_start)

@@ -4,19 +4,22 @@
 """Start of a forecast: its tracked frames and the reason, as published on ~/start.
 
 A forecast depends on these frames, their noise, the scene and the model alone, and a prediction on
-its forecast and its stamp. So recorded frames and starts reproduce every recorded prediction.
-Where poses are matched, the ids depend on all frames accepted since the last start whose reason is
-first, reset or restart.
+its forecast and its stamp. So recorded frames and starts reproduce every recorded prediction;
+a start holds the surfaces that bodies carry. Where poses are matched, the ids depend on all frames
+accepted since the last start whose reason is first, reset or restart.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 import json
 from typing import Literal
 
+from .moving_surfaces import surfaces_from_mapping, surfaces_to_mapping
 from ..errors import shown, UserError
 from ..files.strict_json import parse_json
+from ..scenes.plane import Plane
 
 Reason = Literal['first', 'every', 'diverged', 'reset', 'restart', 'spheres']
 
@@ -35,6 +38,7 @@ class Start:
         ids: Id of each sphere, in the order of predicted poses; None: not recorded.
         noise: Standard deviation of each coordinate of a tracked position [m]; None: not recorded.
         index: Index in the order of recording, over all topics; -1: not recorded.
+        surfaces: Surfaces that bodies carry, at the stamp, by index in the scene.
     """
 
     stamp_ns: int
@@ -43,12 +47,14 @@ class Start:
     ids: tuple[int, ...] | None = None
     noise: float | None = None
     index: int = -1
+    surfaces: Mapping[int, Plane] = field(default_factory=dict)
 
     @property
     def json(self) -> str:
         """Text of the message on ~/start."""
-        content = asdict(self)
+        content = {one.name: getattr(self, one.name) for one in fields(self)}
         del content['index']
+        content['surfaces'] = surfaces_to_mapping(self.surfaces) or None
         return json.dumps({name: value for name, value in content.items() if value is not None})
 
     @classmethod
@@ -67,6 +73,7 @@ class Start:
                 tuple(int(one) for one in content['ids']) if 'ids' in content else None,
                 float(content['noise']) if 'noise' in content else None,
                 index,
+                surfaces_from_mapping(content.get('surfaces', {})),
             )
         except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
             raise UserError(

@@ -22,6 +22,12 @@ HASHES = {
     'geometry_msgs/msg/PoseArray': (
         'RIHS01_af0cc36d190e104d546d168d6b39df04fa4b4ccecf59cb4c9ed328d3d5004aa0'
     ),
+    'geometry_msgs/msg/PoseStamped': (
+        'RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8'
+    ),
+    'geometry_msgs/msg/TwistStamped': (
+        'RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64'
+    ),
     'trajectory_msgs/msg/MultiDOFJointTrajectory': (
         'RIHS01_3a18fd095292a65cfde8833c72985a30af981f3ec44494655c6267262b443a4a'
     ),

@@ -13,6 +13,7 @@ import numpy as np
 
 from .cdr import MessageError, Reader
 from .poses import PoseArrayCodec
+from .stamped import decode_pose_stamped
 from ..scenes.state import Array
 
 # sensor_msgs/PointField: datatypes of coordinates
@@ -26,11 +27,8 @@ def pose_array_of_pose(cdr: bytes) -> bytes:
     Raises:
         MessageError: The bytes are no such message, as of the other functions.
     """
-    reader = Reader(cdr, 'PoseStamped')
-    stamp, frame_id = reader.stamp(), reader.text('frame_id')
-    pose = reader.floats(1, 7, 'pose')
-    reader.end()
-    return PoseArrayCodec(frame_id, 1).encode(pose, stamp)
+    found = decode_pose_stamped(cdr)
+    return PoseArrayCodec(found.frame_id, 1).encode(found.values[None], found.stamp_ns)
 
 
 def pose_array_of_point(cdr: bytes) -> bytes:

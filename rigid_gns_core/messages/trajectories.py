@@ -95,8 +95,12 @@ def encode_trajectory(
     return writer.cdr
 
 
-def decode_trajectory(cdr: bytes) -> FutureFrame:
+def decode_trajectory(cdr: bytes, *, bare: bool = False) -> FutureFrame:
     """Decode a message of either byte order, with a transform and a twist for each name and point.
+
+    Args:
+        cdr: The message.
+        bare: Accept points without velocities: their twists are NaN.
 
     Raises:
         MessageError: The bytes are cut short, too long, or not such a message.
@@ -110,6 +114,9 @@ def decode_trajectory(cdr: bytes) -> FutureFrame:
     for _ in range(_bounded(reader, 20, 'points')):
         for width, kind, out in ((7, 'transforms', poses), (6, 'velocities', twists)):
             found = reader.number('I', f'number of {kind}')
+            if bare and kind == 'velocities' and not found:
+                out.append(np.full((len(names), width), np.nan))
+                continue
             if found != len(names):
                 raise MessageError(f'{reader.kind}: {found} {kind}, expected {len(names)}')
             out.append(reader.floats(found, width, kind))

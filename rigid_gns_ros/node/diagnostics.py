@@ -101,7 +101,13 @@ class Diagnostics:
         self._superseded.add()
 
     def report(
-        self, *, paused: bool, horizon: float, bag: BagWriter | None, size: int
+        self,
+        *,
+        paused: bool,
+        horizon: float,
+        bag: BagWriter | None,
+        size: int,
+        others: Sequence[Status] = (),
     ) -> list[Status]:
         """Present statuses.
 
@@ -110,10 +116,12 @@ class Diagnostics:
             horizon: Length of futures [s]; 0: none.
             bag: The recording; None: there is none.
             size: Bytes passed to it.
+            others: Of other parts of the node.
         """
         statuses = [self._tracking(), self._prediction(paused), _recording(bag, size)]
         if horizon:
             statuses.append(self._horizon(horizon))
+        statuses += others
         return [Status(s.level, f'{self._name}: {s.name}', s.message, s.values) for s in statuses]
 
     def _tracking(self) -> Status:

@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.forecasts.forecaster import Forecaster, scene_of
+from rigid_gns_core.forecasts.crossing_planes import planes_of
+from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.horizon import Future, Horizon, Job
 from rigid_gns_core.forecasts.spread import Spread, SpreadJob, text_of
 from rigid_gns_core.messages.poses import encode_string
@@ -39,6 +40,8 @@ class Futures:
         markers: Publishes the paths.
         diagnostics: Counts results and failures.
         warn: Called with a kind and a sentence, possibly often.
+        surfaces: Gives the surfaces that bodies carry, at a stamp [ns].
+        parameters: Parameters of the node by name.
     """
 
     def __init__(
@@ -51,13 +54,15 @@ class Futures:
         markers: MarkerPublisher,
         diagnostics: Diagnostics,
         warn: Callable[[str, str], None],
+        surfaces: Callable[[int], Mapping[int, Plane]],
+        parameters: Mapping[str, Any],
     ) -> None:
-        self._model, self._window = model, window
+        self._model, self._window, self._surfaces = model, window, surfaces
         self._topics, self._markers, self._diagnostics = topics, markers, diagnostics
         self._warn = warn
-        self._seconds = 0.0
-        self.samples = 0
-        self.planes: Mapping[str, Plane] = {}
+        self._seconds = float(parameters['horizon'])
+        self.samples = int(parameters['samples'])
+        self.planes: Mapping[str, Plane] = planes_of(str(parameters['crossing_planes']))
         ready = node.create_guard_condition(self._on_ready)
         self._horizon = Horizon(ready.trigger)
 
@@ -98,8 +103,9 @@ class Futures:
                 state = estimate.state
             else:
                 stamp_ns, state = window.start()
-            rollout = self._model.forecast(state, stamp_ns, window.ids).rollout
-            scene = scene_of(self._model.scene, window.ids)
+            surfaces = self._surfaces(stamp_ns)
+            rollout = self._model.forecast(state, stamp_ns, window.ids, surfaces).rollout
+            scene = self._model.scene_at(window.ids, surfaces)
         except UserError as error:
             self._none(f'no future from these tracked frames: {error}')
             return None

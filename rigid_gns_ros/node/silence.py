@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tracker that is gone: said once, and predictions stop where that is wanted."""
+"""A tracker that is slow or gone: said, and predictions stop where that is wanted."""
 
 from __future__ import annotations
 
 from typing import Any
+
+from rigid_gns_core.tracking.window import TrackingWindow
 
 
 class Silence:
@@ -47,3 +49,12 @@ class Silence:
                 f'start{remedy}'
             )
         return stop
+
+
+def too_slow(gap: float, window: TrackingWindow) -> str:
+    """What is wrong with tracked frames that are so far apart [s]."""
+    return (
+        f'tracked frames are {gap:.4g} s apart, more than {window.max_gap_ns * 1e-9:.4g} s, and '
+        f'are not fitted together: waiting for {window.length} that are closer; where the tracker '
+        'is so slow, set velocity_window:=1 (starts at rest)'
+    )

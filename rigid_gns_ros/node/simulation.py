@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-import time
 from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
+from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.forecasts.starts import Reason, Start
 from rigid_gns_core.forecasts.window_setup import longest_gap, window_of
@@ -32,15 +31,16 @@ from .diagnostics import Diagnostics
 from .futures import Futures
 from .inputs import Convert
 from .markers import MarkerPublisher
+from .moving_surfaces import Bodies
+from .odd_parameters import odd_parameters
 from .odd_poses import OddPoses
-from .silence import Silence
-from .throttle import Throttle
+from .silence import Silence, too_slow
+from .throttle import Warner
 from .topics import NodeTopics
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-LOG_PERIOD = 5.0  # least time between warnings of one kind [s]
 # reasons for which frames of a restarted tracker are first refused
 STAMPS = ('duplicate', 'late', 'ahead')
 
@@ -52,16 +52,23 @@ class Simulation:
         node: Gives clock, log and topics.
         model: Makes the forecasts.
         parameters: Parameters of the node by name.
+        surfaces: Surfaces that bodies carry.
 
     Raises:
         OSError: The bag cannot be created.
         UserError: A parameter cannot be used.
     """
 
-    def __init__(self, node: Node, model: Forecaster, parameters: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        model: Forecaster,
+        parameters: Mapping[str, Any],
+        surfaces: MovingSurfaces,
+    ) -> None:
         self._node, self._model, self._frame_id = node, model, str(parameters['frame_id'])
         self._latency_ns = round(float(parameters['latency']) * 1e9)
-        self._throttle = Throttle(LOG_PERIOD)
+        self.warn = Warner(node.get_logger())
         gap = longest_gap(model)
         self.window = window_of(model, parameters, check=self._check_count, on_gap=self._warn_gap)
         self.predictor = Predictor(
@@ -75,7 +82,10 @@ class Simulation:
             on_start=self._on_start,
             warn=self.warn,
             error=node.get_logger().error,
+            surfaces=surfaces.at,
         )
+        self.surfaces = surfaces
+        self._bodies = Bodies(surfaces, self._frame_id, self._now, self.warn)
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
@@ -93,6 +103,7 @@ class Simulation:
             str(parameters['record']),
             max_size=float(parameters['record_max_size']),
             max_duration=float(parameters['record_max_duration']),
+            listeners=self._bodies.listeners,
         )
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
@@ -103,14 +114,11 @@ class Simulation:
             markers=self._markers,
             diagnostics=self.diagnostics,
             warn=self.warn,
+            surfaces=surfaces.at,
+            parameters=parameters,
         )
-        self.futures.seconds = float(parameters['horizon'])
-        self.futures.samples = int(parameters['samples'])
-        self.futures.planes = planes_of(str(parameters['crossing_planes']))
-        if self.futures.planes and not self.futures.seconds:
-            node.get_logger().warning(
-                'crossing_planes are given, but horizon is 0: no crossing is forecast; set horizon'
-            )
+        for text in odd_parameters(parameters):
+            node.get_logger().warning(text)
 
     def close(self) -> str:
         """Stop and finish the bag; a line of counts, for the log."""
@@ -190,6 +198,8 @@ class Simulation:
         if self._markers.watched:
             stamp_ns, state = window.start()
             self._markers.tracked(stamp_ns, state.positions, window.ids)
+        if not self._bodies.ready(window.stamp_ns or 0):
+            return
         if predictor.forecast is None:
             self._start(now)
         elif self.paused:
@@ -207,13 +217,7 @@ class Simulation:
 
     def _warn_gap(self, gap: float) -> None:
         if self.predictor.forecast is None or self.predictor.every:
-            limit = self.window.max_gap_ns * 1e-9
-            self.warn(
-                'gap',
-                f'tracked frames are {gap:.4g} s apart, more than {limit:.4g} s, and are '
-                f'not fitted together: waiting for {self.window.length} that are closer; where '
-                'the tracker is so slow, set velocity_window:=1 (starts at rest)',
-            )
+            self.warn('gap', too_slow(gap, self.window))
 
     # --- predictions ---
 
@@ -351,17 +355,14 @@ class Simulation:
         self._tracker_is_gone(self._now())
         bag, size = self.topics.bag, self.topics.recorded_bytes
         statuses = self.diagnostics.report(
-            paused=self.paused, horizon=self.futures.seconds, bag=bag, size=size
+            paused=self.paused,
+            horizon=self.futures.seconds,
+            bag=bag,
+            size=size,
+            others=self._bodies.status(self.window.stamp_ns),
         )
         cdr = encode_diagnostics(self._now(), statuses)
         self.topics.send(self.topics.diagnostics, cdr)
-
-    def warn(self, kind: str, text: str) -> None:
-        """Log a warning, unless one of the same kind was logged within `LOG_PERIOD`."""
-        held = self._throttle.admit(kind, time.monotonic())
-        if held is not None:
-            more = f' ({held} more since the last line)' if held else ''
-            self._node.get_logger().warning(text + more)
 
     def _now(self) -> int:
         return self._node.get_clock().now().nanoseconds

@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster, with_gravity_along
+from rigid_gns_core.forecasts.moving_surfaces import bodies_of, MovingSurfaces
 from rigid_gns_core.forecasts.node_parameters import SIMULATOR
 from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.scenes.scene_file import load_scene
@@ -42,16 +43,21 @@ class SimulatorNode(ClosingNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('simulator', **options)
         values = declare(self, SIMULATOR)
+        surfaces = MovingSurfaces(
+            with_gravity_along(load_scene(str(values['scene'])), values['gravity_direction']),
+            bodies_of(str(values['moving_surfaces'])),
+        )
         model = Forecaster(
             str(values['model']),
-            with_gravity_along(load_scene(str(values['scene'])), values['gravity_direction']),
+            surfaces.fixed,
             scene_name=str(values['scene']),
             rate=float(values['rate']),
             threads=int(values['threads']),
         )
         bound_threads(int(values['threads']))
         switch_often()
-        self.simulation = Simulation(self, model, values)
+        surfaces.check_model(model.simulator.kind)
+        self.simulation = Simulation(self, model, values, surfaces)
         self.add_post_set_parameters_callback(self._take_parameters)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)

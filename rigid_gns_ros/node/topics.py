@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from .inputs import Convert, Input, OTHERS
+from .moving_surfaces import Listener
 
 # QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (
@@ -64,10 +65,11 @@ class NodeTopics:
         record: Folder of the bag to write; empty: no recording.
         max_size: See `BagWriter` [MB].
         max_duration: See `BagWriter` [s].
+        listeners: Further topics; what is accepted of them is recorded.
 
     Raises:
         OSError: The bag cannot be created.
-        UserError: A QoS parameter cannot be used.
+        UserError: A name or a QoS parameter cannot be used.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class NodeTopics:
         *,
         max_size: float = 0.0,
         max_duration: float = 0.0,
+        listeners: Sequence[Listener] = (),
     ) -> None:
         self._node, self._on_tracked, self._on_lost = node, on_tracked, on_lost
         self.bag: BagWriter | None = None
@@ -109,6 +112,8 @@ class NodeTopics:
         self.tracked = self._subscription(PoseArray, 'tracked_poses')
         for name, (kind, convert) in OTHERS.items():
             self._subscription(kind, name, convert)
+        for name, kind, take in listeners:
+            self._listen(name, kind, take)
         # last, so that a failing topic leaves no bag; no message was sent or received yet
         if record:
             self.bag = self._new_bag(record, max_size, max_duration)
@@ -160,6 +165,20 @@ class NodeTopics:
         if not convert:
             self._register(own.subscription.topic_name, PoseArray, profile)
         return own.subscription
+
+    def _listen(self, name: str, kind: Any, take: Callable[[bytes], bool]) -> None:
+        """Subscribe to a topic that is no tracker's."""
+
+        def heard(cdr: bytes, _: Convert) -> None:
+            if take(cdr):
+                now = self._node.get_clock().now().nanoseconds
+                self._record(own.subscription.topic_name, cdr, now)
+
+        profile = sensor_data()
+        with _named_overrides(name):
+            own = Input(self._node, kind, name, profile, overridable(), heard, lambda *_: None)
+        self._inputs.append(own)
+        self._register(own.subscription.topic_name, kind, profile)
 
     def close(self) -> str:
         """Finish the bag; a line on the result, empty without a bag."""

@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bodies that carry surfaces of the scene: their topics, and what is said of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, TwistStamped
+import numpy as np
+from rigid_gns_core.errors import UserError
+from rigid_gns_core.forecasts.body_motion import Plan
+from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
+from rigid_gns_core.messages.diagnostics import OK, Status, WARN
+from rigid_gns_core.messages.stamped import decode_pose_stamped, decode_twist_stamped
+from rigid_gns_core.messages.trajectories import decode_trajectory
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+# topic, message type, and what takes a message: whether it was accepted
+Listener = tuple[str, Any, Callable[[bytes], bool]]
+
+
+class Bodies:
+    """Hears where the bodies are.
+
+    Args:
+        surfaces: Their surfaces.
+        frame_id: Coordinate frame that messages must be in.
+        now: Gives the time of the node's clock [ns].
+        warn: Called with a kind and a sentence, possibly often.
+    """
+
+    def __init__(
+        self,
+        surfaces: MovingSurfaces,
+        frame_id: str,
+        now: Callable[[], int],
+        warn: Callable[[str, str], None],
+    ) -> None:
+        self._surfaces, self._frame_id = surfaces, frame_id
+        self._now, self._warn = now, warn
+        self._rejected = dict.fromkeys(surfaces.bodies, 0)
+
+    @property
+    def listeners(self) -> Sequence[Listener]:
+        """Topics of all bodies."""
+        kinds: tuple[tuple[str, Any, Callable[[str, bytes], None]], ...] = (
+            ('pose', PoseStamped, self._take_pose),
+            ('twist', TwistStamped, self._take_twist),
+            ('plan', MultiDOFJointTrajectory, self._take_plan),
+        )
+        return [
+            (topic, kind, partial(self._take, name, role, take))
+            for name, body in self._surfaces.bodies.items()
+            for role, kind, take in kinds
+            if (topic := getattr(body, role))
+        ]
+
+    def ready(self, stamp_ns: int) -> bool:
+        """Whether all bodies are known at a tracked frame; warnings name those that are not."""
+        self._watch(stamp_ns)
+        for name in self._surfaces.unknown:
+            body = self._surfaces.bodies[name]
+            self._warn(
+                f'{name} unknown',
+                f'nothing is predicted, as nothing has come for {name} on '
+                f'{body.pose or body.plan} yet (parameter moving_surfaces)',
+            )
+            return False
+        return True
+
+    def _watch(self, stamp_ns: int) -> None:
+        """Warn of bodies whose poses have stopped, as of a tracked frame."""
+        for name, body in self._surfaces.bodies.items():
+            if late := self._late(name, stamp_ns):
+                self._warn(
+                    f'{name} late',
+                    f'{name} is taken as at rest where it was: {late} (expected within '
+                    f'{body.timeout:g} s); do the clocks of both fit?',
+                )
+
+    def status(self, stamp_ns: int | None) -> list[Status]:
+        """Diagnostics, as of a tracked frame; none without bodies."""
+        if not self._surfaces.bodies:
+            return []
+        level, message, values = OK, 'all bodies are followed', {}
+        for name, track in self._surfaces.tracks.items():
+            motion = None if stamp_ns is None else track.at(stamp_ns)
+            if not track.known:
+                level, message = WARN, f'nothing is known of {name} yet: nothing is predicted'
+            elif stamp_ns is not None and (late := self._late(name, stamp_ns)):
+                level, message = WARN, f'{name} is taken as at rest where it was: {late}'
+            values[f'{name}: motion by'] = motion.source or 'none, at rest' if motion else ''
+            if motion is not None:
+                values[f'{name}: speed [m/s]'] = f'{np.linalg.norm(motion.velocity):.3g}'
+            values[f'{name}: rejected'] = str(self._rejected[name])
+        return [Status(level, 'surfaces', message, values)]
+
+    def _late(self, name: str, stamp_ns: int) -> str:
+        """What is wrong with the time of the newest pose of a body; empty: nothing."""
+        body, track = self._surfaces.bodies[name], self._surfaces.tracks[name]
+        age = track.age(stamp_ns)
+        planned = track.plan is not None and track.plan.at(stamp_ns) is not None
+        if not body.pose or not track.known or planned or abs(age) <= body.timeout:
+            return ''
+        if not np.isfinite(age):
+            return f'no pose has come on {body.pose}'
+        way = 'older' if age > 0 else 'newer'
+        return f'its newest pose on {body.pose} is {abs(age):.3g} s {way} than the tracked frame'
+
+    def _take(self, name: str, role: str, take: Callable[[str, bytes], None], cdr: bytes) -> bool:
+        try:
+            take(name, cdr)
+        except UserError as error:
+            self._rejected[name] += 1
+            self._warn(f'{name} {role}', f'{role} of {name} rejected: {error}')
+            return False
+        return True
+
+    def _take_pose(self, name: str, cdr: bytes) -> None:
+        pose = decode_pose_stamped(cdr)
+        self._check_frame(pose.frame_id)
+        self._surfaces.tracks[name].add_pose(pose.stamp_ns, pose.values)
+
+    def _take_twist(self, name: str, cdr: bytes) -> None:
+        twist = decode_twist_stamped(cdr)
+        self._check_frame(twist.frame_id)
+        self._surfaces.tracks[name].add_twist(twist.stamp_ns, twist.values)
+
+    def _take_plan(self, name: str, cdr: bytes) -> None:
+        message = decode_trajectory(cdr, bare=True)
+        self._check_frame(message.frame_id)
+        self._surfaces.tracks[name].plan = Plan.of(message, name, self._now())
+
+    def _check_frame(self, frame_id: str) -> None:
+        if frame_id != self._frame_id:
+            raise UserError(
+                f'it is in frame {frame_id!r}, expected {self._frame_id!r} (parameter frame_id)'
+            )

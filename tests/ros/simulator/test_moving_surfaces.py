@@ -1,0 +1,311 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A racket whose pose comes on a topic, over DDS: what it does to a ball, and what is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, Transform, TwistStamped
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from rigid_gns_core.bags.reader import read_bag
+from rigid_gns_core.bags.topics import find_topics
+from rigid_gns_core.errors import UserError
+from rigid_gns_core.messages.trajectories import decode_trajectory
+from rigid_gns_core.recordings.scoring.reproduce import reproduce
+from rigid_gns_ros.node.simulator import SimulatorNode
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import String
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+import yaml
+
+T0 = 1_000_123_456_789  # [ns], as in conftest.py
+FRAME = round(1e9 / 240)  # of both trackers [ns]
+BALL, BALL_SPEED = np.array([1.0, 0.0, 1.0]), -3.0  # [m], [m/s] along x
+RACKET, RACKET_SPEED = -0.8, 2.0  # plate's place along x at T0 [m], its speed
+RADIUS, FRAMES = 0.02, 12
+AFTER = 2 * RACKET_SPEED - BALL_SPEED  # elastic and smooth: 2 V - v
+MEET = (BALL[0] - RADIUS - RACKET) / (RACKET_SPEED - BALL_SPEED)  # [s] after T0
+
+# in the frame of the racket it faces along z, 5 cm in front of where it is tracked
+SCENE = {
+    'surfaces': [
+        {'point': [0.0, 0.0, 0.0], 'normal': [0.0, 0.0, 1.0]},
+        {
+            'point': [0.0, 0.0, 0.05],
+            'normal': [0.0, 0.0, 1.0],
+            'direction': [1.0, 0.0, 0.0],
+            'length_x': 2.0,
+            'length_y': 2.0,
+        },
+    ],
+    'radius': RADIUS,
+    'friction': 0.0,
+    'restitution': 1.0,
+}
+ALONG_X = Rotation.from_rotvec([0.0, np.pi / 2, 0.0]).as_quat()  # z of the racket is x
+
+
+def stamped(message: Any, stamp_ns: int, frame_id: str = 'world') -> Any:
+    message.header.frame_id = frame_id
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return message
+
+
+def pose(time: float) -> PoseStamped:
+    """Of the racket, which is tracked 5 cm behind its plate."""
+    message = PoseStamped()
+    where, turn = message.pose.position, message.pose.orientation
+    where.x, where.z = RACKET - 0.05 + RACKET_SPEED * time, 1.0
+    turn.x, turn.y, turn.z, turn.w = ALONG_X.tolist()
+    return message
+
+
+def twist(speed: float) -> TwistStamped:
+    message = TwistStamped()
+    message.twist.linear.x = speed
+    return message
+
+
+def plan() -> MultiDOFJointTrajectory:
+    """From T0 on for a second, without velocities."""
+    message = MultiDOFJointTrajectory(joint_names=['racket'])
+    for time in (0.0, 1.0):
+        known, transform = pose(time).pose, Transform()
+        transform.translation.x, transform.translation.z = known.position.x, 1.0
+        transform.rotation = known.orientation
+        point = MultiDOFJointTrajectoryPoint(transforms=[transform])
+        point.time_from_start.sec = int(time)
+        message.points.append(point)
+    return message
+
+
+class Stroke:
+    """A ball that flies at a racket, both seen at 240 Hz."""
+
+    def __init__(
+        self, simulated: Callable[..., Any], folder: Path, body: str, **parameters: Any
+    ) -> None:
+        path = folder / 'scene.yaml'
+        path.write_text(yaml.safe_dump({'scene': SCENE}), encoding='utf-8')
+        self.setup = simulated(
+            scene=str(path),
+            moving_surfaces=f'racket: {{surfaces: [1], {body}}}',
+            **{'start': 'every', 'horizon': 0.6, 'velocity_window': 6, **parameters},
+        )
+        bench = self.setup.bench
+        self.futures: list[bytes] = []
+        self.crossings: list[Any] = []
+        topics = self.setup.node.simulation.topics
+        for kind, own, heard, raw in (
+            (MultiDOFJointTrajectory, topics.trajectory, self.futures, True),
+            (String, topics.crossings, self.crossings, False),
+        ):
+            bench.tester.create_subscription(
+                kind, own.topic_name, heard.append, QoSProfile(depth=50), raw=raw
+            )
+            bench.until(own.get_subscription_count, own.topic_name)
+        self._publishers: dict[str, Any] = {}
+
+    @property
+    def track(self) -> Any:
+        return self.setup.node.simulation.surfaces.tracks['racket']
+
+    def send(self, topic: str, message: Any, *, reliable: bool = False) -> None:
+        bench = self.setup.bench
+        if topic not in self._publishers:
+            own = bench.tester.create_publisher(
+                type(message), topic, QoSProfile(depth=5) if reliable else qos_profile_sensor_data
+            )
+            bench.until(own.get_subscription_count, f'a subscriber of {topic}')
+            self._publishers[topic] = own
+        self._publishers[topic].publish(message)
+
+    def racket(self, stamp_ns: int) -> None:
+        self.send('racket/pose', stamped(pose((stamp_ns - T0) * 1e-9), stamp_ns))
+        self.setup.bench.until(lambda: self.track.age(stamp_ns) == 0.0, 'the pose')
+
+    def ball(self, stamp_ns: int) -> None:
+        time = (stamp_ns - T0) * 1e-9
+        place = BALL + [BALL_SPEED * time, 0.0, 0.5 * time - 0.5 * 9.81 * time**2]
+        self.setup.clock.set(stamp_ns)
+        self.setup.frame(np.array([[*place, 0.0, 0.0, 0.0, 1.0]]), stamp_ns)
+
+    def run(self, racket: Callable[[int], object]) -> None:
+        for frame in range(FRAMES):
+            racket(T0 + frame * FRAME)
+            self.ball(T0 + frame * FRAME)
+
+    def last_future(self) -> Any:
+        last = T0 + (FRAMES - 1) * FRAME
+
+        def found() -> list[Any]:
+            decoded = [decode_trajectory(cdr) for cdr in self.futures]
+            return [one for one in decoded if one.stamp_ns == last]
+
+        self.setup.bench.until(found, 'the last future')
+        return found()[-1]
+
+
+def check_stroke(future: Any) -> None:
+    """The ball is struck when and as the law of an elastic wall that moves says."""
+    times = (future.stamp_ns - T0) * 1e-9 + np.array(future.times_ns) * 1e-9
+    x, speed = future.poses[:, 0, 0], future.twists[:, 0, 0]
+    before, after = times < MEET - 1e-3, times > MEET + 1e-3
+    assert before.sum() > 5 and after.sum() > 5
+    np.testing.assert_allclose(speed[before], BALL_SPEED, atol=1e-6)
+    np.testing.assert_allclose(speed[after], AFTER, atol=1e-5)
+    where = BALL[0] + BALL_SPEED * MEET + AFTER * (times[after] - MEET)
+    np.testing.assert_allclose(x[after], where, atol=1e-5)
+
+
+def test_a_racket_followed_by_its_poses_strikes_a_ball_and_the_bag_reproduces(
+    simulated: Callable[..., Any], tmp_path: Path
+) -> None:
+    stroke = Stroke(
+        simulated, tmp_path, 'pose: racket/pose', record=str(tmp_path / 'bag'),
+        crossing_planes='net: {point: [0.5, 0, 0], normal: [1, 0, 0]}',
+    )  # fmt: skip
+    stroke.run(stroke.racket)
+    check_stroke(stroke.last_future())
+    last = T0 + (FRAMES - 1) * FRAME
+    stroke.setup.bench.until(
+        lambda: any(json.loads(m.data)['stamp_ns'] == last for m in stroke.crossings), 'crossings'
+    )
+    (own,) = json.loads(stroke.crossings[-1].data)['planes']['net']
+    assert own['velocity'][0] == pytest.approx(BALL_SPEED, abs=1e-6)  # on its way there
+    # predictions of each start for a while
+    stroke.setup.clock.set(last + 50_000_000)
+    stroke.setup.tracked.wait(2)
+    stroke.setup.node.close()
+    bag = read_bag(tmp_path / 'bag')
+    assert not bag.warnings
+    poses = bag.topics['/racket/pose']
+    assert (len(poses), poses.type_name) == (FRAMES, 'geometry_msgs/msg/PoseStamped')
+    start = json.loads(bag.topics['/simulator/start'].messages[-1][8:-1])
+    assert start['surfaces']['1']['velocity'][0] == pytest.approx(RACKET_SPEED, abs=1e-6)
+    result = reproduce(bag, find_topics(bag))
+    assert result.predictions >= 2 and result.starts >= 2
+    assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result
+
+
+def test_twists_that_are_sent_hold(simulated: Callable[..., Any], tmp_path: Path) -> None:
+    """One pose alone has no slope."""
+    stroke = Stroke(simulated, tmp_path, 'pose: racket/pose, twist: racket/twist')
+
+    def racket(stamp_ns: int) -> None:
+        if stamp_ns == T0:
+            stroke.racket(stamp_ns)
+            stroke.send('racket/twist', stamped(twist(RACKET_SPEED), stamp_ns))
+            stroke.setup.bench.until(lambda: stroke.track._twist is not None, 'the twist')
+
+    stroke.run(racket)
+    check_stroke(stroke.last_future())
+
+
+def test_a_plan_tells_the_motion(simulated: Callable[..., Any], tmp_path: Path) -> None:
+    stroke = Stroke(simulated, tmp_path, 'plan: racket/plan')
+
+    def racket(stamp_ns: int) -> None:
+        if stamp_ns == T0:
+            stroke.send('racket/plan', stamped(plan(), T0), reliable=True)
+            stroke.setup.bench.until(lambda: stroke.track.plan is not None, 'the plan')
+
+    stroke.run(racket)
+    check_stroke(stroke.last_future())
+
+
+def test_nothing_is_predicted_before_the_racket_is_known(
+    simulated: Callable[..., Any], tmp_path: Path, log: Callable[[], str]
+) -> None:
+    stroke = Stroke(simulated, tmp_path, 'pose: racket/pose')
+    for frame in range(8):
+        stroke.ball(T0 + frame * FRAME)
+    assert 'nothing has come for racket on racket/pose yet' in log()
+    assert stroke.setup.node.simulation.predictor.forecast is None and not stroke.futures
+    stroke.racket(T0 + 8 * FRAME)
+    stroke.ball(T0 + 8 * FRAME)
+    assert stroke.setup.node.simulation.predictor.forecast is not None
+
+
+def test_a_racket_that_stops_coming_is_at_rest_and_said(
+    simulated: Callable[..., Any], tmp_path: Path, log: Callable[[], str]
+) -> None:
+    stroke = Stroke(simulated, tmp_path, 'pose: racket/pose, timeout: 0.02')
+    said: list[Any] = []
+    bench = stroke.setup.bench
+    bench.tester.create_subscription(DiagnosticArray, '/diagnostics', said.append, 10)
+    stroke.run(lambda stamp: stroke.racket(stamp) if stamp < T0 + 4 * FRAME else None)
+    future = stroke.last_future()
+    after = future.twists[-1, 0, 0]
+    assert after == pytest.approx(-BALL_SPEED, abs=1e-5)  # of an elastic wall at rest
+    text = log()
+    assert 'racket is taken as at rest where it was: its newest pose on racket/pose is 0.0' in text
+    assert 'older than the tracked frame (expected within 0.02 s)' in text
+
+    def surfaces() -> list[Any]:
+        found = [status for array in said for status in array.status]
+        return [one for one in found if one.name.endswith('surfaces') and one.level == b'\x01']
+
+    bench.until(surfaces, 'diagnostics')
+    assert 'racket is taken as at rest where it was' in surfaces()[-1].message
+
+
+def test_messages_that_cannot_be_used_are_said(
+    simulated: Callable[..., Any], tmp_path: Path, log: Callable[[], str]
+) -> None:
+    stroke = Stroke(
+        simulated, tmp_path, 'pose: racket/pose, twist: racket/twist, plan: racket/plan'
+    )
+    seen = ''
+
+    def said(text: str) -> bool:
+        nonlocal seen
+        seen += log()
+        return text in seen
+
+    bad = pose(0.0)
+    bad.pose.orientation.w += 1.0
+    lost, turned = twist(np.nan), plan()
+    turned.joint_names = ['left']
+    turned.points = turned.points[:1]
+    for topic, message, text in (
+        (
+            'racket/pose',
+            stamped(pose(0.0), T0, 'lab'),
+            "pose of racket rejected: it is in frame 'lab'",
+        ),
+        ('racket/twist', stamped(lost, T0), 'twist of racket rejected: a velocity is not finite'),
+        ('racket/plan', stamped(turned, T0), 'plan of racket rejected: it has 1 points'),
+    ):  # fmt: skip
+        stroke.send(topic, message)
+        stroke.setup.bench.until(lambda text=text: said(text), text)
+    assert not stroke.track.known
+    bodies = stroke.setup.node.simulation._bodies
+    stroke.send('racket/pose', stamped(bad, T0))  # said by the count, as the line before is new
+    stroke.setup.bench.until(lambda: bodies._rejected['racket'] == 4, 'the quaternion')
+    assert not stroke.track.known
+
+
+def test_a_surface_that_is_not_there_ends_the_node(bench: Any, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match='racket has surface 9, but the scene has 5'):
+        bench.add(SimulatorNode, moving_surfaces='racket: {surfaces: [9], pose: racket/pose}')
+    with pytest.raises(UserError, match='neither pose nor plan names a topic'):
+        bench.add(SimulatorNode, moving_surfaces='racket: {surfaces: [1]}')
+
+
+def test_the_start_that_does_not_follow_is_said(
+    simulated: Callable[..., Any], tmp_path: Path, log: Callable[[], str]
+) -> None:
+    Stroke(simulated, tmp_path, 'pose: racket/pose', start='first')
+    assert 'predictions keep their motion at the first frames; set start:=every' in log()
