@@ -36,11 +36,12 @@ def true_scene() -> Scene:
     return replace(GIVEN, surfaces=table, air=Air(drag_coefficient=0.42, lift_coefficient=0.4))
 
 
-def launched(count: int, seed: int = 0) -> list[Track]:
-    """Shots of a launcher with topspin and some side spin, at 180 Hz with noise."""
+def launched(count: int, seed: int = 0, cross: float = 0.0) -> list[Track]:
+    """Shots of a launcher with topspin and some side spin, at 180 Hz with noise.
+
+    A force that no scene has accelerates them across by `cross` times their speed over 4.5 m/s.
+    """
     rng = np.random.default_rng(seed)
-    model = BallModel.of(true_scene())
-    laws = (model.ball, model.planes, model.laws)
     times = np.arange(150) / 180.0
     tracks = []
     for number in range(count):
@@ -48,6 +49,9 @@ def launched(count: int, seed: int = 0) -> list[Track]:
         velocity = rng.normal([4.5, 0.0, 1.0], [0.4, 0.15, 0.2])
         spin = rng.normal([0.0, 90.0, 25.0], [15.0, 30.0, 15.0])
         states = np.zeros((len(times), 9))
+        hidden = cross * (velocity[0] - 4.5)
+        model = BallModel.of(replace(true_scene(), gravity=(0.0, hidden, -9.81)))
+        laws = (model.ball, model.planes, model.laws)
         start = np.concatenate([place, velocity, spin])
         path(start, 0.0, times, *laws, FREE, states, np.zeros((8, 3)))
         places = states[:, None, :3] + rng.normal(0.0, NOISE, (len(times), 1, 3))

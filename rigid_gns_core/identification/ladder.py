@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .correction_fit import CorrectionFit, Missed, missed_by
 from .joint_fit import Fitted, JointFit
 from .left_out import Forecast, forecasts, scores, table_row
 from .noise_fit import fit_noise, known_stretches
@@ -25,6 +26,8 @@ from ..tracking.start_prior import StartPrior
 _ROUNDS = 2
 # a term that is not of the core lowers the logarithm of the error by this at least
 _WORTH = 0.003
+# a correction of starts is tried with so many of them
+_FEWEST_STARTS = 20
 # fits to known stretches, each with what the one before shows of them
 _TRIMS = 2
 
@@ -110,6 +113,7 @@ class Ladder:
         table: What was tried.
         best: Left-out forecasts of what is kept.
         visited: Setup, folds and forecasts of all that was kept on the way.
+        correction: Of starts, where it was worth it.
     """
 
     laws: Laws
@@ -118,6 +122,7 @@ class Ladder:
     table: list[Tried] = field(default_factory=list)
     best: list[Forecast] = field(default_factory=list)
     visited: list[tuple[Setup, list[Fold], list[Forecast]]] = field(default_factory=list)
+    correction: CorrectionFit | None = None
 
     def begin(self) -> None:
         """Predict with what the scene says."""
@@ -149,22 +154,60 @@ class Ladder:
             return None
         folds = [replace(fold) for fold in self.folds]
         found = self._predict(setup, folds)
-        change, deviation = paired(found, self.best, setup.noise[0])
-        kept = change + bars * deviation <= most
-        self._note(rung.name, kept, change, deviation, found)
+        kept = self._judge(rung.name, setup.noise[0], found, most, bars)
         if kept:
             self.setup, self.folds, self.best = setup, folds, found
             self.visited.append((setup, folds, found))
         return kept
 
-    def drawn(self, samples: int) -> list[Forecast]:
-        """Left-out forecasts of what is kept, with covariances by drawn states."""
+    def _judge(
+        self, name: str, noise: float, found: list[Forecast], most: float, bars: float
+    ) -> bool:
+        change, deviation = paired(found, self.best, noise)
+        kept = change + bars * deviation <= most
+        self._note(name, kept, change, deviation, found)
+        return kept
+
+    def correct(self) -> bool | None:
+        """Correct starts by what forecasts of other left-out tracks missed, as `climb` a term.
+
+        All that is kept of the laws is kept: this is learned on top of it. None: too few starts.
+        """
+        noise = np.array(self.setup.noise)
+        missed: list[Missed] = []
+        for fold in self.folds:
+            assert fold.fitted is not None
+            values, memory = fold.fitted.values, self.setup.memory
+            missed += missed_by(self.laws, values, noise, fold.prior, memory, fold.outside)
+        if len(missed) < _FEWEST_STARTS or self.setup.spin == 'none':
+            return None
+        correction = CorrectionFit(missed, self.setup.noise[0])
+        found = self.drawn(0, correction)
+        if kept := self._judge('correction of starts', noise[0], found, -_WORTH, 1.0):
+            self.correction, self.best = correction, found
+        return kept
+
+    def drawn(self, samples: int, correction: CorrectionFit | None) -> list[Forecast]:
+        """Left-out forecasts of the terms kept, with covariances by drawn states.
+
+        Args:
+            samples: Number of states drawn; 0: covariances by slopes.
+            correction: Of starts: of each track by that of the others.
+        """
         found = []
         for fold in self.folds:
             assert fold.fitted is not None
             values, noise = fold.fitted.values, np.array(self.setup.noise)
-            memory = self.setup.memory
-            found += forecasts(self.laws, values, noise, fold.prior, memory, fold.outside, samples)
+            found += forecasts(
+                self.laws,
+                values,
+                noise,
+                fold.prior,
+                self.setup.memory,
+                fold.outside,
+                samples,
+                None if correction is None else correction.without,
+            )
         return found
 
     def settle(self) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .collisions import shown_collisions, usual_restitution
+from .correction_fit import kept
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
@@ -197,13 +198,15 @@ def _climb(
             done()
     if ladder.settle():
         done()
+    if ladder.correct() is not None:
+        done()
 
 
 def _finish(
     ladder: Ladder, laws: Laws, met: Met, every: Sequence[Stretch], tracks: int
 ) -> Learned:
     setup = ladder.setup
-    coverage, held = fit_coverage(ladder.drawn(_SAMPLES), np.array(setup.noise))
+    coverage, held = fit_coverage(ladder.drawn(_SAMPLES, ladder.correction), np.array(setup.noise))
     for name in setup.names:  # the last fit begins where the folds agree
         laws.shown[name] = float(
             np.median([fold.fitted.values[name] for fold in ladder.folds if fold.fitted])
@@ -227,6 +230,7 @@ def _finish(
         forecast_impact=kick,
         memory=setup.memory,
         spins=_spins(setup, prior),
+        correction=None if ladder.correction is None else kept(ladder.correction.whole()),
     )
     counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}
     scene = replace(laws.scene_at(_rounded(fitted.values)), tracker=tracker)

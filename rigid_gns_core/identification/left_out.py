@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from .parameters import Laws
 from .stretches import FEWEST, Stretch
 from ..scenes.state import Array
+from ..tracking.ball_contact import FREE
 from ..tracking.ball_estimate import estimate_ball, forecast_ball, sampled_covariances
+from ..tracking.start_correction import StartCorrection
 from ..tracking.start_prior import StartPrior
 
 WINDOW, EVERY = 0.2, 0.2  # [s]
@@ -51,17 +53,18 @@ class Forecast:
 
 
 def windows(
-    one: Stretch, memory: float
+    one: Stretch, memory: float, begin: float = WINDOW, every: float = EVERY, most: int = _MOST
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
     """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
 
-    A window has all frames of the last `memory` seconds. Of a long piece they begin so far apart
-    that it has `_MOST` of them.
+    A window has all frames of the last `memory` seconds. The first ends `begin` seconds after the
+    piece begins, and the others follow `every` so many; of a long piece so far apart that it has
+    `most` of them.
     """
     times = one.times
-    every = max(EVERY, (times[-1] - times[0]) / _MOST)
+    every = max(every, (times[-1] - times[0]) / most)
     apart = max(_APART, _FRAMES * float(np.median(np.diff(times))))
-    end, first = times[0] + WINDOW, True
+    end, first = times[0] + begin, True
     while end < times[-1]:
         inside = np.flatnonzero((times <= end + 1e-6) & (times >= end - memory - 1e-6))
         last = times[inside[-1]]
@@ -80,17 +83,24 @@ def forecasts(
     memory: float,
     found: Sequence[Stretch],
     samples: int = 0,
+    correction: Callable[[int], StartCorrection] | None = None,
 ) -> list[Forecast]:
     """Forecasts from all windows of some pieces of tracks, each of `memory` seconds [s] at most.
 
-    Their covariances are by slopes, or by as many paths from drawn states as `samples` says.
+    Their covariances are by slopes, or by as many paths from drawn states as `samples` says. Their
+    starts are corrected as `correction` says for the number of a track.
     """
     models = laws.models_at(values)
     result: list[Forecast] = []
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
+        own = None if correction is None else correction(one.track)
         for inside, nearest, first in windows(one, memory):
             estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
+            if own is not None and estimate.on == FREE:
+                state, spread = estimate.state[None], estimate.covariance[None]
+                moved = own.corrected(state, spread, np.array([model.radius]))
+                estimate = replace(estimate, state=moved[0])
             reached = nearest >= 0
             stamps = one.times[nearest[reached]]
             begin = float(one.times[inside[-1]])

@@ -245,4 +245,8 @@ def _tracker_mapping(tracker: Tracker) -> dict[str, Any]:
         bandwidth: Any = tracker.spins.bandwidth
         bandwidth = 'inf' if np.isinf(bandwidth) else bandwidth  # JSON has no infinity
         mapping['spins'] = to_mapping(tracker.spins) | {'windows': windows, 'bandwidth': bandwidth}
+    if tracker.correction is not None:
+        windows = [list(row) for row in tracker.correction.windows]
+        own = {'windows': windows, 'scales': list(tracker.correction.scales)}
+        mapping['correction'] = to_mapping(tracker.correction) | own
     return mapping

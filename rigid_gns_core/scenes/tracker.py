@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .correction import Correction
 from .values import checked_number
 from ..errors import UserError
 
@@ -74,6 +75,8 @@ class Tracker:
         spins: Prior of spins; None: any spin is likely.
         forecast_acceleration: Standard deviation of an acceleration on each axis, the same all
             along a forecast [m/s^2]: what laws that are slightly wrong leave.
+        correction: Of estimates in flight, learned from what forecasts of other tracks missed;
+            None: none was worth it.
 
     Raises:
         UserError: A value is out of range.
@@ -88,6 +91,7 @@ class Tracker:
     memory: float = 0.4
     spins: Spins | None = None
     forecast_acceleration: float = 0.0
+    correction: Correction | None = None
 
     def __post_init__(self) -> None:
         for name in ('noise', 'spread', 'memory'):

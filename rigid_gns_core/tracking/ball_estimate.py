@@ -105,11 +105,13 @@ class BallForecast:
     Args:
         states: Position, velocity, angular velocity, shape (k, 9).
         covariances: Of the states, by that of the estimate, shape (k, 9, 9).
+        slopes: Of the states over that of the estimate, shape (k, 9, 9).
         impacts: Time, surface and approach speed of each impact, shape (impacts, 3).
     """
 
     states: Array
     covariances: Array
+    slopes: Array
     impacts: Array
 
 
@@ -138,9 +140,9 @@ def forecast_ball(
         slopes,
         impacts,
     )
-    covariance = change @ estimate.covariance @ change.T
-    spread = slopes @ covariance @ slopes.transpose(0, 2, 1)
-    return BallForecast(states, spread, impacts[: min(found, MOST_CONTACTS)])
+    slopes = slopes @ change
+    spread = slopes @ estimate.covariance @ slopes.transpose(0, 2, 1)
+    return BallForecast(states, spread, slopes, impacts[: min(found, MOST_CONTACTS)])
 
 
 def sampled_covariances(

@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ball_batch import estimate_balls
+from .ball_contact import FREE
 from .ball_estimate import BallEstimate, forecast_ball
 from .ball_model import BallModel
 from .jit import plain
 from .motion_models import Motion
 from .pose_noise import rotating
 from .spin_windows import SpinWindows
+from .start_correction import StartCorrection
 from .start_prior import StartPrior
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
@@ -44,12 +46,14 @@ class KnownLaws:
         windows: Prior of spins.
         tracker: Noise, drift and memory.
         learned: Whether the tracker was learned; if not, its noise is only a guess.
+        correction: Of estimates in flight; None: none.
     """
 
     models: tuple[BallModel, ...]
     windows: SpinWindows
     tracker: Tracker
     learned: bool
+    correction: StartCorrection | None = None
 
     @classmethod
     def of(cls, scene: Scene, spheres: tuple[int, ...]) -> Self:
@@ -62,7 +66,8 @@ class KnownLaws:
             prior = StartPrior.of_any_spin(float(np.mean([model.radius for model in models])))
         else:
             prior = StartPrior.of(tracker.spins)
-        return cls(models, prior.windows, tracker, scene.tracker is not None)
+        own = None if tracker.correction is None else StartCorrection.of(tracker.correction)
+        return cls(models, prior.windows, tracker, scene.tracker is not None, own)
 
     def with_noise(self, noise: float | None) -> Self:
         """The same with the noise of a coordinate [m], where none was learned."""
@@ -110,6 +115,10 @@ class KnownLaws:
             ends,
         )
         found = ends[:, 0] >= 0
+        flying = np.flatnonzero(found & (ends[:, 1] == FREE))
+        if self.correction is not None and len(flying):
+            radii = self.arrays[0][flying, 7]
+            states[flying] = self.correction.corrected(states[flying], covariances[flying], radii)
         covariances *= tracker.spread
         for ball in np.flatnonzero(found & (ends[:, 0] < len(times) - 1)):
             last, on = ends[ball]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from rigid_gns_core import load_scene, Scene
+from rigid_gns_core.scenes.correction import Correction
 from rigid_gns_core.scenes.tracker import Spins, Tracker
 import yaml
 
@@ -27,6 +28,13 @@ def test_a_scene_written_and_read_back_is_the_same(tmp_path: Path, spins: Spins 
     assert 'tracker' not in Scene().to_mapping()
 
 
+def test_a_correction_written_and_read_back_is_the_same() -> None:
+    correction = Correction(((0.1 + 0.2,) * 16, (1 / 3,) * 16), (0.1,) * 10, 0.5, 0.05)
+    scene = Scene(tracker=Tracker(noise=1e-3, correction=correction))
+    text = yaml.safe_dump(scene.to_mapping())
+    assert Scene.from_mapping(yaml.safe_load(text)) == scene
+
+
 @pytest.mark.parametrize(
     ('make', 'message'),
     [
@@ -35,6 +43,11 @@ def test_a_scene_written_and_read_back_is_the_same(tmp_path: Path, spins: Spins 
         (lambda: Spins((ROW[:-1],)), r'rows of \[14\] numbers, expected rows of 15'),
         (lambda: Spins(()), r'rows of \[\] numbers'),
         (lambda: Spins((ROW,), bandwidth=0.0), 'bandwidth of spins is 0, expected more than 0'),
+        (lambda: Correction(((0.1,) * 15,), (0.1,) * 10, 0.5, 0.05), r'rows of \[15\] numbers'),
+        (lambda: Correction(((0.1,) * 16,), (0.1,) * 9, 0.5, 0.05), '9 scales, expected rows'),
+        (lambda: Correction(((0.1,) * 16,), (0.0,) * 10, 0.5, 0.05), 'a scale .* is 0, expected'),
+        (lambda: Correction(((0.1,) * 16,), (0.1,) * 10, 0.0, 0.05), 'bandwidth of a correction'),
+        (lambda: Correction(((float('nan'),) * 16,), (1.0,) * 10, 0.5, 0.05), 'not finite'),
         (lambda: Scene(tracker=1e-3), r'tracker is 0.001, expected Tracker\(...\), or None'),
     ],
 )
