@@ -188,6 +188,14 @@ SIMULATOR = (
         10.0,
     ),
     ParameterSpec(
+        'transform_timeout',
+        0.1,
+        'how long a frame of a tracker in another coordinate frame waits for its transform on /tf',
+        's',
+        0.0,
+        10.0,
+    ),
+    ParameterSpec(
         'coast_time',
         0.0,
         'how long a track without a pose is coasted; 0: 2 sqrt(radius / gravity)',

@@ -21,6 +21,7 @@ from rigid_gns_core.messages.poses import (
     encode_float64,
     encode_string,
     PoseArrayCodec,
+    PoseArrayFrame,
     restamped,
 )
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES, seconds
@@ -37,6 +38,7 @@ from .odd_poses import OddPoses
 from .silence import Silence, too_slow
 from .throttle import Warner
 from .topics import NodeTopics
+from .transforms import Transforms
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -105,6 +107,14 @@ class Simulation:
             max_duration=float(parameters['record_max_duration']),
             listeners=self._bodies.listeners,
         )
+        self._transforms = Transforms(
+            node,
+            self._frame_id,
+            float(parameters['transform_timeout']),
+            accept=self._on_transformed,
+            refuse=self._refuse,
+            warn=self.warn,
+        )
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
             node,
@@ -140,13 +150,26 @@ class Simulation:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
             cdr = restamped(convert(cdr), -self._latency_ns)
             frame = decode_pose_array(cdr)
+            if frame.frame_id not in ('', self._frame_id):
+                self._transforms.put(frame)
+                return
+        except UserError as error:
+            self._refuse(error)
+            return
+        self._take(cdr, frame, now)
+
+    def _on_transformed(self, frame: PoseArrayFrame) -> None:
+        """Process a frame that tf moved to the scene's coordinate frame; so it is recorded."""
+        cdr = PoseArrayCodec(self._frame_id, len(frame.poses)).encode(frame.poses, frame.stamp_ns)
+        self._take(cdr, frame, self._now())
+
+    def _take(self, cdr: bytes, frame: PoseArrayFrame, now: int) -> None:
+        try:
             restarted = self.window.add(frame, now)
         except UserError as error:
-            self.diagnostics.frame_rejected(str(error))
-            kind = getattr(error, 'kind', 'bytes')
-            if kind in STAMPS:
+            if getattr(error, 'kind', '') in STAMPS:
                 self._refused.append((cdr, now))
-            self.warn(kind, f'tracked message rejected: {error}')
+            self._refuse(error)
             return
         if restarted:  # the frames refused before are accepted with this one
             for earlier, arrival in self._refused:
@@ -171,6 +194,10 @@ class Simulation:
             self._follow(now)
         elif self.window.count is None and self.predictor.forecast is not None:
             self._stop('spheres')
+
+    def _refuse(self, error: UserError) -> None:
+        self.diagnostics.frame_rejected(str(error))
+        self.warn(getattr(error, 'kind', 'bytes'), f'tracked message rejected: {error}')
 
     def _on_lost(self, topic: str, depth: int, count: int, total: int) -> None:
         """Note tracked messages that never came to `on_tracked`."""
@@ -332,6 +359,7 @@ class Simulation:
 
     def on_clock_jump(self, ahead_ns: int) -> None:
         """Start again after a jump of the clock [ns]."""
+        self._transforms.clear()
         if self.window.stamp_ns is None:
             return
         self.forget('restart')
@@ -352,6 +380,7 @@ class Simulation:
 
     def report(self) -> None:
         """Publish diagnostics."""
+        self._transforms.resolve()
         self._tracker_is_gone(self._now())
         bag, size = self.topics.bag, self.topics.recorded_bytes
         statuses = self.diagnostics.report(

@@ -251,3 +251,13 @@ def run_process(tmp_path: Path) -> Iterator[Callable[..., NodeRun]]:
         if run.process.poll() is None:
             run.signal(signal.SIGKILL)
             run.process.wait()
+
+
+@pytest.fixture(scope='session')
+def message_package(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Any]:
+    """`message_package('tf2_msgs')`: its module `msg`, see there."""
+    pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+    import message_packages
+
+    folder = tmp_path_factory.mktemp('messages')
+    return lambda name: message_packages.message_package(name, folder)

@@ -30,7 +30,8 @@ ROOT = Path(__file__).resolve().parents[3]
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Rollout = Simulated = Callable[..., Any]
 # of every node
-OURS_NOT = {'/rosout', '/parameter_events', '/clock'}
+# the last two where tf2_msgs is installed
+OURS_NOT = {'/rosout', '/parameter_events', '/clock', '/tf_static', '/tf'}
 
 
 def cells(heading: str) -> list[list[str]]:

@@ -1,0 +1,123 @@
+# SPDX-FileCopyrightText: 2026 rigid_gns maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Transforms of tf: tracked frames in other coordinate frames wait for theirs."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+import time
+from typing import Any, TYPE_CHECKING
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rigid_gns_core.errors import UserError
+from rigid_gns_core.messages.poses import PoseArrayFrame
+from rigid_gns_core.messages.transforms import decode_transforms, Transform
+from rigid_gns_core.tracking.rejected_frame import RejectedFrame
+from rigid_gns_core.tracking.transform_buffer import NoTransform, TransformBuffer
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+_DEPTH = 100  # of tf2's own listener
+
+
+class Transforms:
+    """Transforms frames of trackers into the scene's coordinate frame, in their order.
+
+    /tf is heard from the first frame on that needs it, as a robot sends much on it.
+
+    Args:
+        node: Node that hears /tf_static and /tf.
+        frame_id: Coordinate frame of the scene.
+        timeout: How long a frame waits for its transform [s].
+        accept: Called with each transformed frame.
+        refuse: Called with the error of each frame without a transform.
+        warn: Called with a kind and a text of what on /tf cannot be used.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        frame_id: str,
+        timeout: float,
+        *,
+        accept: Callable[[PoseArrayFrame], None],
+        refuse: Callable[[UserError], None],
+        warn: Callable[[str, str], None],
+    ) -> None:
+        self._node, self._frame_id, self._timeout = node, frame_id, timeout
+        self._accept, self._refuse, self._warn = accept, refuse, warn
+        self._waiting: deque[tuple[PoseArrayFrame, float]] = deque()  # with their arrival [s]
+        self.buffer = TransformBuffer()
+        self._kind = _message_type()
+        self._hears_all = False
+        if self._kind is not None:
+            self._hear('/tf_static', static=True)
+
+    def put(self, frame: PoseArrayFrame) -> None:
+        """Take a frame in another coordinate frame.
+
+        Raises:
+            RejectedFrame: tf cannot be heard.
+        """
+        if self._kind is None:
+            raise RejectedFrame(
+                'frame',
+                f'its frame is {frame.frame_id!r}, expected {self._frame_id!r} (parameter '
+                'frame_id); to transform it by tf, install the ROS package tf2_msgs',
+            )
+        if not self._hears_all:
+            self._hears_all = True
+            self._hear('/tf', static=False)
+        self._waiting.append((frame, time.monotonic()))
+        self.resolve()
+
+    def resolve(self) -> None:
+        """Pass on the frames whose transforms are known, and refuse those that waited too long."""
+        while self._waiting:
+            frame, since = self._waiting[0]
+            try:
+                found = self.buffer.in_frame(frame, self._frame_id)
+            except NoTransform as error:
+                if error.may_come and time.monotonic() - since < self._timeout:
+                    return
+                self._waiting.popleft()
+                self._refuse(error)
+                continue
+            self._waiting.popleft()
+            self._accept(found)
+
+    def clear(self) -> None:
+        """Forget all that depends on time, as after a jump of the clock."""
+        self.buffer.clear()
+        self._waiting.clear()
+
+    def _hear(self, topic: str, *, static: bool) -> None:
+        profile = QoSProfile(depth=_DEPTH)
+        if static:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+
+        def heard(cdr: bytes) -> None:
+            try:
+                self._take(decode_transforms(cdr), static=static)
+            except UserError as error:
+                self._warn('tf', f'message on {topic} not used: {error}')
+
+        called: Any = heard  # rclpy has other types for raw messages
+        self._node.create_subscription(self._kind, topic, called, profile, raw=True)
+
+    def _take(self, transforms: list[Transform], *, static: bool) -> None:
+        if problem := self.buffer.add(transforms, static=static):
+            self._warn('tf', f'on {"/tf_static" if static else "/tf"} {problem}')
+        self.resolve()
+
+
+def _message_type() -> Any:
+    """Type of the messages of tf; None: it is not installed, as with ROS from wheels."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        return None
+    return TFMessage
