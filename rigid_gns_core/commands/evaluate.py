@@ -28,7 +28,7 @@ _BY_HORIZON = {
 }
 # options of one kind of source; None or False where not given
 _OF_DATA = ('steps', 'velocities')
-_OF_BAG = ('scene', 'tracked', 'predicted', 'starts', 'match', 'reproduce')
+_OF_BAG = ('scene', 'tracked', 'predicted', 'starts', 'match', 'frame', 'reproduce')
 _OF_TRACKS = ('window', 'horizons', 'every', 'samples')
 
 
@@ -94,6 +94,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--match',
         action='store_true',
         help='associate poses with tracks for these rollouts: poses are in any order or missing',
+    )
+    bag.add_argument(
+        '--frame',
+        metavar='NAME',
+        help="coordinate frame of the scene for these rollouts: others are moved by the bag's tf",
     )
     bag.add_argument(
         '--reproduce',
@@ -226,6 +231,7 @@ def _run_bag(bag: Path, arguments: argparse.Namespace) -> int:
         model=arguments.model,
         starts=20 if arguments.starts is None else arguments.starts,
         match=arguments.match,
+        frame=arguments.frame,
     )
     written = _write_numbers(arguments.json or _beside(bag, '.json'), scored.report)
     if figure is not None:

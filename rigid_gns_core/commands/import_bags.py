@@ -119,6 +119,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--up', choices=tuple(AXES), default='z', help='axis that points up (default z)'
     )
+    parser.add_argument(
+        '--frame',
+        metavar='NAME',
+        help="coordinate frame of the scene: poses in others are moved by the bag's tf",
+    )
     table = parser.add_argument_group('options for CSV files')
     table.add_argument(
         '--skip-bad', action='store_true', help='leave bad tracks out instead of refusing the file'

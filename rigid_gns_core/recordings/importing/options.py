@@ -39,6 +39,8 @@ class ImportOptions:
             always where the simulator that recorded them did so.
         scale: Metres in a unit of the file.
         up: Axis of the file that points up, of `AXES`; it becomes z.
+        frame: Coordinate frame of the scene, into which the transforms of a bag move poses in
+            others; None: poses are as they are.
         skip_bad: Whether bad tracks of a CSV file are left out; if not, they are refused.
     """
 
@@ -52,6 +54,7 @@ class ImportOptions:
     match: bool = False
     scale: float = 1.0
     up: str = 'z'
+    frame: str | None = None
     skip_bad: bool = False
 
     def __post_init__(self) -> None:

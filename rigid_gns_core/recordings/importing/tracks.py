@@ -17,6 +17,7 @@ from .stretches import fitting_scene, native_dt, resampled, SLOWEST
 from .units_and_axes import turned_frames
 from ..decoded_topic import decode_topic, DecodedTopic
 from ..recorded_simulators import RecordedSimulators
+from ..scene_frame import in_scene_frame
 from ..tracked_frames import as_track, MATCH_REMEDY, Segment, segment_frames, Segmentation
 from ..units import check_fall, check_speed
 from ...bags.reader import Bag, read_bag
@@ -45,7 +46,8 @@ def _tracks_of(bag: Bag, path: str | Path, options: ImportOptions) -> Imported:
     scene = simulators.scene(topic.name) if options.scene is None else load_scene(options.scene)
     scene = scene if options.radius is None else replace(scene, radius=options.radius)
     dt = options.dt or native_dt(scene, options.model)
-    decoded = turned_frames(decode_topic(topic), options.scale, options.up)
+    metres = turned_frames(decode_topic(topic), options.scale, 'z')
+    decoded = turned_frames(in_scene_frame(bag, metres, options.frame), 1.0, options.up)
     interval = decoded.interval(f'{path}: {topic.name}')
     if interval > SLOWEST * dt:
         raise ImportBagError(

@@ -26,6 +26,7 @@ def score_bag(
     model: str | None = None,
     starts: int = 20,
     match: bool = False,
+    frame: str | None = None,
 ) -> BagScore:
     """Score a bag: the predictions in it, or rollouts of a model from its tracked poses.
 
@@ -39,13 +40,14 @@ def score_bag(
         starts: Number of these rollouts, evenly over the recording.
         match: Whether the rollouts associate poses with tracks, as they come in any order or are
             missing; always where the simulator that recorded them did so.
+        frame: Coordinate frame of the scene for rollouts, see `in_scene_frame`.
 
     Raises:
         UserError: The bag lacks a topic or a scene, or nothing overlaps.
     """
     given = None if scene is None else load_scene(scene)
     with bag.naming_damage():
-        return _score(bag, given, tracked, predicted, model, starts, match=match)
+        return _score(bag, given, tracked, predicted, model, starts, frame, match=match)
 
 
 def _score(
@@ -55,6 +57,7 @@ def _score(
     predicted: str | None,
     model: str | None,
     starts: int,
+    frame: str | None,
     *,
     match: bool,
 ) -> BagScore:
@@ -68,7 +71,11 @@ def _score(
     topic = find_poses(bag, 'tracked_poses', '--topic', tracked, simulators.tracked)
     parameters = with_defaults(simulators.parameters(topic.name))
     options = RolloutOptions(
-        model or '', starts, parameters['velocity_window'], match or parameters['match_spheres']
+        model or '',
+        starts,
+        parameters['velocity_window'],
+        match or parameters['match_spheres'],
+        frame,
     )
     return score_rollouts(bag, topic, given or simulators.scene(topic.name), options)
 

@@ -18,6 +18,7 @@ from .rotations import leave_out_unknown
 from .timing import lateness
 from ..decoded_topic import decode_topic
 from ..matched_frames import segment_matched_frames
+from ..scene_frame import in_scene_frame
 from ..prediction_runs import AlignmentError
 from ..resample import resample
 from ..tracked_frames import MATCH_REMEDY, Segment, segment_frames
@@ -46,12 +47,14 @@ class RolloutOptions:
         window: Number of tracked frames from which velocities are fitted at a start.
         matched: Whether poses are associated with tracks, as they come in any order or are
             missing.
+        frame: Coordinate frame of the scene, see `in_scene_frame`; None: poses are as they are.
     """
 
     model: str = ''
     starts: int = 20
     window: int = 6
     matched: bool = False
+    frame: str | None = None
 
     def __post_init__(self) -> None:
         for name in ('starts', 'window'):
@@ -96,7 +99,7 @@ def score_rollouts(bag: Bag, topic: Topic, scene: Scene, options: RolloutOptions
         AlignmentError: No segment is long enough.
         UserError: The model is missing, or does not support the scene.
     """
-    decoded = decode_topic(topic)
+    decoded = in_scene_frame(bag, decode_topic(topic), options.frame)
     interval = decoded.interval(f'{bag.path}: {topic.name}')
     model = Forecaster(options.model, scene)
     gap = GAP * interval * 1e9
