@@ -15,6 +15,7 @@ from typing import Any
 
 from .crossing_planes import planes_of
 from .moving_surfaces import bodies_of
+from .tracker_kinds import names_of, TRACKERS
 from ..errors import shown, UserError
 
 Value = bool | int | float | str | list[float]
@@ -186,6 +187,20 @@ SIMULATOR = (
         's',
         0.0,
         10.0,
+    ),
+    ParameterSpec(
+        'tracker',
+        '',
+        'kind of tracker; empty: PoseArray, PointCloud2, or a single pose or point, each on its '
+        'topic; else a topic or a frame of tf for each ball, or tracked_objects of this type',
+        choices=TRACKERS,
+    ),
+    ParameterSpec(
+        'balls',
+        '',
+        'names of the balls of such a tracker, in their order, divided by commas; empty: all '
+        'objects of a message',
+        check=names_of,
     ),
     ParameterSpec(
         'transform_timeout',

@@ -8,15 +8,21 @@ tracked_poses is in `topics`; these are beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import PointStamped, PoseStamped
+from rigid_gns_core.errors import UserError
+from rigid_gns_core.messages.object_arrays import OBJECT_ARRAYS, pose_array_of_objects
 from rigid_gns_core.messages.other_trackers import (
     pose_array_of_cloud,
     pose_array_of_point,
     pose_array_of_pose,
 )
+from rigid_gns_core.messages.poses import decode_pose_array
+from rigid_gns_core.tracking.single_balls import SingleBalls
 from sensor_msgs.msg import PointCloud2
 
 from .lost_messages import LostMessages
@@ -26,13 +32,58 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
     from rclpy.qos_overriding_options import QoSOverridingOptions
 
-Convert = Callable[[bytes], bytes]
+# PoseArray of a message; None: other messages are needed for it
+Convert = Callable[[bytes], bytes | None]
 
 OTHERS: dict[str, tuple[Any, Convert]] = {
     'tracked_points': (PointCloud2, pose_array_of_cloud),
     'tracked_pose': (PoseStamped, pose_array_of_pose),
     'tracked_point': (PointStamped, pose_array_of_point),
 }
+# with a topic for each ball
+_SINGLE: dict[str, tuple[Any, Convert]] = {
+    'PoseStamped': (PoseStamped, pose_array_of_pose),
+    'PointStamped': (PointStamped, pose_array_of_point),
+}
+_OBJECTS = 'tracked_objects'
+
+
+def inputs_of(tracker: str, balls: Sequence[str]) -> dict[str, tuple[Any, Convert]]:
+    """Topics beside tracked_poses: those that are always heard, and those of a kind of tracker.
+
+    Args:
+        tracker: Parameter `tracker`.
+        balls: Names in the parameter `balls`.
+
+    Raises:
+        UserError: The package of its messages is not installed.
+    """
+    if tracker in OBJECT_ARRAYS:
+        package, name = tracker.split('/')
+        try:
+            kind = getattr(import_module(f'{package}.msg'), name)
+        except ImportError as error:
+            raise UserError(
+                f'parameter tracker is {tracker!r}, but the ROS package {package} is not '
+                f'installed: {error}'
+            ) from error
+        return {**OTHERS, _OBJECTS: (kind, partial(_of_objects, tracker, balls))}
+    if tracker not in _SINGLE:
+        return OTHERS
+    kind, decode = _SINGLE[tracker]
+    together = SingleBalls(len(balls))
+    return OTHERS | {
+        topic: (kind, partial(_of_one, decode, together, ball)) for ball, topic in enumerate(balls)
+    }
+
+
+def _of_objects(kind: str, balls: Sequence[str], cdr: bytes) -> bytes:
+    return pose_array_of_objects(cdr, kind, balls)
+
+
+def _of_one(decode: Convert, together: SingleBalls, ball: int, cdr: bytes) -> bytes | None:
+    found = decode_pose_array(decode(cdr) or b'')
+    return together.add(ball, found.stamp_ns, found.frame_id, found.poses[0])
 
 
 class Input:

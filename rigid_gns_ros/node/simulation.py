@@ -14,6 +14,7 @@ from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
 from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.forecasts.starts import Reason, Start
+from rigid_gns_core.forecasts.tracker_kinds import balls_of
 from rigid_gns_core.forecasts.window_setup import longest_gap, window_of
 from rigid_gns_core.messages.diagnostics import encode_diagnostics
 from rigid_gns_core.messages.poses import (
@@ -30,7 +31,7 @@ from .alarm import Alarm
 from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
-from .inputs import Convert
+from .inputs import Convert, inputs_of
 from .markers import MarkerPublisher
 from .moving_surfaces import Bodies
 from .odd_parameters import odd_parameters
@@ -98,6 +99,7 @@ class Simulation:
         self._generation = self.window.generation  # of the tracks of the present forecast
         self._codec = PoseArrayCodec(self._frame_id, 0)
         self._alarm, self._clock = Alarm(node, self._on_due), ClockWatch(node)
+        balls = balls_of(str(parameters['balls']), str(parameters['tracker']))
         self.topics = NodeTopics(
             node,
             self.on_tracked,
@@ -105,6 +107,7 @@ class Simulation:
             str(parameters['record']),
             max_size=float(parameters['record_max_size']),
             max_duration=float(parameters['record_max_duration']),
+            inputs=inputs_of(str(parameters['tracker']), balls),
             listeners=self._bodies.listeners,
         )
         self._transforms = Transforms(
@@ -115,6 +118,8 @@ class Simulation:
             refuse=self._refuse,
             warn=self.warn,
         )
+        if parameters['tracker'] == 'tf':
+            self._transforms.follow(balls, self.on_tracked)
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
             node,
@@ -148,7 +153,10 @@ class Simulation:
         try:
             if now == 0:
                 raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
-            cdr = restamped(convert(cdr), -self._latency_ns)
+            converted = convert(cdr)
+            if converted is None:
+                return
+            cdr = restamped(converted, -self._latency_ns)
             frame = decode_pose_array(cdr)
             if frame.frame_id not in ('', self._frame_id):
                 self._transforms.put(frame)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from .inputs import Convert, Input, OTHERS
+from .inputs import Convert, Input
 from .moving_surfaces import Listener
 
 # QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
@@ -63,6 +63,7 @@ class NodeTopics:
         on_tracked: See `Input`, as of the next.
         on_lost: See there.
         record: Folder of the bag to write; empty: no recording.
+        inputs: Topics of trackers beside tracked_poses, see `inputs_of`.
         max_size: See `BagWriter` [MB].
         max_duration: See `BagWriter` [s].
         listeners: Further topics; what is accepted of them is recorded.
@@ -79,6 +80,7 @@ class NodeTopics:
         on_lost: Callable[[str, int, int, int], None],
         record: str,
         *,
+        inputs: Mapping[str, tuple[Any, Convert]],
         max_size: float = 0.0,
         max_duration: float = 0.0,
         listeners: Sequence[Listener] = (),
@@ -110,7 +112,7 @@ class NodeTopics:
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
         self._inputs: list[Input] = []
         self.tracked = self._subscription(PoseArray, 'tracked_poses')
-        for name, (kind, convert) in OTHERS.items():
+        for name, (kind, convert) in inputs.items():
             self._subscription(kind, name, convert)
         for name, kind, take in listeners:
             self._listen(name, kind, take)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from rigid_gns_core.errors import UserError
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.messages.transforms import decode_transforms, Transform
 from rigid_gns_core.tracking.rejected_frame import RejectedFrame
+from rigid_gns_core.tracking.single_balls import SingleBalls
 from rigid_gns_core.tracking.transform_buffer import NoTransform, TransformBuffer
 
 if TYPE_CHECKING:
@@ -53,8 +54,27 @@ class Transforms:
         self.buffer = TransformBuffer()
         self._kind = _message_type()
         self._hears_all = False
+        self._balls: dict[str, int] = {}  # by frame of tf
+        self._together = SingleBalls(0)
+        self._take_balls: Callable[[bytes], None]
         if self._kind is not None:
             self._hear('/tf_static', static=True)
+
+    def follow(self, balls: Sequence[str], take: Callable[[bytes], None]) -> None:
+        """Take frames of tf for balls.
+
+        Args:
+            balls: Names of the frames, in the order of the poses.
+            take: Called with each PoseArray, in the frame of their parents.
+
+        Raises:
+            UserError: tf cannot be heard.
+        """
+        if self._kind is None:
+            raise UserError("parameter tracker is 'tf', which needs the ROS package tf2_msgs")
+        self._balls = {name: ball for ball, name in enumerate(balls)}
+        self._together, self._take_balls = SingleBalls(len(balls)), take
+        self._hear_all()
 
     def put(self, frame: PoseArrayFrame) -> None:
         """Take a frame in another coordinate frame.
@@ -68,9 +88,7 @@ class Transforms:
                 f'its frame is {frame.frame_id!r}, expected {self._frame_id!r} (parameter '
                 'frame_id); to transform it by tf, install the ROS package tf2_msgs',
             )
-        if not self._hears_all:
-            self._hears_all = True
-            self._hear('/tf', static=False)
+        self._hear_all()
         self._waiting.append((frame, time.monotonic()))
         self.resolve()
 
@@ -94,6 +112,11 @@ class Transforms:
         self.buffer.clear()
         self._waiting.clear()
 
+    def _hear_all(self) -> None:
+        if not self._hears_all:
+            self._hears_all = True
+            self._hear('/tf', static=False)
+
     def _hear(self, topic: str, *, static: bool) -> None:
         profile = QoSProfile(depth=_DEPTH)
         if static:
@@ -112,6 +135,13 @@ class Transforms:
         if problem := self.buffer.add(transforms, static=static):
             self._warn('tf', f'on {"/tf_static" if static else "/tf"} {problem}')
         self.resolve()
+        for one in () if static else transforms:
+            ball = self._balls.get(one.child.lstrip('/'))
+            if ball is None:
+                continue
+            cdr = self._together.add(ball, one.stamp_ns, one.parent.lstrip('/'), one.pose)
+            if cdr is not None:
+                self._take_balls(cdr)
 
 
 def _message_type() -> Any:

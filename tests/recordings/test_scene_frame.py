@@ -48,13 +48,15 @@ def write_bag(path: Path, *, scale: float = 1.0, told: bool = True) -> Path:
         writer = McapWriter(file)
         writer.start(profile='ros2')
         channels = {
-            topic: writer.register_channel(topic, 'cdr', writer.register_schema(kind, 'ros2msg', b''))
+            topic: writer.register_channel(
+                topic, 'cdr', writer.register_schema(kind, 'ros2msg', b'')
+            )
             for topic, kind in (
                 ('/tracked_poses', 'geometry_msgs/msg/PoseArray'),
                 ('/tf', 'tf2_msgs/msg/TFMessage'),
                 ('/tf_static', 'tf2_msgs/msg/TFMessage'),
             )
-        }  # fmt: skip
+        }
 
         def add(topic: str, cdr: bytes, stamp: int) -> None:
             writer.add_message(channels[topic], stamp, cdr, stamp)

@@ -18,9 +18,9 @@ from .rotations import leave_out_unknown
 from .timing import lateness
 from ..decoded_topic import decode_topic
 from ..matched_frames import segment_matched_frames
-from ..scene_frame import in_scene_frame
 from ..prediction_runs import AlignmentError
 from ..resample import resample
+from ..scene_frame import in_scene_frame
 from ..tracked_frames import MATCH_REMEDY, Segment, segment_frames
 from ..units import check_units
 from ...bags.reader import Bag, Topic
