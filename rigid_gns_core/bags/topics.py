@@ -36,6 +36,7 @@ class Topics:
         start: Starts of forecasts; None: not recorded.
         trajectory: Predicted trajectories; None: not recorded.
         deviations: Deviations of these; None: not recorded.
+        learned: Scenes that took the place of the first; None: there are none.
     """
 
     tracked: Topic
@@ -45,6 +46,7 @@ class Topics:
     start: Topic | None = None
     trajectory: Topic | None = None
     deviations: Topic | None = None
+    learned: Topic | None = None
 
 
 def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = None) -> Topics:
@@ -76,7 +78,11 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
     own_topics = {
         suffix: _of_type(bag.topics.get(names.get(suffix, '')), type_name)
         or _beside(bag, predicted_topic, suffix, type_name)
-        for suffix, type_name in (('step_time', _FLOAT64), ('start', _STRING))
+        for suffix, type_name in (
+            ('step_time', _FLOAT64),
+            ('start', _STRING),
+            ('learned', _STRING),
+        )
     }
     return Topics(
         tracked_topic,
@@ -86,6 +92,7 @@ def find_topics(bag: Bag, tracked: str | None = None, predicted: str | None = No
         own_topics['start'],
         _of_type(bag.topics.get(names.get('trajectory', '')), _TRAJECTORY),
         _of_type(bag.topics.get(names.get('deviations', '')), _TRAJECTORY),
+        own_topics['learned'],
     )
 
 

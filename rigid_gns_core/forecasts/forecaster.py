@@ -189,6 +189,10 @@ class Forecaster:
             self.simulator.check(self.scene, count)
         return sorted({str(warning.message) for warning in caught})
 
+    def take_scene(self, scene: Scene) -> None:
+        """Go on in another scene of spheres of the same size; the period stays."""
+        self.scene = scene
+
     def scene_at(self, ids: Sequence[int] | None, surfaces: Mapping[int, Plane]) -> Scene:
         """Scene of these spheres, with surfaces that bodies carry; see `forecast`."""
         scene = self.scene if ids is None else scene_of(self.scene, ids)

@@ -226,6 +226,17 @@ SIMULATOR = (
         0.0,
         1e6,
     ),
+    ParameterSpec(
+        'learn',
+        False,
+        'fit air, contact laws and spins to its own tracks, and take what predicts better',
+    ),
+    ParameterSpec(
+        'learned_scene',
+        '',
+        'scene file to which ~/save_scene writes what was learned',
+        dynamic=True,
+    ),
     ParameterSpec('record', '', 'folder of the bag to write; must not exist; empty: no recording'),
     ParameterSpec(
         'record_max_size',

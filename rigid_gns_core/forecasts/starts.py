@@ -6,7 +6,7 @@
 A forecast depends on these frames, their noise, the scene and the model alone, and a prediction on
 its forecast and its stamp. So recorded frames and starts reproduce every recorded prediction;
 a start holds the surfaces that bodies carry. Where poses are matched, the ids depend on all frames
-accepted since the last start whose reason is first, reset or restart.
+accepted since the last start whose reason is first, reset, restart or learned.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..errors import shown, UserError
 from ..files.strict_json import parse_json
 from ..scenes.plane import Plane
 
-Reason = Literal['first', 'every', 'diverged', 'reset', 'restart', 'spheres']
+Reason = Literal['first', 'every', 'diverged', 'reset', 'restart', 'spheres', 'learned']
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class Start:
             [ns].
         reason: first: the node's first; every: a newer frame, with `start: every`; diverged: the
             error exceeded its bound; reset: after ~/reset; restart: tracker or clock restarted,
-            the node was paused, or a forecast failed; spheres: the set of spheres changed.
+            the node was paused, or a forecast failed; spheres: the set of spheres changed;
+            learned: a learned scene took the place of the one before.
         ids: Id of each sphere, in the order of predicted poses; None: not recorded.
         noise: Standard deviation of each coordinate of a tracked position [m]; None: not recorded.
         index: Index in the order of recording, over all topics; -1: not recorded.

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -19,6 +19,7 @@ from .replay import replay_starts
 from .short_gaps import complete, fill_short_gaps
 from .tracked_frames import Segmentation, split_at_gaps
 from ..forecasts.forecaster import Forecaster
+from ..forecasts.learned_scene import LearnedScene
 from ..forecasts.starts import Start
 from ..forecasts.window_setup import window_of
 from ..messages.poses import PoseArrayFrame
@@ -119,10 +120,16 @@ class IdentifiedFrames:
         starts: Starts that it recorded.
         window: New window with the node's parameters.
         model: Model that predicted, or another one with its scene.
+        learned: Scenes that took the place of the first.
     """
 
     def __init__(
-        self, tracked: DecodedTopic, starts: list[Start], window: TrackingWindow, model: Forecaster
+        self,
+        tracked: DecodedTopic,
+        starts: list[Start],
+        window: TrackingWindow,
+        model: Forecaster,
+        learned: Sequence[LearnedScene] = (),
     ) -> None:
         self._tracked, self._window, self._model = tracked, window, model
         self._seen: dict[int, _Matched] = {}
@@ -137,7 +144,7 @@ class IdentifiedFrames:
             if found is not None:
                 self._seen[index] = found
 
-        for start, _ in replay_starts(window, tracked, starts, on_frame):
+        for start, _ in replay_starts(window, tracked, starts, on_frame, learned):
             self._epochs[start.index] = epoch
 
     def of(self, start: Start) -> DecodedTopic:

@@ -13,6 +13,7 @@ import numpy as np
 from .prediction_runs import median_period, split_by_start
 from ..bags.reader import BagError, Topic
 from ..errors import UserError
+from ..forecasts.learned_scene import LearnedScene
 from ..forecasts.starts import Start
 from ..messages.poses import decode_string, MessageError, PoseArrayFrame
 from ..messages.trajectories import decode_trajectory, FutureFrame
@@ -37,6 +38,23 @@ def recorded_starts(topic: Topic | None) -> list[Start]:
                 f'message {len(starts)} of {topic.name} is no start of a forecast: {error}'
             ) from error
     return sorted(starts, key=lambda start: start.index)
+
+
+def recorded_learned(topic: Topic | None) -> list[LearnedScene]:
+    """Scenes on the topic ~/learned in the order of recording; none without such a topic.
+
+    Raises:
+        BagError: A message is no such scene.
+    """
+    found = []
+    for message, record_index in zip(topic.messages, topic.indices, strict=True) if topic else ():
+        try:
+            found.append(LearnedScene.from_json(decode_string(message), int(record_index)))
+        except UserError as error:
+            raise BagError(
+                f'message {len(found)} of {topic.name if topic else ""} is no scene: {error}'
+            ) from error
+    return sorted(found, key=lambda one: one.index)
 
 
 def starts_of(starts: Sequence[Start], frames: list[PoseArrayFrame], indices: Stamps) -> Stamps:

@@ -5,18 +5,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
 
 from .decoded_topic import DecodedTopic
+from ..forecasts.learned_scene import LearnedScene
 from ..forecasts.starts import Start
 from ..tracking.usable_frames import RejectedFrame, seconds
 from ..tracking.window import TrackingWindow
 
 # reasons of starts before which the node had emptied its window
-_FROM_NOTHING = ('first', 'reset', 'restart')
+_FROM_NOTHING = ('first', 'reset', 'restart', 'learned')
 _MOST_TRIED = 20  # frames before the window from which such a start is attempted
 
 
@@ -25,6 +26,8 @@ def replay_starts(
     tracked: DecodedTopic,
     starts: list[Start],
     on_frame: Callable[[int, int], None] = lambda _frame, _epoch: None,
+    learned: Sequence[LearnedScene] = (),
+    on_learned: Callable[[LearnedScene], None] = lambda _: None,
 ) -> Iterator[tuple[Start, str]]:
     """Replay the frames up to each start in turn, and yield it with the window in its state.
 
@@ -35,6 +38,8 @@ def replay_starts(
         on_frame: Called with the index of each replayed frame and the epoch of the window; a new
             epoch begins where the window was emptied. A frame that turns out to be of another
             epoch is replayed, and passed, again.
+        learned: Scenes that took the place of the first, in the order of recording.
+        on_learned: Called with each of them where it comes.
 
     Yields:
             The start, and why the window does not give it; empty: it does.
@@ -52,7 +57,14 @@ def replay_starts(
 
     newest_of: dict[int, int] = {}  # index of the newest frame with each stamp
     replayed = epoch = 0
+    changes = list(learned)
     for start in starts:
+        while changes and changes[0].index < start.index:
+            end = int(np.searchsorted(indices, changes[0].index))
+            replay(replayed, end)
+            replayed = max(replayed, end)
+            window.take_scene(changes[0].scene)
+            on_learned(changes.pop(0))
         end = int(np.searchsorted(indices, start.index))
         newest_of |= {frames[index].stamp_ns: index for index in range(replayed, end)}
         missing = [stamp for stamp in start.window_ns if stamp not in newest_of]

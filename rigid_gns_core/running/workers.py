@@ -87,7 +87,7 @@ class Workers:
         from joblib import delayed, Parallel, parallel_config
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        own = {'initializer': _leave_with_parent} if self.here else {}
+        own = {'initializer': leave_with_parent} if self.here else {}
         with self._connected():
             with parallel_config(self.backend, n_jobs=processes, **own):
                 parallel = Parallel(
@@ -120,7 +120,7 @@ class Workers:
         return client
 
 
-def _leave_with_parent() -> None:
+def leave_with_parent() -> None:
     """End this process as soon as its parent is gone, not only after its work."""
     parent = os.getppid()
 

@@ -78,6 +78,7 @@ class TrackingWindow:
         max_speed: float | None = None,
     ) -> None:
         warm_up()
+        self._noise_given = noise
         self._laws = None if scene is None else SceneLaws.of(scene)
         if self._laws is not None:
             warm_up_laws()
@@ -172,6 +173,25 @@ class TrackingWindow:
         self._order.clear()
         self._repeats.clear()
         self._set_tracks(_NO_TRACKS)
+
+    def take_scene(self, scene: Scene) -> None:
+        """Go on in another scene of the same spheres, without frames and tracks."""
+        self._laws = laws = SceneLaws.of(scene)
+        learned = None if laws is None else laws.noise
+        self.settings = replace(
+            self.settings,
+            environment=Environment.of(scene),
+            noise=learned if self._noise_given is None else self._noise_given,
+            memory=0.0 if laws is None else laws.memory,
+        )
+        self.clear()
+
+    def newest(self) -> tuple[int, Array]:
+        """Stamp [ns] of the newest frame, and measured centres, NaN where not seen, (n, 3)."""
+        tracks = self._tracks
+        return int(tracks.stamps[-1]), np.where(
+            tracks.seen[-1, :, None], tracks.poses[-1, :, :3], np.nan
+        )
 
     def add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         """Add the next frame, which arrived at `now_ns` of the node's clock.

@@ -46,3 +46,12 @@ class LostMessages:
         lost = 0 if before is None else number - before - 1
         self.total += lost
         return lost
+
+
+def lost_text(topic: str, depth: int, total: int) -> str:
+    """What to do about messages that were lost, `total` so far, with a queue of `depth`."""
+    return (
+        f'tracked messages were lost on the way or in the queue, {total} so far; where the node '
+        f'is too busy to take them in time, give it a longer queue than {depth}: '
+        f'-p qos_overrides.{topic}.subscription.depth:=50'
+    )

@@ -1,13 +1,19 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tracker that is slow or gone: said, and predictions stop where that is wanted."""
+"""A tracker that is slow, gone or restarted: said, and predictions stop where that is wanted."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from rigid_gns_core.tracking.usable_frames import RESTART_FRAMES
 from rigid_gns_core.tracking.window import TrackingWindow
+
+RESTARTED = (
+    f'the tracker has restarted, or its clock was set: {RESTART_FRAMES} frames in a row have '
+    'stamps that rise, but do not follow the earlier ones; starting again from them'
+)
 
 
 class Silence:

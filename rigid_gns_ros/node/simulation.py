@@ -11,6 +11,7 @@ from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
+from rigid_gns_core.forecasts.learned_scene import LearnedScene
 from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.forecasts.starts import Reason, Start
@@ -32,11 +33,13 @@ from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
 from .inputs import Convert, inputs_of
+from .learning import Learning
+from .lost_messages import lost_text
 from .markers import MarkerPublisher
 from .moving_surfaces import Bodies
 from .odd_parameters import odd_parameters
 from .odd_poses import OddPoses
-from .silence import Silence, too_slow
+from .silence import RESTARTED, Silence, too_slow
 from .throttle import Warner
 from .topics import NodeTopics
 from .transforms import Transforms
@@ -89,6 +92,9 @@ class Simulation:
         )
         self.surfaces = surfaces
         self._bodies = Bodies(surfaces, self._frame_id, self._now, self.warn)
+        self.learning = Learning(
+            model, self.window, self._take_scene, node.get_logger(), on=bool(parameters['learn'])
+        )
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
@@ -139,6 +145,7 @@ class Simulation:
         """Stop and finish the bag; a line of counts, for the log."""
         self._alarm.cancel()
         self.futures.close()
+        self.learning.close()
         bag = self.topics.close()
         counts = {**self.predictor.counts, 'rejected': self.diagnostics.rejected}
         text = ', '.join(f'{count} {name}' for name, count in counts.items())
@@ -172,6 +179,7 @@ class Simulation:
         self._take(cdr, frame, self._now())
 
     def _take(self, cdr: bytes, frame: PoseArrayFrame, now: int) -> None:
+        self.learning.before(frame.stamp_ns, now)
         try:
             restarted = self.window.add(frame, now)
         except UserError as error:
@@ -192,12 +200,8 @@ class Simulation:
         if restarted:
             self._odd.clear()
             self._stop('restart')
-            self.warn(
-                'restarted',
-                f'the tracker has restarted, or its clock was set: {RESTART_FRAMES} frames in a '
-                'row have stamps that rise, but do not follow the earlier ones; starting again '
-                'from them',
-            )
+            self.warn('restarted', RESTARTED)
+        self.learning.after()
         if self.window.full:
             self._follow(now)
         elif self.window.count is None and self.predictor.forecast is not None:
@@ -207,15 +211,17 @@ class Simulation:
         self.diagnostics.frame_rejected(str(error))
         self.warn(getattr(error, 'kind', 'bytes'), f'tracked message rejected: {error}')
 
+    def _take_scene(self, learned: LearnedScene) -> None:
+        """Go on in a learned scene; what was recorded before the event is of the one before."""
+        self._model.take_scene(learned.scene)
+        self.window.take_scene(learned.scene)
+        self.topics.send(self.topics.learned, encode_string(learned.json))
+        self.forget('learned')
+
     def _on_lost(self, topic: str, depth: int, count: int, total: int) -> None:
         """Note tracked messages that never came to `on_tracked`."""
         self.diagnostics.frames_lost(count)
-        self.warn(
-            'lost',
-            f'tracked messages were lost on the way or in the queue, {total} so far; where the '
-            f'node is too busy to take them in time, give it a longer queue than {depth}: '
-            f'-p qos_overrides.{topic}.subscription.depth:=50',
-        )
+        self.warn('lost', lost_text(topic, depth, total))
 
     def _tracker_is_gone(self, now: int) -> bool:
         """Say that no tracked frames come; whether the predictions were stopped for it."""
@@ -396,7 +402,7 @@ class Simulation:
             horizon=self.futures.seconds,
             bag=bag,
             size=size,
-            others=self._bodies.status(self.window.stamp_ns),
+            others=[*self._bodies.status(self.window.stamp_ns), *self.learning.status()],
         )
         cdr = encode_diagnostics(self._now(), statuses)
         self.topics.send(self.topics.diagnostics, cdr)

@@ -10,6 +10,7 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
+from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster, with_gravity_along
 from rigid_gns_core.forecasts.moving_surfaces import bodies_of, MovingSurfaces
@@ -62,6 +63,7 @@ class SimulatorNode(ClosingNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
+        self.create_service(Trigger, '~/save_scene', self._on_save)
         self._jump_handle = on_jump(self, self.simulation.on_clock_jump)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DIAGNOSTICS_PERIOD, self.simulation.report, clock=steady)
@@ -121,6 +123,15 @@ class SimulatorNode(ClosingNode):
             simulation.publish(prediction)
             if not predictor.every:
                 simulation.compute()
+        return response
+
+    def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        path = str(self.get_parameter('learned_scene').value)
+        try:
+            response.message = self.simulation.learning.save(path)
+            response.success = True
+        except (OSError, UserError) as error:
+            response.message = str(error)
         return response
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:

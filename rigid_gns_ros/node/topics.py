@@ -108,6 +108,7 @@ class NodeTopics:
             MarkerArray, '~/surfaces', depth=1, latched=True, recorded=False
         )
         self.start = self._publisher(String, '~/start', depth=1, latched=True)
+        self.learned = self._publisher(String, '~/learned', depth=1, latched=True)
         self.step_time = self._publisher(Float64, '~/step_time')
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
         self._inputs: list[Input] = []
@@ -131,6 +132,7 @@ class NodeTopics:
             'branches': self.branches.topic_name,
             'crossings': self.crossings.topic_name,
             'start': self.start.topic_name,
+            'learned': self.learned.topic_name,
             'step_time': self.step_time.topic_name,
             'diagnostics': self.diagnostics.topic_name,
         }

@@ -20,6 +20,7 @@ from ..prediction_runs import AlignmentError, ranked_runs, Run
 from ..recorded_forecasts import (
     predictions_by_forecast,
     recorded_futures,
+    recorded_learned,
     recorded_starts,
     RecordedForecast,
     starts_of,
@@ -28,6 +29,7 @@ from ..tracked_frames import Passes
 from ..units import check_topic_units
 from ...bags.reader import Bag
 from ...bags.topics import Topics
+from ...forecasts.learned_scene import LearnedScene
 from ...forecasts.starts import Start
 from ...scenes.scene import Scene
 from ...scenes.state import Trajectory
@@ -60,7 +62,8 @@ def score_predictions(bag: Bag, topics: Topics, scene: Scene) -> BagScore:
     )
     radius = float(np.max(scene.radius))
     check_topic_units(all_tracked, scene, f'{bag.path}: {topics.tracked.name}')
-    identified = _identified(all_tracked, starts, scene, recorded)
+    learned = recorded_learned(topics.learned)
+    identified = _identified(all_tracked, starts, scene, recorded, learned)
 
     def tracked_beside(run: Run) -> DecodedTopic:
         if identified and chosen is not None and chosen[run.part.start] >= 0:
@@ -153,7 +156,11 @@ def _sphere_sets(starts: list[Start]) -> Stamps:
 
 
 def _identified(
-    tracked: DecodedTopic, starts: list[Start], scene: Scene, recorded: dict[str, Any]
+    tracked: DecodedTopic,
+    starts: list[Start],
+    scene: Scene,
+    recorded: dict[str, Any],
+    learned: list[LearnedScene],
 ) -> IdentifiedFrames | None:
     """Tracked frames with their association; None where poses kept their order."""
     parameters = recorded.get('parameters', {})
@@ -166,7 +173,7 @@ def _identified(
     from ...forecasts.window_setup import window_of
 
     model = Forecaster(find_recorded_model(recorded, None, 'the bag'), scene)
-    return IdentifiedFrames(tracked, starts, window_of(model, parameters), model)
+    return IdentifiedFrames(tracked, starts, window_of(model, parameters), model, learned)
 
 
 def _horizon_errors(

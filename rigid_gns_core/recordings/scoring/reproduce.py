@@ -16,7 +16,7 @@ import numpy as np
 
 from ..decoded_topic import decode_topic, DecodedTopic
 from ..prediction_runs import split_by_start
-from ..recorded_forecasts import recorded_starts, starts_of
+from ..recorded_forecasts import recorded_learned, recorded_starts, starts_of
 from ..recorded_simulators import find_recorded_model
 from ..replay import replay_starts
 from ...bags.reader import Bag, BagError, Topic
@@ -105,7 +105,14 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
         starts, chosen = _first_start(model_in_scene, predictions, tracked, parameters, result)
     messages = _whole_messages(topics.predicted)
     window = window_of(model_in_scene, parameters)
-    for index, (start, error) in enumerate(replay_starts(window, tracked, starts)):
+    replay = replay_starts(
+        window,
+        tracked,
+        starts,
+        learned=recorded_learned(topics.learned),
+        on_learned=lambda learned: model_in_scene.take_scene(learned.scene),
+    )
+    for index, (start, error) in enumerate(replay):
         own = np.flatnonzero(chosen == index)
         if not len(own):
             continue

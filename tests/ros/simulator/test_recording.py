@@ -47,6 +47,7 @@ def test_the_scene_is_latched(simulated: Simulated) -> None:
         'branches': '/simulator/branches',
         'crossings': '/simulator/crossings',
         'start': '/simulator/start',
+        'learned': '/simulator/learned',
         'step_time': '/simulator/step_time',
         'diagnostics': '/diagnostics',
     }
