@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .left_out import windows
+from .left_out import CLOSE, windows
 from .parameters import Laws
 from .stretches import Stretch
 from ..scenes.correction import Correction, PARTS
@@ -31,9 +31,8 @@ from ..tracking.ball_estimate import estimate_ball, forecast_ball
 from ..tracking.start_correction import features_of, kernel, roots_of, StartCorrection
 from ..tracking.start_prior import StartPrior
 
-# starts are so far apart, and the first is so long after the begin of a piece [s]; most of a piece
-# and of all
-_EVERY, _PIECE, _MOST = 0.1, 30, 400
+# most starts of all
+_MOST = 400
 # b, f [m/s], see `start_correction`; with half and with twice these, errors on left-out tracks are
 # 1 to 2 % larger
 _BANDWIDTH, _FLOOR = 0.5, 0.05
@@ -77,7 +76,7 @@ def missed_by(
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
         radius = np.array([model.radius])
-        for inside, nearest, _ in windows(one, memory, _EVERY, _EVERY, _PIECE):
+        for inside, nearest, _ in windows(one, memory, *CLOSE):
             estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
             if estimate.on != FREE:
                 continue

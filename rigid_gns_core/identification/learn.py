@@ -219,13 +219,13 @@ def _finish(
         for name in setup.names
     }
     noise, drift, impact = (float(f'{value:.4g}') for value in setup.noise)
-    spread, ahead, kick = (float(f'{value:.4g}') for value in coverage)
+    spread, ahead, kick, open_ = (float(f'{value:.4g}') for value in coverage)
     tracker = Tracker(
         noise=noise,
         drift=drift,
         impact=impact,
         spread=spread,
-        forecast_drift=0.0,
+        forecast_drift=open_,
         forecast_acceleration=ahead,
         forecast_impact=kick,
         memory=setup.memory,

@@ -25,6 +25,8 @@ HORIZONS = (0.2, 0.4, 0.6, 1.0)  # [s]
 _APART, _FRAMES = 0.01, 0.6
 # most windows of a piece
 _MOST = 10
+# begin [s], distance [s] and most windows of a piece where many are needed, short ones, too
+CLOSE = (0.1, 0.1, 30)
 
 
 @dataclass(frozen=True)
@@ -87,15 +89,15 @@ def forecasts(
 ) -> list[Forecast]:
     """Forecasts from all windows of some pieces of tracks, each of `memory` seconds [s] at most.
 
-    Their covariances are by slopes, or by as many paths from drawn states as `samples` says. Their
-    starts are corrected as `correction` says for the number of a track.
+    Their covariances are by slopes, or by as many paths from drawn states as `samples` says; then
+    windows are close. Their starts are corrected as `correction` says for the number of a track.
     """
     models = laws.models_at(values)
     result: list[Forecast] = []
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
         own = None if correction is None else correction(one.track)
-        for inside, nearest, first in windows(one, memory):
+        for inside, nearest, first in windows(one, memory, *(CLOSE if samples else ())):
             estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
             if own is not None and estimate.on == FREE:
                 state, spread = estimate.state[None], estimate.covariance[None]

@@ -105,7 +105,7 @@ def test_coverage_widens_what_is_too_narrow() -> None:
         Forecast(0, True, 0.4, 0.4, 3.0 * rng.normal(0.0, 0.01, 3), 0, 1e-4 * np.eye(3))
         for _ in range(800)
     ]
-    (spread, off, _), held = fit_coverage(found, np.array([1e-3, 1e-4, 0.02]))
+    (spread, off, _, _), held = fit_coverage(found, np.array([1e-3, 1e-4, 0.02]))
     _, half, most = held['0.4']
     assert abs(half - 0.5) < 0.03 and abs(most - 0.9) < 0.03
     assert 5.0 < spread + (0.5 * off * 0.4**2) ** 2 / 1e-4 < 13.0
@@ -124,7 +124,7 @@ def test_coverage_holds_where_laws_are_slightly_wrong_and_some_forecasts_fail() 
         if k % 40 < 2:
             off += rng.normal(0.0, 1.0, 3)
         found.append(Forecast(0, True, horizon, horizon, off, 0, 0.005**2 * np.eye(3)))
-    (_, off, _), held = fit_coverage(found, np.array([1e-3, 1e-3, 0.02]))
+    (_, off, _, _), held = fit_coverage(found, np.array([1e-3, 1e-3, 0.02]))
     assert 0.3 < off < 0.9
     for _, half, most in held.values():
         assert abs(half - 0.5) < 0.07 and abs(most - 0.9) < 0.07
