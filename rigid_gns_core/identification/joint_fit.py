@@ -33,6 +33,8 @@ _MOST_DAMPING = 1e4
 _SCANNED = (0.35, 0.5, 0.7, 1.4)
 # a stretch that is met has this loss per coordinate at most; factor of growth of a first fit
 _MET, _GROWTH = 3.0, 1.4
+# loss per coordinate of a start whose path cannot be fitted
+_LOST = 1e6
 
 
 @dataclass
@@ -211,29 +213,32 @@ class JointFit(Problem):
         point = start.copy()
         information, end, covariance = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9))
         m = len(one.times)
-        loss, _, _ = fit_start(
-            point,
-            self.means[k],
-            self.precisions[k],
-            self.varied,
-            one.times[0],
-            one.times,
-            one.positions,
-            model.ball,
-            model.planes,
-            model.laws,
-            one.on,
-            self.noise,
-            first,
-            _GROWTH,
-            15 if first < m else 6,
-            np.inf,
-            self.weights[k],
-            information,
-            end,
-            covariance,
-            np.zeros((MOST_CONTACTS, 3)),
-        )
+        try:
+            loss, _, _ = fit_start(
+                point,
+                self.means[k],
+                self.precisions[k],
+                self.varied,
+                one.times[0],
+                one.times,
+                one.positions,
+                model.ball,
+                model.planes,
+                model.laws,
+                one.on,
+                self.noise,
+                first,
+                _GROWTH,
+                15 if first < m else 6,
+                np.inf,
+                self.weights[k],
+                information,
+                end,
+                covariance,
+                np.zeros((MOST_CONTACTS, 3)),
+            )
+        except np.linalg.LinAlgError:  # slopes through hundreds of slow impacts overflow
+            return start.copy(), _LOST * 3 * m
         apart = point - self.means[k]
         return point, loss * 3 * m + float(apart @ self.precisions[k] @ apart)
 

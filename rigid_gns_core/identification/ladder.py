@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .correction_fit import CorrectionFit, Missed, missed_by
 from .joint_fit import Fitted, JointFit
-from .left_out import Forecast, forecasts, scores, table_row
+from .left_out import CLOSE, Forecast, forecasts, scores, table_row, USUAL
 from .noise_fit import fit_noise, known_stretches
 from .parameters import Laws
 from .problem import SpinPrior
@@ -154,24 +154,19 @@ class Ladder:
             return None
         folds = [replace(fold) for fold in self.folds]
         found = self._predict(setup, folds)
-        kept = self._judge(rung.name, setup.noise[0], found, most, bars)
+        change, deviation = paired(found, self.best, setup.noise[0])
+        kept = change + bars * deviation <= most
+        self._note(rung.name, kept, change, deviation, found)
         if kept:
             self.setup, self.folds, self.best = setup, folds, found
             self.visited.append((setup, folds, found))
         return kept
 
-    def _judge(
-        self, name: str, noise: float, found: list[Forecast], most: float, bars: float
-    ) -> bool:
-        change, deviation = paired(found, self.best, noise)
-        kept = change + bars * deviation <= most
-        self._note(name, kept, change, deviation, found)
-        return kept
-
     def correct(self) -> bool | None:
         """Correct starts by what forecasts of other left-out tracks missed, as `climb` a term.
 
-        All that is kept of the laws is kept: this is learned on top of it. None: too few starts.
+        All that is kept of the laws is kept: this is learned on top of it, and judged by close
+        windows, short ones, too. None: too few starts.
         """
         noise = np.array(self.setup.noise)
         missed: list[Missed] = []
@@ -182,17 +177,25 @@ class Ladder:
         if len(missed) < _FEWEST_STARTS or self.setup.spin == 'none':
             return None
         correction = CorrectionFit(missed, self.setup.noise[0])
-        found = self.drawn(0, correction)
-        if kept := self._judge('correction of starts', noise[0], found, -_WORTH, 1.0):
-            self.correction, self.best = correction, found
-        return kept
+        before, after = self.drawn(None, CLOSE), self.drawn(correction, CLOSE)
+        change, deviation = paired(after, before, noise[0])
+        if worth := change + deviation <= -_WORTH:
+            self.correction = correction
+        self._note('correction of starts', worth, change, deviation, self.drawn(correction))
+        return worth
 
-    def drawn(self, samples: int, correction: CorrectionFit | None) -> list[Forecast]:
-        """Left-out forecasts of the terms kept, with covariances by drawn states.
+    def drawn(
+        self,
+        correction: CorrectionFit | None,
+        spacing: tuple[float, float, int] = USUAL,
+        samples: int = 0,
+    ) -> list[Forecast]:
+        """Left-out forecasts of the terms kept.
 
         Args:
-            samples: Number of states drawn; 0: covariances by slopes.
             correction: Of starts: of each track by that of the others.
+            spacing: Of the windows, see `left_out`.
+            samples: Number of states drawn for their covariances; 0: by slopes.
         """
         found = []
         for fold in self.folds:
@@ -207,6 +210,7 @@ class Ladder:
                 fold.outside,
                 samples,
                 None if correction is None else correction.without,
+                spacing,
             )
         return found
 

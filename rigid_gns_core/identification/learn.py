@@ -17,6 +17,7 @@ from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
 from .joint_fit import Fitted
 from .ladder import fit_setup, Fold, Ladder, Setup, Tried
+from .left_out import CLOSE
 from .parameters import Laws
 from .stretches import pieces, Stretch, stretches
 from .terms import core_terms, further_terms, Met, met_by
@@ -206,7 +207,9 @@ def _finish(
     ladder: Ladder, laws: Laws, met: Met, every: Sequence[Stretch], tracks: int
 ) -> Learned:
     setup = ladder.setup
-    coverage, held = fit_coverage(ladder.drawn(_SAMPLES, ladder.correction), np.array(setup.noise))
+    coverage, held = fit_coverage(
+        ladder.drawn(ladder.correction, CLOSE, _SAMPLES), np.array(setup.noise)
+    )
     for name in setup.names:  # the last fit begins where the folds agree
         laws.shown[name] = float(
             np.median([fold.fitted.values[name] for fold in ladder.folds if fold.fitted])

@@ -19,13 +19,12 @@ from ..tracking.ball_estimate import estimate_ball, forecast_ball, sampled_covar
 from ..tracking.start_correction import StartCorrection
 from ..tracking.start_prior import StartPrior
 
-WINDOW, EVERY = 0.2, 0.2  # [s]
 HORIZONS = (0.2, 0.4, 0.6, 1.0)  # [s]
 # a frame is compared with a horizon no farther off than this [s], [median intervals]
 _APART, _FRAMES = 0.01, 0.6
-# most windows of a piece
-_MOST = 10
-# begin [s], distance [s] and most windows of a piece where many are needed, short ones, too
+# windows of a piece: the time before the first ends [s], from one to the next [s], and most of
+# them; and where many are needed, short ones, too
+USUAL = (0.2, 0.2, 10)
 CLOSE = (0.1, 0.1, 30)
 
 
@@ -55,7 +54,7 @@ class Forecast:
 
 
 def windows(
-    one: Stretch, memory: float, begin: float = WINDOW, every: float = EVERY, most: int = _MOST
+    one: Stretch, memory: float, begin: float, every: float, most: int
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], bool]]:
     """Frames of the windows of a piece, the frames to compare with by horizon, and if it is first.
 
@@ -86,18 +85,19 @@ def forecasts(
     found: Sequence[Stretch],
     samples: int = 0,
     correction: Callable[[int], StartCorrection] | None = None,
+    spacing: tuple[float, float, int] = USUAL,
 ) -> list[Forecast]:
     """Forecasts from all windows of some pieces of tracks, each of `memory` seconds [s] at most.
 
-    Their covariances are by slopes, or by as many paths from drawn states as `samples` says; then
-    windows are close. Their starts are corrected as `correction` says for the number of a track.
+    Their covariances are by slopes, or by as many paths from drawn states as `samples` says. Their
+    starts are corrected as `correction` says for the number of a track.
     """
     models = laws.models_at(values)
     result: list[Forecast] = []
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
         own = None if correction is None else correction(one.track)
-        for inside, nearest, first in windows(one, memory, *(CLOSE if samples else ())):
+        for inside, nearest, first in windows(one, memory, *spacing):
             estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
             if own is not None and estimate.on == FREE:
                 state, spread = estimate.state[None], estimate.covariance[None]
