@@ -31,18 +31,22 @@ class Body:
 
     Args:
         surfaces: Their indices in the scene.
-        pose: Topic of its poses, geometry_msgs/PoseStamped; empty: only `plan` says where it is.
+        pose: Topic of its poses, geometry_msgs/PoseStamped; empty: `frame` or `plan` says where
+            it is.
+        frame: Its frame of tf; empty: none.
         twist: Topic of its twists, geometry_msgs/TwistStamped; empty: estimated from the poses.
         plan: Topic of plans, trajectory_msgs/MultiDOFJointTrajectory; empty: none.
         span: Time of the newest poses from which a twist is estimated [s].
         timeout: A body whose newest pose is older is taken as at rest [s].
 
     Raises:
-        UserError: It has no surface, neither poses nor plan, or a time is not above 0.
+        UserError: It has no surface, neither poses nor plan, both topic and frame, or a time is
+            not above 0.
     """
 
     surfaces: tuple[int, ...]
     pose: str = ''
+    frame: str = ''
     twist: str = ''
     plan: str = ''
     span: float = 0.05
@@ -51,14 +55,21 @@ class Body:
     def __post_init__(self) -> None:
         if not self.surfaces:
             raise UserError('surfaces is empty, expected indices of surfaces in the scene')
-        if not self.pose and not self.plan:
-            raise UserError('neither pose nor plan names a topic; one must say where it is')
-        if self.twist and not self.pose:
-            raise UserError('twist names a topic, but pose none; a twist moves a pose')
+        if not self.pose and not self.frame and not self.plan:
+            raise UserError('none of pose, frame and plan is given; one must say where it is')
+        if self.pose and self.frame:
+            raise UserError('pose and frame both say where it is; give one of them')
+        if self.twist and not self.pose and not self.frame:
+            raise UserError('twist is given, but neither pose nor frame; a twist moves a pose')
         for name in ('span', 'timeout'):
             value = getattr(self, name)
             if not 0.0 < value < 3600.0:
                 raise UserError(f'{name} is {value:g} s, expected more than 0 and below 3600')
+
+    @property
+    def where(self) -> str:
+        """What says where it is, for messages."""
+        return self.pose or (f'/tf as {self.frame!r}' if self.frame else self.plan)
 
 
 def bodies_of(text: str) -> dict[str, Body]:
@@ -83,6 +94,7 @@ def bodies_of(text: str) -> dict[str, Body]:
     for what, values in (
         ('surface', [index for body in bodies.values() for index in body.surfaces]),
         ('topic', [t for b in bodies.values() for t in (b.pose, b.twist, b.plan) if t]),
+        ('frame', [body.frame for body in bodies.values() if body.frame]),
     ):
         twice = [value for k, value in enumerate(values) if value in values[:k]]
         if twice:
@@ -152,8 +164,8 @@ class MovingSurfaces:
         for name, track in self.tracks.items():
             motion = track.at(stamp_ns)
             if motion is None:
-                body = self.bodies[name]
-                raise UserError(f'nothing has come for {name} on {body.pose or body.plan} yet')
+                where = self.bodies[name].where
+                raise UserError(f'nothing has come for {name} on {where} yet')
             found |= {index: carried(plane, motion) for index, plane in self._own[name].items()}
         return dict(sorted(found.items()))
 

@@ -17,7 +17,10 @@ from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
 from rigid_gns_core.messages.diagnostics import OK, Status, WARN
 from rigid_gns_core.messages.stamped import decode_pose_stamped, decode_twist_stamped
 from rigid_gns_core.messages.trajectories import decode_trajectory
+from rigid_gns_core.scenes.state import Array
 from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from .transforms import Transforms
 
 # topic, message type, and what takes a message: whether it was accepted
 Listener = tuple[str, Any, Callable[[bytes], bool]]
@@ -59,6 +62,12 @@ class Bodies:
             if (topic := getattr(body, role))
         ]
 
+    def follow(self, transforms: Transforms) -> None:
+        """Hear where the bodies are that are frames of tf; UserError: tf cannot be heard."""
+        frames = [body.frame for body in self._surfaces.bodies.values() if body.frame]
+        if frames:
+            transforms.watch(frames, self._take_frame)
+
     def ready(self, stamp_ns: int) -> bool:
         """Whether all bodies are known at a tracked frame; warnings name those that are not."""
         self._watch(stamp_ns)
@@ -67,7 +76,7 @@ class Bodies:
             self._warn(
                 f'{name} unknown',
                 f'nothing is predicted, as nothing has come for {name} on '
-                f'{body.pose or body.plan} yet (parameter moving_surfaces)',
+                f'{body.where} yet (parameter moving_surfaces)',
             )
             return False
         return True
@@ -104,16 +113,25 @@ class Bodies:
         body, track = self._surfaces.bodies[name], self._surfaces.tracks[name]
         age = track.age(stamp_ns)
         planned = track.plan is not None and track.plan.at(stamp_ns) is not None
-        if not body.pose or not track.known or planned or abs(age) <= body.timeout:
+        sent = body.pose or body.frame
+        if not sent or not track.known or planned or abs(age) <= body.timeout:
             return ''
         if not np.isfinite(age):
-            return f'no pose has come on {body.pose}'
+            return f'no pose has come on {body.where}'
         way = 'older' if age > 0 else 'newer'
-        return f'its newest pose on {body.pose} is {abs(age):.3g} s {way} than the tracked frame'
+        return f'its newest pose on {body.where} is {abs(age):.3g} s {way} than the tracked frame'
 
     def _take(self, name: str, role: str, take: Callable[[str, bytes], None], cdr: bytes) -> bool:
+        return self._try(name, role, lambda: take(name, cdr))
+
+    def _take_frame(self, frame: str, stamp_ns: int, pose: Array) -> None:
+        name = next(name for name, body in self._surfaces.bodies.items() if body.frame == frame)
+        track = self._surfaces.tracks[name]
+        self._try(name, 'pose', lambda: track.add_pose(stamp_ns, pose))
+
+    def _try(self, name: str, role: str, take: Callable[[], None]) -> bool:
         try:
-            take(name, cdr)
+            take()
         except UserError as error:
             self._rejected[name] += 1
             self._warn(f'{name} {role}', f'{role} of {name} rejected: {error}')

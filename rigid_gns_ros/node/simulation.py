@@ -138,6 +138,7 @@ class Simulation:
             surfaces=surfaces.at,
             parameters=parameters,
         )
+        self._bodies.follow(self._transforms)
         for text in odd_parameters(parameters):
             node.get_logger().warning(text)
 

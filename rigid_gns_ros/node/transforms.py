@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.messages.transforms import decode_transforms, Transform
+from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.tracking.rejected_frame import RejectedFrame
 from rigid_gns_core.tracking.single_balls import SingleBalls
 from rigid_gns_core.tracking.transform_buffer import NoTransform, TransformBuffer
@@ -57,6 +59,8 @@ class Transforms:
         self._balls: dict[str, int] = {}  # by frame of tf
         self._together = SingleBalls(0)
         self._take_balls: Callable[[bytes], None]
+        self._watched: dict[str, int] = {}  # newest stamp that was told, by frame of tf [ns]
+        self._told: Callable[[str, int, Array], None]
         if self._kind is not None:
             self._hear('/tf_static', static=True)
 
@@ -74,6 +78,24 @@ class Transforms:
             raise UserError("parameter tracker is 'tf', which needs the ROS package tf2_msgs")
         self._balls = {name: ball for ball, name in enumerate(balls)}
         self._together, self._take_balls = SingleBalls(len(balls)), take
+        self._hear_all()
+
+    def watch(self, frames: Sequence[str], told: Callable[[str, int, Array], None]) -> None:
+        """Tell where frames of tf are in the scene's coordinate frame, with each message on /tf.
+
+        Args:
+            frames: Their names.
+            told: Called with a name, a stamp [ns] and a pose, shape (7,).
+
+        Raises:
+            UserError: tf cannot be heard.
+        """
+        if self._kind is None:
+            raise UserError(
+                f'moving_surfaces has the frame {frames[0]!r} of tf, which needs the ROS package '
+                'tf2_msgs'
+            )
+        self._watched, self._told = dict.fromkeys(frames, -1), told
         self._hear_all()
 
     def put(self, frame: PoseArrayFrame) -> None:
@@ -135,6 +157,8 @@ class Transforms:
         if problem := self.buffer.add(transforms, static=static):
             self._warn('tf', f'on {"/tf_static" if static else "/tf"} {problem}')
         self.resolve()
+        for stamp in () if static else sorted({one.stamp_ns for one in transforms}):
+            self._look(stamp)
         for one in () if static else transforms:
             ball = self._balls.get(one.child.lstrip('/'))
             if ball is None:
@@ -142,6 +166,16 @@ class Transforms:
             cdr = self._together.add(ball, one.stamp_ns, one.parent.lstrip('/'), one.pose)
             if cdr is not None:
                 self._take_balls(cdr)
+
+    def _look(self, stamp_ns: int) -> None:
+        """Tell where the watched frames are at a time, as far as that is known by now."""
+        for name, newest in self._watched.items():
+            if stamp_ns == newest:
+                continue
+            with suppress(NoTransform):
+                pose = self.buffer.lookup(self._frame_id, name, stamp_ns)
+                self._watched[name] = stamp_ns
+                self._told(name, stamp_ns, pose)
 
 
 def _message_type() -> Any:

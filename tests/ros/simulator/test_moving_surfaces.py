@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import json
 from pathlib import Path
+import sys
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Transform, TwistStamped
-from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, TwistStamped
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
 from rigid_gns_core.errors import UserError
@@ -225,6 +226,52 @@ def test_a_plan_tells_the_motion(simulated: Callable[..., Any], tmp_path: Path) 
     check_stroke(stroke.last_future())
 
 
+def test_a_racket_is_a_frame_of_tf(
+    simulated: Callable[..., Any], tmp_path: Path, message_package: Callable[[str], Any]
+) -> None:
+    """A wrist that stands, and a racket in its frame that moves."""
+    tf = message_package('tf2_msgs').TFMessage
+    stroke = Stroke(simulated, tmp_path, 'frame: racket_link', record=str(tmp_path / 'bag'))
+    tester = stroke.setup.bench.tester
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    static, moving = tester.create_publisher(tf, '/tf_static', latched), None
+
+    def link(parent: str, child: str, x: float, z: float, stamp_ns: int) -> Any:
+        found = TransformStamped(child_frame_id=child)
+        found.transform.translation.x, found.transform.translation.z = x, z
+        return stamped(found, stamp_ns, parent)
+
+    static.publish(tf(transforms=[link('world', 'wrist', -2.0, 1.0, 0)]))
+    moving = tester.create_publisher(tf, '/tf', 100)
+    stroke.setup.bench.until(moving.get_subscription_count, 'the node on /tf')
+
+    def racket(stamp_ns: int) -> None:
+        known = pose((stamp_ns - T0) * 1e-9).pose
+        one = link('wrist', 'racket_link', known.position.x + 2.0, 0.0, stamp_ns)
+        one.transform.rotation = known.orientation
+        moving.publish(tf(transforms=[one]))
+        stroke.setup.bench.until(
+            lambda: stroke.track.age(stamp_ns) == 0.0 or stamp_ns == T0, 'the transform'
+        )
+
+    stroke.run(racket)
+    check_stroke(stroke.last_future())
+    stroke.setup.node.close()
+    bag = read_bag(tmp_path / 'bag')
+    result = reproduce(bag, find_topics(bag))
+    assert result.predictions > 0
+    assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result
+
+
+def test_without_tf_a_frame_cannot_be_followed(
+    simulated: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ('tf2_msgs', 'tf2_msgs.msg'):  # as where it is not installed
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(UserError, match="frame 'racket_link' of tf, which needs the ROS package"):
+        Stroke(simulated, tmp_path, 'frame: racket_link')
+
+
 def test_nothing_is_predicted_before_the_racket_is_known(
     simulated: Callable[..., Any], tmp_path: Path, log: Callable[[], str]
 ) -> None:
@@ -300,7 +347,7 @@ def test_messages_that_cannot_be_used_are_said(
 def test_a_surface_that_is_not_there_ends_the_node(bench: Any, tmp_path: Path) -> None:
     with pytest.raises(UserError, match='racket has surface 9, but the scene has 5'):
         bench.add(SimulatorNode, moving_surfaces='racket: {surfaces: [9], pose: racket/pose}')
-    with pytest.raises(UserError, match='neither pose nor plan names a topic'):
+    with pytest.raises(UserError, match='none of pose, frame and plan is given'):
         bench.add(SimulatorNode, moving_surfaces='racket: {surfaces: [1]}')
 
 
