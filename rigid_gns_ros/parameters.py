@@ -57,6 +57,15 @@ def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     return values
 
 
+def declared(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
+    """Present values of the parameters of a table, by name."""
+    values = {spec.name: node.get_parameter(spec.name).value for spec in table}
+    return {
+        spec.name: list(values[spec.name]) if isinstance(spec.default, list) else values[spec.name]
+        for spec in table
+    }
+
+
 def _wanted(default: Value) -> str:
     if isinstance(default, list):
         return f'{len(default)} floats, as {default}'

@@ -258,6 +258,9 @@ SIMULATOR = (
     ),
     ParameterSpec('max_spheres', 1000, 'largest number of spheres accepted', '', 1, 100_000),
     ParameterSpec('threads', 1, 'CPU threads of BLAS, OpenMP and torch', '', 1, 256),
+    ParameterSpec(
+        'autostart', True, 'configure and activate at once; false: a supervisor does, by lifecycle'
+    ),
 )
 
 TRACKER = (

@@ -113,17 +113,34 @@ class Input:
         convert: Convert = lambda cdr: cdr,
     ) -> None:
         self._on_tracked, self._on_lost, self._convert = on_tracked, on_lost, convert
+        self._node = node
         heard: Any = self._heard  # rclpy counts its arguments
-        self.subscription = node.create_subscription(
-            kind, name, heard, profile, raw=True, qos_overriding_options=options
+        self._subscribe = partial(
+            node.create_subscription,
+            *(kind, name, heard, profile),
+            raw=True,
+            qos_overriding_options=options,
         )
-        self.lost = LostMessages(self.subscription.get_publisher_count)
+        self._subscription: Any = None
+        self.open()
+        self.topic = str(node.resolve_topic_name(name))
         self.depth = profile.depth
+
+    def open(self) -> None:
+        """Subscribe, unless it is."""
+        if self._subscription is None:
+            self._subscription = self._subscribe()
+            self.lost = LostMessages(self._subscription.get_publisher_count)
+
+    def close(self) -> None:
+        """Hear nothing until the next `open`."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
 
     def drain(self) -> None:
         """Process all waiting messages; the executor takes one at a time."""
-        own = self.subscription
-        while True:
+        while (own := self._subscription) is not None:
             with own.handle:
                 taken = own.handle.take_message(own.msg_type, own.raw)
             if taken is None:
@@ -133,5 +150,5 @@ class Input:
     def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
         """Take a message, with what rclpy knows of it."""
         if lost := self.lost.take(information.get('publication_sequence_number')):
-            self._on_lost(self.subscription.topic_name, self.depth, lost, self.lost.total)
+            self._on_lost(self.topic, self.depth, lost, self.lost.total)
         self._on_tracked(cdr, self._convert)

@@ -98,6 +98,7 @@ class Simulation:
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
+        self.active = False
         self._odd = OddPoses(model.scene, self.window, self.warn)
         self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
         self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
@@ -106,16 +107,6 @@ class Simulation:
         self._codec = PoseArrayCodec(self._frame_id, 0)
         self._alarm, self._clock = Alarm(node, self._on_due), ClockWatch(node)
         balls = balls_of(str(parameters['balls']), str(parameters['tracker']))
-        self.topics = NodeTopics(
-            node,
-            self.on_tracked,
-            self._on_lost,
-            str(parameters['record']),
-            max_size=float(parameters['record_max_size']),
-            max_duration=float(parameters['record_max_duration']),
-            inputs=inputs_of(str(parameters['tracker']), balls),
-            listeners=self._bodies.listeners,
-        )
         self._transforms = Transforms(
             node,
             self._frame_id,
@@ -126,6 +117,16 @@ class Simulation:
         )
         if parameters['tracker'] == 'tf':
             self._transforms.follow(balls, self.on_tracked)
+        self.topics = NodeTopics(
+            node,
+            self.on_tracked,
+            self._on_lost,
+            str(parameters['record']),
+            max_size=float(parameters['record_max_size']),
+            max_duration=float(parameters['record_max_duration']),
+            inputs=inputs_of(str(parameters['tracker']), balls),
+            listeners=self._bodies.listeners,
+        )
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
             node,
@@ -156,6 +157,8 @@ class Simulation:
 
     def on_tracked(self, cdr: bytes, convert: Convert = lambda cdr: cdr) -> None:
         """Process a message of a tracker, which `convert` makes a PoseArray."""
+        if not self.active:
+            return
         self._check_clock()
         now = self._now()
         try:
@@ -347,6 +350,17 @@ class Simulation:
 
     # --- control ---
 
+    def activate(self) -> None:
+        """Take frames, and predict from them."""
+        self.topics.hear(True)
+        self.active = True
+
+    def deactivate(self) -> None:
+        """Drop frames and predictions, and say nothing until `activate`; the bag stays open."""
+        self.active = False
+        self.topics.hear(False)
+        self.forget('restart')
+
     def pause(self, wanted: bool) -> bool:
         """Pause or resume predictions; whether that changed anything."""
         if wanted == self.paused:
@@ -395,6 +409,8 @@ class Simulation:
 
     def report(self) -> None:
         """Publish diagnostics."""
+        if not self.active:
+            return
         self._transforms.resolve()
         self._tracker_is_gone(self._now())
         bag, size = self.topics.bag, self.topics.recorded_bytes

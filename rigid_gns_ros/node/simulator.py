@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node `simulator`: its parameters, services and clock."""
+"""The node `simulator`: its lifecycle, parameters, services and clock."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 import json
 from typing import Any
 
@@ -21,16 +23,17 @@ from rigid_gns_core.tracking.usable_frames import seconds
 from std_srvs.srv import SetBool, Trigger
 
 from .clock_jumps import on_jump
-from .closing_node import ClosingNode, log_end
+from .closing_node import log_end
+from .managed_node import ManagedNode
 from .markers import encode_surfaces
 from .simulation import Simulation
 from .threads import bound_threads, switch_often
-from ..parameters import declare
+from ..parameters import declare, declared
 
 DIAGNOSTICS_PERIOD = 1.0  # [s] of real time
 
 
-class SimulatorNode(ClosingNode):
+class SimulatorNode(ManagedNode):
     """Predicts the poses of tracked spheres, and publishes and records them.
 
     Args:
@@ -43,7 +46,19 @@ class SimulatorNode(ClosingNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('simulator', **options)
-        values = declare(self, SIMULATOR)
+        declare(self, SIMULATOR)
+        self.simulation: Simulation
+        self._configured = False
+        self._told: Callable[[], None] | None = None  # what is said at the first activation
+        self.add_post_set_parameters_callback(self._take_parameters)
+        if self.get_parameter('autostart').value:
+            self.start()
+        else:
+            self.get_logger().info('unconfigured: waiting for a supervisor (autostart is off)')
+
+    def configure(self) -> None:
+        """Load scene and model, and make topics and services."""
+        values = declared(self, SIMULATOR)
         surfaces = MovingSurfaces(
             with_gravity_along(load_scene(str(values['scene'])), values['gravity_direction']),
             bodies_of(str(values['moving_surfaces'])),
@@ -59,7 +74,7 @@ class SimulatorNode(ClosingNode):
         switch_often()
         surfaces.check_model(model.simulator.kind)
         self.simulation = Simulation(self, model, values, surfaces)
-        self.add_post_set_parameters_callback(self._take_parameters)
+        self._configured = True
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
@@ -67,12 +82,29 @@ class SimulatorNode(ClosingNode):
         self._jump_handle = on_jump(self, self.simulation.on_clock_jump)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DIAGNOSTICS_PERIOD, self.simulation.report, clock=steady)
-        self._tell(model, values)
+        self._told = partial(self._tell, model, values)
+
+    def activate(self) -> None:
+        """Take tracked frames, and predict."""
+        self.simulation.activate()
+        if self._told is not None:
+            self._told()
+            self._told = None
+
+    def deactivate(self) -> None:
+        """Neither hear nor say anything; the bag stays open."""
+        self.simulation.deactivate()
+
+    def release(self) -> None:
+        """Stop predicting and finish the bag."""
+        if self._configured:
+            self._configured = False
+            self._jump_handle.unregister()
+            log_end(f'stopped: {self.simulation.close()}')
 
     def close(self) -> None:
         """Stop predicting and finish the bag."""
-        self._jump_handle.unregister()
-        log_end(f'stopped: {self.simulation.close()}')
+        self.release()
 
     def _tell(self, model: Forecaster, values: dict[str, Any]) -> None:
         """Publish ~/scene, and log model, scene and topics."""
@@ -88,7 +120,7 @@ class SimulatorNode(ClosingNode):
             )
         self.get_logger().info(
             f'ready: {model}; waiting for {window.length} frames on '
-            f'{topics.tracked.topic_name}'
+            f'{topics.tracked}'
             + (f'; recording into {values["record"]}' if values['record'] else '')
         )
 
@@ -135,6 +167,8 @@ class SimulatorNode(ClosingNode):
         return response
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:
+        if not self._configured:
+            return  # they are read when it is
         resync = self.simulation.predictor.resync
         for parameter in parameters:
             if parameter.name == 'start':

@@ -125,7 +125,7 @@ class NodeTopics:
     def names(self) -> dict[str, str]:
         """Resolved names of the recorded topics, by role, for ~/scene."""
         return {
-            'tracked': self.tracked.topic_name,
+            'tracked': self.tracked,
             'predicted': self.predicted.topic_name,
             'trajectory': self.trajectory.topic_name,
             'deviations': self.deviations.topic_name,
@@ -144,15 +144,23 @@ class NodeTopics:
 
     def received(self, cdr: bytes, time_ns: int) -> None:
         """Record an accepted message of tracked_poses, received at `time_ns` (node's clock)."""
-        self._record(self.tracked.topic_name, cdr, time_ns)
+        self._record(self.tracked, cdr, time_ns)
 
     def drain(self) -> None:
         """Process all waiting messages of trackers."""
         for own in self._inputs:
             own.drain()
 
-    def _subscription(self, kind: Any, name: str, *convert: Convert) -> Any:
-        """Subscription of a tracker's topic, which is recorded as a PoseArray on tracked_poses."""
+    def hear(self, wanted: bool) -> None:
+        """Subscribe to all topics of trackers and bodies, or to none."""
+        for own in self._inputs:
+            if wanted:
+                own.open()
+            else:
+                own.close()
+
+    def _subscription(self, kind: Any, name: str, *convert: Convert) -> str:
+        """Hear a tracker's topic, recorded as a PoseArray on tracked_poses; its resolved name."""
         profile = sensor_data()
         with _named_overrides(name):
             own = Input(
@@ -167,8 +175,8 @@ class NodeTopics:
             )
         self._inputs.append(own)
         if not convert:
-            self._register(own.subscription.topic_name, PoseArray, profile)
-        return own.subscription
+            self._register(own.topic, PoseArray, profile)
+        return own.topic
 
     def _listen(self, name: str, kind: Any, take: Callable[[bytes], bool]) -> None:
         """Subscribe to a topic that is no tracker's."""
@@ -176,13 +184,13 @@ class NodeTopics:
         def heard(cdr: bytes, _: Convert) -> None:
             if take(cdr):
                 now = self._node.get_clock().now().nanoseconds
-                self._record(own.subscription.topic_name, cdr, now)
+                self._record(own.topic, cdr, now)
 
         profile = sensor_data()
         with _named_overrides(name):
             own = Input(self._node, kind, name, profile, overridable(), heard, lambda *_: None)
         self._inputs.append(own)
-        self._register(own.subscription.topic_name, kind, profile)
+        self._register(own.topic, kind, profile)
 
     def close(self) -> str:
         """Finish the bag; a line on the result, empty without a bag."""

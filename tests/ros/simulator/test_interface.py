@@ -100,6 +100,7 @@ def test_the_document_has_the_services(simulated: Simulated) -> None:
         service.srv_name: kind(service.srv_type)
         for service in node.services
         if not re.search('parameter|type_description|logger', service.srv_name)
+        and not kind(service.srv_type).startswith('lifecycle_msgs/')
     }
     rows = {row[0].strip('`'): row[1] for row in cells('Services')}
     assert rows == found
