@@ -117,6 +117,7 @@ class Simulation:
         )
         if parameters['tracker'] == 'tf':
             self._transforms.follow(balls, self.on_tracked)
+        self._bodies.follow(self._transforms)
         self.topics = NodeTopics(
             node,
             self.on_tracked,
@@ -139,7 +140,6 @@ class Simulation:
             surfaces=surfaces.at,
             parameters=parameters,
         )
-        self._bodies.follow(self._transforms)
         for text in odd_parameters(parameters):
             node.get_logger().warning(text)
 
@@ -179,6 +179,8 @@ class Simulation:
 
     def _on_transformed(self, frame: PoseArrayFrame) -> None:
         """Process a frame that tf moved to the scene's coordinate frame; so it is recorded."""
+        if not self.active:
+            return
         cdr = PoseArrayCodec(self._frame_id, len(frame.poses)).encode(frame.poses, frame.stamp_ns)
         self._take(cdr, frame, self._now())
 
