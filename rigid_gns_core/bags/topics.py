@@ -13,8 +13,8 @@ from .reader import Bag, BagError, Topic
 from ..errors import UserError
 from ..files.strict_json import parse_json
 from ..messages.poses import decode_string
+from ..messages.tracker_types import AS_POSE_ARRAY, POSE_ARRAY
 
-POSE_ARRAY = 'geometry_msgs/msg/PoseArray'
 _STRING = 'std_msgs/msg/String'
 _FLOAT64 = 'std_msgs/msg/Float64'
 # topics in an error message, poses first, and characters of a name
@@ -177,13 +177,14 @@ def find_poses(
         bag: The bag.
         suffix: Last part of its name, such as `tracked_poses`.
         option: Command line option that chooses it, for errors.
-        name: Name that the user chose.
+        name: Name that the user chose; tracked poses may then have any type of `AS_POSE_ARRAY`.
         recorded_names: Names that simulators recorded.
 
     Raises:
         BagError: It is missing, empty or ambiguous.
     """
-    arrays = [topic for topic in bag.topics.values() if topic.type_name == POSE_ARRAY]
+    kinds = AS_POSE_ARRAY if name and suffix == 'tracked_poses' else (POSE_ARRAY,)
+    arrays = [topic for topic in bag.topics.values() if topic.type_name in kinds]
     if name is not None:
         found = [topic for topic in arrays if topic.name == name]
     else:
@@ -198,7 +199,7 @@ def find_poses(
     problem = f'{found[0].name} holds no messages' if len(found) == 1 else problem
     rollouts = '; a bag without predictions is scored with --topic and --scene, or with --model'
     raise BagError(
-        f'{bag.path}: {problem} of type {POSE_ARRAY}; choose one with {option}. '
+        f'{bag.path}: {problem} of type {", ".join(kinds)}; choose one with {option}. '
         f'The bag holds {list_topics(bag)}' + (rollouts if option == '--predicted' else '')
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..bags.reader import BagError, PASS, Topic
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
+from ..messages.tracker_types import AS_POSE_ARRAY
 from ..tracking.rejected_frame import RejectedFrame
 from ..tracking.usable_frames import FrameOrder, median_interval, RESTART_FRAMES, seconds, Stamps
 
@@ -87,11 +88,12 @@ class DecodedTopic:
 
 
 def decode_topic(topic: Topic) -> DecodedTopic:
-    """Decode the messages of a topic of poses, in the order of `arrival`."""
+    """Decode the messages of a topic of a tracker, in the order of `arrival`."""
     frames, kept, problem = [], [], ''
+    as_pose_array = AS_POSE_ARRAY[topic.type_name]
     for index in arrival(topic).tolist():
         try:
-            frames.append(decode_pose_array(topic.messages[index]))
+            frames.append(decode_pose_array(as_pose_array(topic.messages[index])))
         except MessageError as error:
             problem = problem or str(error)
             continue
