@@ -18,6 +18,8 @@ AS_POSE_ARRAY: dict[str, Callable[[bytes], bytes]] = {
     'sensor_msgs/msg/PointCloud2': pose_array_of_cloud,
     'geometry_msgs/msg/PoseStamped': pose_array_of_pose,
     'geometry_msgs/msg/PointStamped': pose_array_of_point,
-} | {
-    kind.replace('/', '/msg/'): partial(pose_array_of_objects, kind=kind) for kind in OBJECT_ARRAYS
+    **{
+        kind.replace('/', '/msg/'): partial(pose_array_of_objects, kind=kind)
+        for kind in OBJECT_ARRAYS
+    },
 }
