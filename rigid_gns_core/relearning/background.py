@@ -31,6 +31,7 @@ class Background:
         self._process: subprocess.Popen[bytes] | None = None
         self._answer: tuple[bytes, bytes, int] | None = None
         self._thread: threading.Thread | None = None
+        self._lock, self._closed = threading.Lock(), False
 
     @property
     def busy(self) -> bool:
@@ -39,20 +40,27 @@ class Background:
 
     def start(self, tracks: Sequence[Track], given: Scene, present: Scene) -> None:
         """Begin a fit; see `relearn`. None runs."""
-        content = encode_task(tracks, given, present)
+        task = tuple(tracks), given, present
+        self._thread = threading.Thread(target=self._ask, args=task, name='learning', daemon=True)
+        self._thread.start()
+
+    def _ask(self, tracks: Sequence[Track], given: Scene, present: Scene) -> None:
+        """Run a process, and keep its answer."""
         command = [sys.executable, '-P', '-m', __package__, f'{NICE}']
         pipe = subprocess.PIPE
-        # a group of its own: Ctrl-C is for the node, which ends it
-        self._process = process = subprocess.Popen(
-            command, stdin=pipe, stdout=pipe, stderr=pipe, process_group=0
-        )
-
-        def ask() -> None:
+        try:
+            content = encode_task(tracks, given, present)
+            with self._lock:
+                if self._closed:
+                    return
+                # a group of its own: Ctrl-C is for the node, which ends it
+                self._process = process = subprocess.Popen(
+                    command, stdin=pipe, stdout=pipe, stderr=pipe, process_group=0
+                )
             out, log = process.communicate(content)
             self._answer = out, log, process.returncode
-
-        self._thread = threading.Thread(target=ask, name='learning', daemon=True)
-        self._thread.start()
+        except (OSError, UserError) as error:  # no memory for a process
+            self._answer = b'', str(error).encode(), 1
 
     def take(self) -> LearnedScene | None:
         """The result, where it is there; None: not yet, or no fit runs.
@@ -73,7 +81,9 @@ class Background:
 
     def close(self) -> None:
         """End the process, if any runs."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.kill()
+        with self._lock:
+            self._closed = True
+            if self._process is not None and self._process.poll() is None:
+                self._process.kill()
         if self._thread is not None:
             self._thread.join()

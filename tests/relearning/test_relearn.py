@@ -75,9 +75,17 @@ def test_too_few_tracks_and_a_process_that_fails_are_said(monkeypatch: pytest.Mo
 def test_a_fit_that_runs_ends_with_the_node() -> None:
     own = Background()
     own.start(thrown(12), GIVEN, GIVEN)
+    end = time.monotonic() + 60.0
+    while own._process is None:
+        assert time.monotonic() < end, 'no process began'
+        time.sleep(0.01)
     process = own._process
     own.close()
-    assert process is not None and process.returncode is not None
+    assert process.returncode is not None
+    own = Background()
+    own.start(thrown(12), GIVEN, GIVEN)
+    own.close()  # at once
+    assert own._process is None or own._process.returncode is not None
 
 
 def test_a_damaged_event_is_named() -> None:
