@@ -5,11 +5,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, TYPE_CHECKING
 
-from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
 from rigid_gns_core.forecasts.learned_scene import LearnedScene
 from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
@@ -18,37 +16,25 @@ from rigid_gns_core.forecasts.starts import Reason, Start
 from rigid_gns_core.forecasts.tracker_kinds import balls_of
 from rigid_gns_core.forecasts.window_setup import longest_gap, window_of
 from rigid_gns_core.messages.diagnostics import encode_diagnostics
-from rigid_gns_core.messages.poses import (
-    decode_pose_array,
-    encode_float64,
-    encode_string,
-    PoseArrayCodec,
-    PoseArrayFrame,
-    restamped,
-)
-from rigid_gns_core.tracking.usable_frames import RejectedFrame, RESTART_FRAMES, seconds
+from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
+from rigid_gns_core.tracking.usable_frames import seconds
 
 from .alarm import Alarm
 from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
 from .futures import Futures
 from .inputs import Convert, inputs_of
+from .intake import Intake
 from .learning import Learning
-from .lost_messages import lost_text
 from .markers import MarkerPublisher
 from .moving_surfaces import Bodies
 from .odd_parameters import odd_parameters
-from .odd_poses import OddPoses
-from .silence import RESTARTED, Silence, too_slow
+from .silence import Silence, too_slow
 from .throttle import Warner
 from .topics import NodeTopics
-from .transforms import Transforms
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-# reasons for which frames of a restarted tracker are first refused
-STAMPS = ('duplicate', 'late', 'ahead')
 
 
 class Simulation:
@@ -73,7 +59,6 @@ class Simulation:
         surfaces: MovingSurfaces,
     ) -> None:
         self._node, self._model, self._frame_id = node, model, str(parameters['frame_id'])
-        self._latency_ns = round(float(parameters['latency']) * 1e9)
         self.warn = Warner(node.get_logger())
         gap = longest_gap(model)
         self.window = window_of(model, parameters, check=self._check_count, on_gap=self._warn_gap)
@@ -98,36 +83,36 @@ class Simulation:
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.paused = False
-        self.active = False
-        self._odd = OddPoses(model.scene, self.window, self.warn)
         self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
-        self._refused: deque[tuple[bytes, int]] = deque(maxlen=RESTART_FRAMES - 1)  # for STAMPS
         self._reason: Reason = 'first'  # of the next start from an empty window
         self._generation = self.window.generation  # of the tracks of the present forecast
         self._codec = PoseArrayCodec(self._frame_id, 0)
         self._alarm, self._clock = Alarm(node, self._on_due), ClockWatch(node)
         balls = balls_of(str(parameters['balls']), str(parameters['tracker']))
-        self._transforms = Transforms(
+        self._intake = Intake(
             node,
-            self._frame_id,
-            float(parameters['transform_timeout']),
-            accept=self._on_transformed,
-            refuse=self._refuse,
+            model.scene,
+            self.window,
+            parameters,
+            diagnostics=self.diagnostics,
             warn=self.warn,
+            before=self.learning.before,
+            accepted=self._on_accepted,
         )
         if parameters['tracker'] == 'tf':
-            self._transforms.follow(balls, self.on_tracked)
-        self._bodies.follow(self._transforms)
+            self._intake.transforms.follow(balls, self.on_tracked)
+        self._bodies.follow(self._intake.transforms)
         self.topics = NodeTopics(
             node,
             self.on_tracked,
-            self._on_lost,
+            self._intake.lost,
             str(parameters['record']),
             max_size=float(parameters['record_max_size']),
             max_duration=float(parameters['record_max_duration']),
             inputs=inputs_of(str(parameters['tracker']), balls),
             listeners=self._bodies.listeners,
         )
+        self._intake.record = self.topics.received
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
             node,
@@ -157,65 +142,20 @@ class Simulation:
 
     def on_tracked(self, cdr: bytes, convert: Convert = lambda cdr: cdr) -> None:
         """Process a message of a tracker, which `convert` makes a PoseArray."""
-        if not self.active:
-            return
-        self._check_clock()
-        now = self._now()
-        try:
-            if now == 0:
-                raise RejectedFrame('clock', 'use_sim_time is set, but no /clock has come yet')
-            converted = convert(cdr)
-            if converted is None:
-                return
-            cdr = restamped(converted, -self._latency_ns)
-            frame = decode_pose_array(cdr)
-            if frame.frame_id not in ('', self._frame_id):
-                self._transforms.put(frame)
-                return
-        except UserError as error:
-            self._refuse(error)
-            return
-        self._take(cdr, frame, now)
+        if self._intake.active:
+            self._check_clock()
+            self._intake.take(cdr, convert, self._now())
 
-    def _on_transformed(self, frame: PoseArrayFrame) -> None:
-        """Process a frame that tf moved to the scene's coordinate frame; so it is recorded."""
-        if not self.active:
-            return
-        cdr = PoseArrayCodec(self._frame_id, len(frame.poses)).encode(frame.poses, frame.stamp_ns)
-        self._take(cdr, frame, self._now())
-
-    def _take(self, cdr: bytes, frame: PoseArrayFrame, now: int) -> None:
-        self.learning.before(frame.stamp_ns, now)
-        try:
-            restarted = self.window.add(frame, now)
-        except UserError as error:
-            if getattr(error, 'kind', '') in STAMPS:
-                self._refused.append((cdr, now))
-            self._refuse(error)
-            return
-        if restarted:  # the frames refused before are accepted with this one
-            for earlier, arrival in self._refused:
-                self.topics.received(earlier, arrival)
-        self._refused.clear()
+    def _on_accepted(self, now: int, restarted: bool) -> None:
+        """Go on with the newest frame of the window."""
         self.silence.broken()
-        if self.window.lost:
-            self.warn('unseen', f'taken as not seen: {self.window.lost}')
-        self.topics.received(cdr, now)
-        self.diagnostics.frame_accepted()
-        self._odd.take(frame)
         if restarted:
-            self._odd.clear()
             self._stop('restart')
-            self.warn('restarted', RESTARTED)
         self.learning.after()
         if self.window.full:
             self._follow(now)
         elif self.window.count is None and self.predictor.forecast is not None:
             self._stop('spheres')
-
-    def _refuse(self, error: UserError) -> None:
-        self.diagnostics.frame_rejected(str(error))
-        self.warn(getattr(error, 'kind', 'bytes'), f'tracked message rejected: {error}')
 
     def _take_scene(self, learned: LearnedScene) -> None:
         """Go on in a learned scene; what was recorded before the event is of the one before."""
@@ -223,11 +163,6 @@ class Simulation:
         self.window.take_scene(learned.scene)
         self.topics.send(self.topics.learned, encode_string(learned.json))
         self.forget('learned')
-
-    def _on_lost(self, topic: str, depth: int, count: int, total: int) -> None:
-        """Note tracked messages that never came to `on_tracked`."""
-        self.diagnostics.frames_lost(count)
-        self.warn('lost', lost_text(topic, depth, total))
 
     def _tracker_is_gone(self, now: int) -> bool:
         """Say that no tracked frames come; whether the predictions were stopped for it."""
@@ -355,11 +290,11 @@ class Simulation:
     def activate(self) -> None:
         """Take frames, and predict from them."""
         self.topics.hear(True)
-        self.active = True
+        self._intake.active = True
 
     def deactivate(self) -> None:
         """Drop frames and predictions, and say nothing until `activate`; the bag stays open."""
-        self.active = False
+        self._intake.active = False
         self.topics.hear(False)
         self.forget('restart')
 
@@ -385,12 +320,12 @@ class Simulation:
     def forget(self, reason: Reason) -> None:
         """Drop all frames and predictions; `reason` is that of the next start."""
         self.window.clear()
-        self._odd.clear()
+        self._intake.clear()
         self._stop(reason)
 
     def on_clock_jump(self, ahead_ns: int) -> None:
         """Start again after a jump of the clock [ns]."""
-        self._transforms.clear()
+        self._intake.transforms.clear()
         if self.window.stamp_ns is None:
             return
         self.forget('restart')
@@ -411,9 +346,9 @@ class Simulation:
 
     def report(self) -> None:
         """Publish diagnostics."""
-        if not self.active:
+        if not self._intake.active:
             return
-        self._transforms.resolve()
+        self._intake.transforms.resolve()
         self._tracker_is_gone(self._now())
         bag, size = self.topics.bag, self.topics.recorded_bytes
         statuses = self.diagnostics.report(
