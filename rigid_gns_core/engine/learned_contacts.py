@@ -14,6 +14,9 @@ The network may change a contact by at most its *scale*, an impulse:
 with o the overlap at the start of the frame, and k the smaller one of the change of a body's
 velocity and of its change beyond free flight. It is zero in flight and at rest, so that a
 contact at rest, and one that the laws do not know of, is none of the network's.
+
+A start that was observed may be in the middle of a blow; what the network itself leads to never
+is, since it learns from states after blows. A feature tells them apart.
 """
 
 from __future__ import annotations
@@ -33,7 +36,7 @@ from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import across, cross, dot, length, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
-FEATURES = 22
+FEATURES = 23
 """Numbers that describe a contact as one of its bodies sees it."""
 
 NEAR = 0.1
@@ -79,7 +82,7 @@ class _Meeting(NamedTuple):
 
 @compiled
 def find_learned_contacts(
-    world: World, before: Spheres, after: Spheres, dt: float, asleep: Flags
+    world: World, before: Spheres, after: Spheres, dt: float, asleep: Flags, is_start: bool
 ) -> LearnedContacts:
     """Contacts of a frame that a residual network may change.
 
@@ -89,6 +92,7 @@ def find_learned_contacts(
         after: State that the laws lead to.
         dt: Length of the frame.
         asleep: Spheres that sleep after it, which nothing has touched; shape (n,).
+        is_start: Whether `before` was observed.
     """
     count = len(asleep)
     kicks, pushes = _changes(world, before, after, dt)
@@ -111,6 +115,7 @@ def find_learned_contacts(
             continue
         kick = kicks[a] + (0.0 if fixed else kicks[b])
         if _describe(world, before, after, dt, candidates, k, pushes, kick, size, found):
+            found.features[size, :, FEATURES - 1] = 1.0 if is_start else 0.0
             size += 1
     return LearnedContacts(
         a=found.a[:size],
@@ -121,6 +126,21 @@ def find_learned_contacts(
         spin=found.spin[:size],
         features=found.features[:size],
         scale=found.scale[:size],
+    )
+
+
+@compiled
+def no_learned_contacts() -> LearnedContacts:
+    """No contacts."""
+    return LearnedContacts(
+        a=np.empty(0, np.int64),
+        b=np.empty(0, np.int64),
+        normal=np.empty((0, 3)),
+        slip=np.empty((0, 3)),
+        roll=np.empty((0, 3)),
+        spin=np.empty(0),
+        features=np.empty((0, 2, FEATURES)),
+        scale=np.empty(0),
     )
 
 

@@ -67,6 +67,8 @@ def correct(
             totals[b] += world.inverse_mass[b] * size
     for c in range(len(contacts.a)):
         a, b = contacts.a[c], contacts.b[c]
+        if contacts.scale[c] == 0:
+            continue
         share = _share(world, totals, a)
         if b >= 0:
             share = min(share, _share(world, totals, b))

@@ -12,6 +12,11 @@ seen from i, and R the ramp max(0, .):
     y_c = sum over the two sides of O R(E e).
 
 Surfaces have h = 0 and V = 0.
+
+The scale of a contact is multiplied by s max(0, 1 - d): s is the strength that held-out tracks
+have chosen, 0 where the laws alone are better, and d is how far a feature is outside of the range
+that was trained on, in standard deviations, the largest one. So the network fades to the laws
+where it knows nothing.
 """
 
 from __future__ import annotations
@@ -52,11 +57,16 @@ class LearnedNetwork(NamedTuple):
     """Weights of a residual network of width W with K vectors; inputs first.
 
     stiffness: of contacts, per effective mass [1/s^2], shape (1,); see `learned_guard.py`.
+    strength: share of the outputs that acts, shape (1,); low, high: range of the features in
+    training, shape (FEATURES,).
     mean, deviation: of the features, shape (FEATURES,); first: shape (FEATURES, W); second, last:
     shape (W, W); out: shape (W, OUTPUTS); and their biases.
     """
 
     stiffness: Single
+    strength: Single
+    low: Single
+    high: Single
     mean: Single
     deviation: Single
     first: Single
@@ -98,6 +108,9 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
 
     made = LearnedNetwork(
         stiffness=taken('stiffness', 1),
+        strength=taken('strength', 1),
+        low=taken('low', FEATURES),
+        high=taken('high', FEATURES),
         mean=taken('mean', FEATURES),
         deviation=taken('deviation', FEATURES),
         first=taken('first.weight', width, FEATURES),
@@ -114,6 +127,20 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
     if left:
         raise ValueError(f'unknown weight {min(left)!r}')
     return made
+
+
+@compiled
+def fade(network: LearnedNetwork, contacts_out: LearnedContacts) -> None:
+    """Multiply the scale of each contact by the share of the network that it trusts."""
+    contacts = contacts_out
+    for c in range(len(contacts.a)):
+        far = 0.0
+        for side in range(2 if contacts.b[c] >= 0 else 1):
+            for f in range(FEATURES):
+                value = contacts.features[c, side, f]
+                beyond = max(network.low[f] - value, value - network.high[f])
+                far = max(far, beyond / network.deviation[f])
+        contacts.scale[c] *= network.strength[0] * max(0.0, 1.0 - far)
 
 
 @compiled

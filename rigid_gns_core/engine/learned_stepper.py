@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .frame import advance
-from .learned_contacts import find_learned_contacts, LearnedContacts
+from .learned_contacts import find_learned_contacts, LearnedContacts, no_learned_contacts
 from .learned_guard import limit_energy_of_soft, stores
 from .learned_impulses import correct
-from .learned_network import LearnedNetwork
+from .learned_network import fade, LearnedNetwork
 from .motion import Settings
 from .separation import separate
 from .sleep import put_to_sleep, Sleepers
@@ -64,10 +64,12 @@ def _frame(
         velocities=spheres.velocities,
         angular_velocities=spheres.angular_velocities,
     )
-    contacts = find_learned_contacts(world, before, after, dt, sleepers_out.asleep)
-    laws = copy_spheres(after)
-    correct(world, network, contacts, dt, after, islands)
-    stiffness = float(network.stiffness[0])
+    contacts, stiffness, laws = no_learned_contacts(), 0.0, copy_spheres(after)
+    if network.strength[0] > 0:
+        contacts = find_learned_contacts(world, before, after, dt, sleepers_out.asleep, is_start)
+        stiffness = float(network.stiffness[0])
+        fade(network, contacts)
+        correct(world, network, contacts, dt, after, islands)
     if is_start:  # nobody knows more of what its overlaps hold
         stored_out[:] = stores(world, seen, contacts, stiffness)
     acted, removed = 0, 0.0
@@ -146,14 +148,23 @@ class LearnedStepper(EngineStepper):
         scene: Surfaces and sphere properties.
         state: Start.
         dt: Length of a frame.
+        observed: Whether the start was observed, perhaps in the middle of a blow, or follows
+            from an earlier frame.
         options: See `EngineStepper`.
     """
 
     def __init__(
-        self, network: LearnedNetwork, scene: Scene, state: State, dt: float, **options: Any
+        self,
+        network: LearnedNetwork,
+        scene: Scene,
+        state: State,
+        dt: float,
+        *,
+        observed: bool = True,
+        **options: Any,
     ) -> None:
         super().__init__(scene, state, dt, **options)
-        self.network, self.seen = network, self.spheres.positions
+        self.network, self.seen, self.observed = network, self.spheres.positions, observed
         self.stored = np.zeros(len(state))
 
     def advance(self, steps: int) -> Advance:
@@ -182,7 +193,7 @@ class LearnedStepper(EngineStepper):
             'settings': self.settings,
             'guards': self.guards,
             'sleeps': self.sleeps,
-            'is_start': self.frames == 0,
+            'is_start': self.frames == 0 and self.observed,
             'stored_out': self.stored,
             'sleepers_out': self.sleepers,
         }

@@ -80,8 +80,13 @@ def load_tensors(path: Path) -> Tensors:
 
 def save_model(path: str | Path, network: Network, card: dict[str, Any]) -> None:
     """Write weights to `path`.safetensors, and the card with their SHA-256 to `path`.json."""
+    save_weights(path, tensors_of(network), card)
+
+
+def save_weights(path: str | Path, tensors: Mapping[str, NDArray[Any]], card: Any) -> None:
+    """As `save_model`, of weights by name."""
     weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
-    save_tensors(weights, tensors_of(network))
+    save_tensors(weights, tensors)
     stamps = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
     text = json.dumps({**card, **stamps}, indent=2, allow_nan=False) + '\n'
     with whole_file(card_path) as partial:

@@ -19,6 +19,9 @@ from ..engine.learned_contacts import FEATURES, LearnedContacts
 from ..engine.learned_network import OUTPUTS
 from ..engine.options import ResidualConfig
 
+# range of the features before any is known
+_NO_BOUND = 1e30
+
 
 @dataclass
 class Contacts:
@@ -114,6 +117,9 @@ class ResidualNetwork(nn.Module):
     """The residual network; see `engine/learned_network.py`."""
 
     stiffness: Tensor
+    strength: Tensor
+    low: Tensor
+    high: Tensor
     mean: Tensor
     deviation: Tensor
 
@@ -121,6 +127,9 @@ class ResidualNetwork(nn.Module):
         super().__init__()
         width = config.width
         self.register_buffer('stiffness', torch.zeros(1))
+        self.register_buffer('strength', torch.ones(1))
+        self.register_buffer('low', torch.full((FEATURES,), -_NO_BOUND))
+        self.register_buffer('high', torch.full((FEATURES,), _NO_BOUND))
         self.register_buffer('mean', torch.zeros(FEATURES))
         self.register_buffer('deviation', torch.ones(FEATURES))
         self.first, self.second = nn.Linear(FEATURES, width), nn.Linear(width, width)

@@ -22,6 +22,7 @@ import yaml
 from .fine_tune import StartingPoint
 from .gns.learner import GNSLearner, GNSTrainConfig
 from .recipes import load_recipe
+from .residual.gate import Comparison, keep_what_wins
 from .residual.learner import ResidualLearner, ResidualTrainConfig
 from .residual.validation import rollout_error
 from ..data.common_scene import fingerprint
@@ -84,6 +85,7 @@ class Trainer:
         else:
             self.learner = GNSLearner.of(config, records, device)
         self.best = math.inf
+        self.comparison: Comparison | None = None
         self._resume()
         if start is not None:
             start.load(self.learner)
@@ -112,6 +114,9 @@ class Trainer:
             if stop:
                 progress.line(f'stopped; the same command resumes from {self.folder}')
                 raise KeyboardInterrupt
+        if isinstance(config, ResidualTrainConfig) and learner.step >= config.steps:
+            steps = config.validation_steps
+            self.comparison = keep_what_wins(self.folder / 'best', self.validation, steps)
         return self.best
 
     def validate(self) -> float:
@@ -258,7 +263,10 @@ def run(arguments: argparse.Namespace) -> int:
     if start := StartingPoint.of(arguments.start) if arguments.start else None:
         records, validation = start.records(records), start.records(validation)
         origin += f' from {start.name}'
-    best = Trainer(config, records, validation, arguments.out, origin, device, start).run()
+    trainer = Trainer(config, records, validation, arguments.out, origin, device, start)
+    best = trainer.run()
     score = f'best validation {best:.4g}' if validation else 'no validation set: last weights'
     print(f'{score}; weights: {arguments.out / "best.safetensors"}')
+    if trainer.comparison is not None:
+        print(trainer.comparison)
     return 0

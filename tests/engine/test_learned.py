@@ -69,7 +69,8 @@ def test_engine_and_torch_agree():
     assert len(frame.contacts.a) > 10
     bodies = np.stack([world.radius, world.inverse_mass, world.inverse_inertia])
     errors = np.zeros((len(state), 9))
-    contacts, bodies, _ = batch_of([Frame(frame.contacts, bodies, errors)])
+    known = np.ones(len(state), bool)
+    contacts, bodies, *_ = batch_of([Frame(frame.contacts, bodies, errors, known)])
     with torch.no_grad():
         _, velocities, spins = changes(NETWORK(contacts), contacts, bodies, 0.1)
     done = frame.after.velocities - frame.laws.velocities
@@ -209,6 +210,39 @@ def test_soft_contacts_give_back_what_they_stored_and_no_more():
         totals.append(energy + stepper.stored.sum())
     assert rose
     assert np.diff(totals).max() <= 1e-11 * start
+
+
+def changed(**values):
+    """The network with other buffers."""
+    tensors = tensors_of(NETWORK)
+    for name, value in values.items():
+        tensors[name] = np.full_like(tensors[name], value)
+    return network_of(tensors, CONFIG)
+
+
+def test_without_strength_it_is_the_laws():
+    scene, state = heap()
+    made = LearnedStepper(changed(strength=0.0), scene, state, 0.1, **OPTIONS).advance(20).states
+    laws = EngineStepper(scene, state, 0.1, **OPTIONS).advance(20).states
+    for name, values in vars(laws).items():
+        assert getattr(made, name).tobytes() == values.tobytes()
+
+
+def test_it_fades_to_the_laws_outside_of_its_range():
+    """Features that all are this far above the range; deviations are 1 in the network of tests."""
+    scene, state = heap()
+    full = LearnedStepper(changed(), scene, state, 0.1, **OPTIONS).frame()
+    assert len(full.contacts.a) > 10
+    worst = np.where(full.contacts.b[:, None] < 0, [True, False], True)
+    largest = np.where(worst, full.contacts.features.max(-1), -np.inf).max(-1)
+    high = float(np.median(largest)) - 0.5
+    part = LearnedStepper(changed(high=high), scene, state, 0.1, **OPTIONS).frame()
+    shares = np.clip(1.0 - (largest - high), 0.0, 1.0)
+    assert ((shares > 0) & (shares < 1)).any() and (shares == 0).any()
+    np.testing.assert_allclose(part.contacts.scale, shares * full.contacts.scale, atol=1e-6)
+    none = LearnedStepper(changed(high=-1e3), scene, state, 0.1, **OPTIONS).frame()
+    # but for the energy guard
+    np.testing.assert_allclose(none.after.velocities, none.laws.velocities, atol=1e-12)
 
 
 def test_weights_of_another_size_are_refused():

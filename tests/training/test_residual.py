@@ -15,6 +15,7 @@ from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State
 from rigid_gns_core.training.recipes import load_recipe
+from rigid_gns_core.training.residual.blows import states_after_blows
 from rigid_gns_core.training.residual.frames import Track
 from rigid_gns_core.training.residual.learner import ResidualTrainConfig
 from rigid_gns_core.training.residual.smoothing import smoothed_states
@@ -47,14 +48,16 @@ def bouncing(seed, restitution=0.5, frames=30, count=6):
     return Record(trajectory=truth, scene=LAWS, seed=seed)
 
 
-RECORDS, HELD_OUT = [bouncing(seed) for seed in range(8)], [bouncing(20), bouncing(21)]
+RECORDS, HELD_OUT = [bouncing(seed) for seed in range(8)], [bouncing(20 + k) for k in range(4)]
 
 
 def test_it_learns_another_restitution(tmp_path):
     """The laws bounce too high; what is left of their error must be less than two thirds."""
     config = replace(CONFIG, model=ResidualConfig(width=16, vectors=2), steps=400, batch=8)
     config = replace(config, validate_every=400, learning_rate=5e-3, pushforward_starts=20)
-    Trainer(config, RECORDS, HELD_OUT, tmp_path).run()
+    trainer = Trainer(config, RECORDS, HELD_OUT, tmp_path)
+    trainer.run()
+    assert trainer.comparison.strength >= 0.5 and trainer.comparison.ratio < 0.8
     errors = {}
     for name, model in (('laws', 'laws'), ('residual', tmp_path / 'best')):
         simulator, found = load_simulator(model), []
@@ -65,6 +68,28 @@ def test_it_learns_another_restitution(tmp_path):
                 found.append(np.linalg.norm(made.positions[-1] - truth, axis=1))
         errors[name] = np.mean(found)
     assert errors['residual'] < 0.67 * errors['laws']
+
+
+def test_what_does_not_win_is_switched_off(tmp_path):
+    """Laws that are right leave nothing to learn, and hardly trained weights only do harm."""
+    right = [replace(record, scene=replace(LAWS, restitution=0.5)) for record in HELD_OUT]
+    config = replace(CONFIG, steps=1, learning_rate=0.1, warm_up=0, average=0.0)
+    trainer = Trainer(config, right[:1], right, tmp_path)
+    trainer.run()
+    assert trainer.comparison.strength == 0 and trainer.comparison.ratio > 1
+    assert 'switched off' in str(trainer.comparison)
+    made, laws = (
+        load_simulator(name).rollout(right[0].scene, steps=20, **vars(right[0].trajectory[0]))
+        for name in (tmp_path / 'best', 'laws')
+    )
+    assert made.positions.tobytes() == laws.positions.tobytes()
+
+
+def test_without_held_out_tracks_it_is_switched_off(tmp_path):
+    trainer = Trainer(replace(CONFIG, steps=1), RECORDS[:1], HELD_OUT[:2], tmp_path)
+    trainer.run()
+    assert trainer.comparison.strength == 0
+    assert 'fewer than 3 held-out tracks' in str(trainer.comparison)
 
 
 def test_resumed_run_gives_the_same_bytes(tmp_path):
@@ -104,9 +129,40 @@ def test_stiffness_of_springs_is_found():
     deep = g / k * (1 - np.cos(rate * time)) + 3.0 / rate * np.sin(rate * time)
     height = (1.0 - deep)[:, None, None] * [0.0, 0.0, 1.0]
     bounces = State.unchecked(height, height, height, height)
-    track = Track(Scene(surfaces=(Plane(),)), bounces, 40)
+    known = np.ones((13, 1), bool)
+    track = Track(Scene(surfaces=(Plane(),)), bounces, 40, bounces, known)
     assert stiffness_of([track] * 6) == pytest.approx(k, rel=0.04)
     assert stiffness_of([Track.of(RECORDS[0])]) == 0.0  # hard contacts do not overlap
+
+
+def test_blows_are_completed():
+    """A ball on a spring, in closed form: in the blow it has the path that it leaves on."""
+    k, h, g = 200000.0, 0.004, 9.81
+    rate = np.sqrt(k)
+    start = 5.0
+    time = (np.arange(40) - 10.6) * h
+    # it falls at 5 m/s, is in contact for half a period, and flies off
+    end = np.pi / rate
+    inside = (time > 0) & (time < end)
+    fall = 1.0 - start * time - 0.5 * g * time**2
+    deep = 1.0 - start / rate * np.sin(rate * time)
+    left = 1.0 + start * (time - end) - 0.5 * g * (time - end) ** 2
+    height = np.where(time <= 0, fall, np.where(inside, deep, left))
+    speed = np.where(time <= 0, -start - g * time, -start * np.cos(rate * time))
+    speed = np.where(time < end, speed, start - g * (time - end))
+    assert inside.sum() == 2
+
+    def upwards(values):
+        return values[:, None, None] * np.array([0.0, 0.0, 1.0])
+
+    states = State.unchecked(upwards(height), upwards(height), upwards(speed), upwards(0 * speed))
+    done, known = states_after_blows(Scene(surfaces=(Plane(),)), states, h)
+    assert known.all()
+    expected = np.where(inside, start - g * (time - end), speed)
+    # gravity acts in the blow, too, where the closed form has none
+    np.testing.assert_allclose(done.velocities[:, 0, 2], expected, atol=1e-9)
+    expected = np.where(inside, left, height)
+    np.testing.assert_allclose(done.positions[:, 0, 2], expected, atol=1e-9)
 
 
 def test_smoothing_finds_states_in_flight_and_through_a_bounce():

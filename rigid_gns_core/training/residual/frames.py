@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from .blows import states_after_blows
 from .smoothing import smoothed_states
 from ...data.records import Record
 from ...engine.learned_contacts import LearnedContacts
@@ -19,6 +20,7 @@ from ...engine.learned_network import LearnedNetwork
 from ...engine.learned_stepper import LearnedStepper
 from ...engine.options import LawsOptions
 from ...errors import UserError
+from ...kernels.neighbours import Flags
 from ...networks.residual import Bodies, Contacts
 from ...prediction.laws import UNITS
 from ...rollout.stepper import state_at
@@ -32,11 +34,16 @@ _SAME_STEP = 1e-3
 
 @dataclass(frozen=True)
 class Track:
-    """A record in the model's units: states at all samples, so many of them in a frame."""
+    """A record in the model's units: states at all samples, so many of them in a frame.
+
+    completed: the states with blows completed; known: where those are, shape (m, n).
+    """
 
     scene: Scene
     states: State
     samples: int
+    completed: State
+    known: Flags
 
     @classmethod
     def of(cls, record: Record) -> Track:
@@ -62,10 +69,10 @@ class Track:
             )
         states = stacked([similarity.to_model(state) for state in record.trajectory])
         units = similarity.scene(scene)
+        h = UNITS.dt / samples
         if record.teacher.get('engine') == 'tracker':
-            h = UNITS.dt / samples
             states = smoothed_states(units, states.positions, states.quaternions, h)
-        return cls(units, states, samples)
+        return cls(units, states, samples, *states_after_blows(units, states, h))
 
     def at(self, sample: int) -> State:
         """State at a sample."""
@@ -82,18 +89,34 @@ class Track:
 
 @dataclass(frozen=True)
 class Frame:
-    """Contacts of a frame, properties of its bodies, and how the laws were off, shape (n, 9)."""
+    """Contacts of a frame, properties of its bodies, and how the laws were off.
+
+    errors: of positions, velocities and spins, shape (n, 9); known: where they are, shape (n,).
+    """
 
     contacts: LearnedContacts
     bodies: Array
     errors: Array
+    known: Flags
 
 
 def frames_from(
-    track: Track, sample: int, frames: int, network: LearnedNetwork, options: LawsOptions
+    track: Track,
+    sample: int,
+    frames: int,
+    network: LearnedNetwork,
+    options: LawsOptions,
+    *,
+    observed: bool = True,
 ) -> list[Frame]:
-    """Frames of a rollout from a sample of a track; those with contacts of the network."""
-    stepper = LearnedStepper(network, track.scene, track.at(sample), UNITS.dt, **asdict(options))
+    """Frames of a rollout from a sample of a track; those with contacts of the network.
+
+    It begins at the observed state or, as a rollout of the network does later, after blows.
+    """
+    start = track.at(sample) if observed else state_at(track.completed, sample)
+    stepper = LearnedStepper(
+        network, track.scene, start, UNITS.dt, observed=observed, **asdict(options)
+    )
     world = stepper.world
     bodies = np.stack([world.radius, world.inverse_mass, world.inverse_inertia])
     made = []
@@ -101,7 +124,8 @@ def frames_from(
         one = stepper.frame()
         if not len(one.contacts.a):
             continue
-        seen = track.at(sample + frame * track.samples)
+        end = sample + frame * track.samples
+        seen = state_at(track.completed, end)
         errors = np.concatenate(
             [
                 seen.positions - one.laws.positions,
@@ -110,16 +134,17 @@ def frames_from(
             ],
             axis=1,
         )
-        made.append(Frame(one.contacts, bodies, errors))
+        made.append(Frame(one.contacts, bodies, errors, track.known[end]))
     return made
 
 
-def batch_of(frames: Sequence[Frame]) -> tuple[Contacts, Bodies, Tensor]:
-    """Contacts, bodies and errors of frames, one after the other."""
+def batch_of(frames: Sequence[Frame]) -> tuple[Contacts, Bodies, Tensor, Tensor]:
+    """Contacts, bodies, errors of frames and where they are known, one after the other."""
     counts = [len(frame.errors) for frame in frames]
     contacts = Contacts.of([frame.contacts for frame in frames], counts)
     joined = np.concatenate([frame.bodies[:, :-1] for frame in frames], axis=1)
     joined = np.concatenate([joined, np.zeros((3, 1))], axis=1)  # surfaces
     bodies = Bodies(*torch.as_tensor(joined, dtype=torch.float32))
     errors = np.concatenate([frame.errors for frame in frames])
-    return contacts, bodies, torch.as_tensor(errors, dtype=torch.float32)
+    known = torch.as_tensor(np.concatenate([frame.known for frame in frames]))
+    return contacts, bodies, torch.as_tensor(errors, dtype=torch.float32), known

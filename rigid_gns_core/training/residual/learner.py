@@ -3,8 +3,10 @@
 
 """Training of the residual network: one frame of the laws at a time against the observed one.
 
-Some frames begin at observed states, some at those that a rollout with the network itself leads
-to from them (pushforward), so that it meets its own errors. No gradient passes the solver.
+Half of the frames begin at observed states, half at those after the blows that a sample is in the
+middle of (`blows.py`), which all of them end at; and some at states that a rollout with the
+network itself leads to (pushforward), so that it meets its own errors. No gradient passes the
+solver.
 
 The loss of a sphere is p |x| + |v| + s r |w|, with x, v and w what is left of its errors: of their
 sizes, not their squares, since a missed collision must not count as much as many small errors.
@@ -103,7 +105,9 @@ class ResidualLearner(Learner[ResidualNetwork]):
             for t, track in enumerate(tracks)
             for sample in range(0, track.last_start(1) + 1, track.stride(config.starts))
         ]
-        self._frames = self._collected([(t, sample, 1) for t, sample in self._starts])
+        self._frames = self._collected([(t, sample, 1) for t, sample in self._starts[::2]])
+        later = [(t, sample, 1) for t, sample in self._starts[1::2]]
+        self._frames += self._collected(later, observed=False)
         if not self._frames:
             raise UserError(
                 'no frame of the training data has a contact; there is nothing to learn'
@@ -137,7 +141,7 @@ class ResidualLearner(Learner[ResidualNetwork]):
 
     def loss(self, frames: Sequence[Frame]) -> Tensor:
         """Loss of frames, a mean over their spheres in contacts."""
-        contacts, bodies, errors = batch_of(frames)
+        contacts, bodies, errors, known = batch_of(frames)
         moved = changes(self.network(contacts), contacts, bodies, self.units.dt)
         left = errors - torch.cat(moved, dim=1)
         weights = self.config.position_weight, 1.0, self.config.spin_weight
@@ -146,7 +150,7 @@ class ResidualLearner(Learner[ResidualNetwork]):
             total = total + weight * (part.square().sum(1) + small**2).sqrt()
         in_contact = torch.zeros(len(left) + 1, dtype=torch.bool)
         in_contact[contacts.a] = in_contact[contacts.b] = True
-        counted = in_contact[:-1] & (errors[:, :3].square().sum(1) < _LOST**2)
+        counted = known & in_contact[:-1] & (errors[:, :3].square().sum(1) < _LOST**2)
         return (total * counted).sum() / counted.sum().clamp(min=1)
 
     def state(self) -> dict[str, Tensor]:
@@ -198,12 +202,18 @@ class ResidualLearner(Learner[ResidualNetwork]):
         )
 
     def _collected(
-        self, starts: Sequence[tuple[int, int, int]], weights: dict[str, np.ndarray] | None = None
+        self,
+        starts: Sequence[tuple[int, int, int]],
+        weights: dict[str, np.ndarray] | None = None,
+        *,
+        observed: bool = True,
     ) -> list[Frame]:
         network = network_of(weights or tensors_of(self.network), self.config.model)
         made: list[Frame] = []
         for t, sample, frames in starts:
-            made += frames_from(self.tracks[t], sample, frames, network, self.options)
+            made += frames_from(
+                self.tracks[t], sample, frames, network, self.options, observed=observed
+            )
         return made
 
     def _fit_normaliser(self) -> None:
@@ -212,3 +222,6 @@ class ResidualLearner(Learner[ResidualNetwork]):
         features = batch_of([self._frames[k] for k in chosen])[0].features
         self.network.mean.copy_(features.mean(0))
         self.network.deviation.copy_(features.std(0) + 1e-3)
+        seen = [batch_of([frame])[0].features for frame in self._frames]
+        self.network.low.copy_(torch.stack([one.amin(0) for one in seen]).amin(0))
+        self.network.high.copy_(torch.stack([one.amax(0) for one in seen]).amax(0))

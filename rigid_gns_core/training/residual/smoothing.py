@@ -46,30 +46,30 @@ def smoothed_states(scene: Scene, positions: Array, quaternions: Array, h: float
         Stacked states: fields of shape (m, n, k).
     """
     radius = scene.per_sphere('radius', positions.shape[1])
-    near = _near(scene, positions, radius)
+    is_near = near(scene, positions, radius, NEAR * float(radius.mean()))
     gravity = np.asarray(scene.gravity, dtype=np.float64)
     weight = float(np.linalg.norm(gravity)) or 9.81
     centres, velocities = _smoothed(
-        positions, gravity, near, h, weight, _LEAST * float(radius.min())
+        positions, gravity, is_near, h, weight, _LEAST * float(radius.min())
     )
     turned = _turned(quaternions)
     pull = weight / float(radius.mean())
-    _, spins = _smoothed(turned, np.zeros(3), near, h, pull, _LEAST)
+    _, spins = _smoothed(turned, np.zeros(3), is_near, h, pull, _LEAST)
     return State.unchecked(centres, quaternions, velocities, spins)
 
 
-def _near(scene: Scene, positions: Array, radius: Array) -> Flags:
-    """Whether something is near a sphere at each sample; shape (m, n)."""
-    near = np.zeros(positions.shape[:2], dtype=bool)
-    reach = radius[:, None] + radius + NEAR * radius.mean()
+def near(scene: Scene, positions: Array, radius: Array, reach: float) -> Flags:
+    """Whether something is within `reach` of each sphere at each sample; shape (m, n)."""
+    found = np.zeros(positions.shape[:2], dtype=bool)
+    touching = radius[:, None] + radius + reach
     for k, centres in enumerate(positions):
         square = ((centres[:, None] - centres) ** 2).sum(-1) + 1e12 * np.eye(len(radius))
-        near[k] = (square < reach**2).any(axis=1)
+        found[k] = (square < touching**2).any(axis=1)
     for plane in scene.surfaces:
         local = (positions - plane.point) @ plane.axes.T
         local[..., :2] -= np.clip(local[..., :2], -plane.half_lengths, plane.half_lengths)
-        near |= np.linalg.norm(local, axis=-1) < (1.0 + NEAR) * radius
-    return near
+        found |= np.linalg.norm(local, axis=-1) < radius + reach
+    return found
 
 
 def _turned(quaternions: Array) -> Array:
@@ -84,17 +84,17 @@ def _turned(quaternions: Array) -> Array:
 
 
 def _smoothed(
-    values: Array, pull: Array, near: Flags, h: float, weight: float, least: float
+    values: Array, pull: Array, is_near: Flags, h: float, weight: float, least: float
 ) -> tuple[Array, Array]:
     """Smoothed values and their rates, shape (m, n, 3) each."""
     jumps = np.zeros_like(values)
     jumps[1:-1] = np.diff(values, 2, axis=0) / h - pull * h
-    flying = np.abs(jumps[1:-1])[~near[1:-1]]
+    flying = np.abs(jumps[1:-1])[~is_near[1:-1]]
     sample = flying if flying.size > 100 else np.abs(jumps[1:-1])
     noise = max(least, float(np.median(sample)) / 0.6745 * h / np.sqrt(6.0))
     square, known = (jumps**2).mean(-1), 6.0 * (noise / h) ** 2
     beyond = np.where(square > _SEEN * known, square - known, 0.0)
-    floor = (np.where(near, _CONTACT, _FLIGHT) * weight * h) ** 2
+    floor = (np.where(is_near, _CONTACT, _FLIGHT) * weight * h) ** 2
     # a jump at a sample may have happened on both sides of it
     intensity = np.maximum(beyond, floor)
     intensity = np.maximum(intensity[:-1], intensity[1:]) / h  # of the intervals
