@@ -14,7 +14,9 @@ from rigid_gns_core.engine.stepper import EngineStepper
 from rigid_gns_core.files.checkpoint import tensors_of
 from rigid_gns_core.networks.residual import changes, ResidualNetwork
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.state import State
+from rigid_gns_core.scenes.state import State, Trajectory
+from rigid_gns_core.studies.hard_cases.cases import hard_cases
+from rigid_gns_core.studies.hard_cases.checks import measure_laws
 from rigid_gns_core.training.residual.frames import batch_of, Frame
 from scipy.spatial.transform import Rotation
 import torch
@@ -191,6 +193,18 @@ def test_energy_never_rises_and_spheres_stay_inside(seed):
     assert np.diff(energy).max() <= 1e-11 * energy[0]
     assert (np.abs(states.positions[..., :2]) < 3.2).all()
     assert (states.positions[..., 2] > 0).all()
+
+
+@pytest.mark.parametrize('name', ['elastic', 'tilted_corner', 'obstacle', 'room_12', 'long'])
+def test_bounds_of_hard_cases_hold(name):
+    (case,) = hard_cases([name], quick=True)
+    stepper = LearnedStepper(WEIGHTS, case.scene, case.start, 0.1, **OPTIONS)
+    states = stepper.advance(case.steps).states
+    begun = {key: values[None] for key, values in vars(case.start).items()}
+    whole = {key: np.concatenate([begun[key], values]) for key, values in vars(states).items()}
+    laws = measure_laws(case, Trajectory(dt=0.1, **whole))
+    assert laws['finite'] and laws['inside']
+    assert laws['energy_rise'] < 1e-11  # rounding, summed over hundreds of frames
 
 
 def test_soft_contacts_give_back_what_they_stored_and_no_more():

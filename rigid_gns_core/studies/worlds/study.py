@@ -75,7 +75,8 @@ def run_world(world: str, seed: int, budget: WorldsBudget, folder: Path) -> dict
 
     Returns:
         `materials` (given and fitted), `errors` by simulator and horizon [m], `frames_per_second`
-        of the laws and of the residual, `training`: steps and the error on validation tracks.
+        of the laws and of the residual, `training`: steps, the error on validation tracks, and
+        the strength that they chose, with its error over that of the laws.
     """
     from ...training.recipes import load_recipe
     from ...training.train import Trainer
@@ -95,6 +96,7 @@ def run_world(world: str, seed: int, budget: WorldsBudget, folder: Path) -> dict
         recipe, records[: budget.train], records[budget.train :], folder, f'world {world}'
     )
     best = trainer.run()
+    chosen = asdict(trainer.comparison) if trainer.comparison else {}
     learned = load_simulator(folder / 'best')
     given = tracks[0].scene
     errors = {
@@ -112,7 +114,7 @@ def run_world(world: str, seed: int, budget: WorldsBudget, folder: Path) -> dict
         },
         'errors': errors,
         'frames_per_second': _speeds({'laws': laws, 'residual': learned}, fitted, test),
-        'training': {'steps': recipe.steps, 'validation_error': best},
+        'training': {'steps': recipe.steps, 'validation_error': best, **chosen},
         'budget': asdict(budget),
     }
 
