@@ -37,8 +37,9 @@ _BOUNDS = chi2.ppf(REGIONS, 3)
 _FREEDOM, _FEW = 4.0, 10
 # priors: deviations of the logarithms of spread, b, kappa and q, and least kappa at their middle
 _WIDTHS, _LEAST_KICK = np.array([1.0, 0.75, 1.0, 1.5]), 5e-3
-# factors that are tried on the scale of a Student distribution, and what their logarithm costs
-_FACTORS, _COST = np.exp(np.linspace(-1.5, 1.5, 121)), 0.005
+# factors that are tried on the scale of a Student distribution, and what the square of their
+# logarithm costs, over the number of forecasts
+_FACTORS, _COST = np.exp(np.linspace(-1.5, 1.5, 121)), 2.0
 
 
 def fit_coverage(
@@ -122,5 +123,6 @@ def _as_normal(distances: Array, weights: Array) -> float:
     usual = float(minimize_scalar(off, bounds=(0.5, 4.0), method='bounded').x)
     inside = distances[:, None, None] <= _BOUNDS * usual * _FACTORS[:, None]
     held = np.average(inside, axis=0, weights=weights)
-    costs = ((held - REGIONS) ** 2).sum(axis=1) + _COST * np.log(_FACTORS) ** 2
+    costs = ((held - REGIONS) ** 2).sum(axis=1)
+    costs += _COST / len(distances) * np.log(_FACTORS) ** 2
     return usual * float(_FACTORS[costs.argmin()])
