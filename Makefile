@@ -32,7 +32,7 @@ demo: engine  ## tracker, simulator, bag and report of 20 s with 154 spheres
 test: $(COMPLETE) engine  ## run all tests (TESTS=tests/engine for a part)
 	@$(CLEAN) $(BIN)/python -m pytest -n 2 $(TESTS)
 
-engine: $(READY)  ## compile the engine once (two to three minutes), so that nothing waits for it later
+engine: $(READY)  ## compile the engine once (about a minute), so that nothing waits for it later
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.engine
 	@$(CLEAN) $(BIN)/python -m rigid_gns_core.tracking
 

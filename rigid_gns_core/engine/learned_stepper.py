@@ -57,6 +57,8 @@ def _frame(
     stored_out: Array,
     sleepers_out: Sleepers,
 ) -> LearnedFrame:
+    if is_start:
+        separate(world, dt, spheres.positions)
     after, warm_start, islands = advance(world, spheres, dt, warm_start, settings, sleepers_out)
     before = Spheres(
         positions=seen,
@@ -175,8 +177,6 @@ class LearnedStepper(EngineStepper):
     def frame(self) -> LearnedFrame:
         """Advance by dt, with what the network saw."""
         self.seen = self.spheres.positions.copy()
-        if self.frames == 0:
-            separate(self.world, self.dt, self.spheres.positions)
         one: LearnedFrame = learned_frame(**self._given)
         self.frames, self.spheres, self.warm_start = self.frames + 1, one.after, one.warm_start
         return one

@@ -16,7 +16,7 @@ from .overlap import gap_of, push_out
 from .plane_bodies import bodies_of_planes
 from .workspace import new_workspace, Workspace
 from .world import World
-from ..kernels.jit import entry, in_place
+from ..kernels.jit import compiled, in_place
 from ..kernels.vector import put, row
 from ..scenes.state import Array
 
@@ -66,7 +66,7 @@ def separate_once(
     return True
 
 
-@entry
+@compiled
 def separate(world: World, dt: float, positions_out: Array) -> None:
     """Undo the overlaps of a start, however deep.
 

@@ -30,64 +30,63 @@ _DIVERGED = 'the rollout diverged: a predicted value is not finite'
 @entry
 def _advance(
     world: World,
-    spheres: Spheres,
+    starts: Spheres,
     dt: float,
     warm_start: WarmStart,
     settings: Settings,
     guards: bool,
     sleeps: bool,
-    sleepers_out: Sleepers,
-    frames_out: Spheres,
-) -> tuple[int, WarmStart, int, float]:
-    """`advance_frames`, in one call, since a call of compiled code costs a fifth of a frame."""
-    return advance_frames(
-        world, spheres, dt, warm_start, settings, guards, sleeps, sleepers_out, frames_out
-    )
-
-
-@entry
-def _advance_starts(
-    world: World,
-    starts: Spheres,
-    dt: float,
-    settings: Settings,
-    guards: bool,
-    sleeps: bool,
+    is_start: bool,
     sleepers_out: Sleepers,
     frames_out: Spheres,
     done_out: Indices,
-) -> None:
-    """Frames of many starts, shapes (s, n, k), in one call.
+) -> tuple[WarmStart, int, float]:
+    """Frames of one state or of many starts, shapes (s, n, k), in one call.
+
+    A call of compiled code costs a fifth of a frame, and each entry as much time to compile as
+    the whole engine.
 
     Args:
         world: What does not move.
-        starts: The starts; overlaps are undone in them.
+        starts: The states.
         dt: Length of a frame.
+        warm_start: Impulses of the last frame.
         settings: Substeps and iterations.
         guards: Limit the energy.
         sleeps: Let islands sleep.
-        sleepers_out: Scratch.
+        is_start: Whether nothing has moved yet: overlaps are undone in `starts`, no impulses are
+            known, and all are awake.
+        sleepers_out: Who sleeps.
         frames_out: Frames, shapes (s, frames, n, k).
-        done_out: Number of finite frames of each start, shape (s,).
+        done_out: Number of finite frames of each, shape (s,).
+
+    Returns:
+        Warm start of the next frame, how many islands the guard limited, and the energy it took.
     """
+    acted, removed = 0, 0.0
     for k in range(len(done_out)):
-        sleepers_out.asleep[:] = False
-        sleepers_out.island[:] = -1
-        sleepers_out.quiet[:] = 0
-        sleepers_out.islands[:] = 0
-        set_clock(world, 0.0)
-        separate(world, dt, starts.positions[k])
-        done_out[k], _, _, _ = advance_frames(
+        if is_start:
+            sleepers_out.asleep[:] = False
+            sleepers_out.island[:] = -1
+            sleepers_out.quiet[:] = 0
+            sleepers_out.islands[:] = 0
+            set_clock(world, 0.0)
+            separate(world, dt, starts.positions[k])
+            warm_start = cold_start()
+        done_out[k], warm_start, held, taken = advance_frames(
             world,
             part_of(starts, k),
             dt,
-            cold_start(),
+            warm_start,
             settings,
             guards,
             sleeps,
             sleepers_out,
             part_of(frames_out, k),
         )
+        acted += held
+        removed += taken
+    return warm_start, acted, removed
 
 
 def warm_up() -> None:
@@ -96,10 +95,8 @@ def warm_up() -> None:
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
     with compiling():
         EngineStepper(scene, start, 0.1, substeps=1, rounds=1).step()
-        starts = State.unchecked(*(values[None].copy() for values in vars(start).values()))
-        advance_starts(scene, starts, 0.1, 1, substeps=1, rounds=1)
-        flight = Air().flight(np.ones(2), np.ones(2), scene.gravity)
-        accelerations(starts.velocities, starts.angular_velocities, flight, np.empty((1, 2, 3)))
+        flight, speeds = Air().flight(np.ones(2), np.ones(2), scene.gravity), np.zeros((1, 2, 3))
+        accelerations(speeds, speeds, flight, np.empty((1, 2, 3)))
 
 
 class EngineStepper(Stepper):
@@ -155,8 +152,6 @@ class EngineStepper(Stepper):
 
     def advance(self, steps: int) -> Advance:
         """Advance by several dt; see `Stepper`."""
-        if self.frames == 0:
-            separate(self.world, self.dt, self.spheres.positions)
         states = Spheres(*(np.empty((steps, *values.shape)) for values in self.spheres))
         done, self.warm_start, acted, removed = self._advance(states)
         self.frames += done
@@ -170,18 +165,27 @@ class EngineStepper(Stepper):
         )
 
     def _advance(self, frames_out: Spheres) -> tuple[int, WarmStart, int, float]:
-        """Write frames; what is returned is that of the function `_advance`."""
-        return _advance(
+        """Write frames; returns as `advance_frames`."""
+        done = np.zeros(1, np.int64)
+        warm_start, acted, removed = _advance(
             world=self.world,
-            spheres=self.spheres,
+            starts=_as_one(self.spheres),
             dt=self.dt,
             warm_start=self.warm_start,
             settings=self.settings,
             guards=self.guards,
             sleeps=self.sleeps,
+            is_start=self.frames == 0,
             sleepers_out=self.sleepers,
-            frames_out=frames_out,
+            frames_out=_as_one(frames_out),
+            done_out=done,
         )
+        return int(done[0]), warm_start, acted, removed
+
+
+def _as_one(spheres: Spheres) -> Spheres:
+    """View with an axis of one start before the others."""
+    return Spheres(*(values[None] for values in spheres))
 
 
 def advance_starts(
@@ -225,13 +229,15 @@ def advance_starts(
     world = world_of(scene, spheres)
     frames = Spheres(*(np.empty((count, steps, spheres, part.shape[2])) for part in begin))
     done = np.zeros(count, np.int64)
-    _advance_starts(
+    _advance(
         world=world,
         starts=begin,
         dt=dt,
+        warm_start=cold_start(),
         settings=Settings(substeps=substeps, iterations=rounds),
         guards=guard,
         sleeps=sleep and not world.moving,
+        is_start=True,
         sleepers_out=all_awake(world.radius[:-1], float(np.linalg.norm(scene.gravity))),
         frames_out=frames,
         done_out=done,

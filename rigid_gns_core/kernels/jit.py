@@ -16,13 +16,12 @@ _CODE = MachineCode(
     'engine', Path(__file__).parents[1] / 'engine', Path(__file__).parent, fastmath=False
 )
 is_compiled = _CODE.is_complete
-compiling = partial(_CODE.compiling, 'the engine', 'about two and a half minutes')
+compiling = partial(_CODE.compiling, 'the engine', 'about a minute')
 
 
 def compiled(function: Function) -> Function:
     """Compile a function that only compiled functions call: Python itself must not."""
-    # wrappers for calls from Python would take a fifth of the time to compile
-    return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _CODE.part(function)
 
 
 def in_place(function: Function) -> Function:
@@ -30,7 +29,7 @@ def in_place(function: Function) -> Function:
 
     Counting references, atomically and for every array of every tuple, took most of the time.
     """
-    return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+    return _CODE.part(function, _nrt=False)
 
 
 def entry(function: Function) -> Function:

@@ -22,8 +22,10 @@ from ..installation.extras import missing
 
 try:
     import numba
-    from numba.core import caching, compiler, serialize
+    from numba.core import caching, serialize, types
     from numba.core.registry import cpu_target
+
+    from .linking import EntryCompiler, PartCompiler, rebuilt
 except ModuleNotFoundError as error:
     raise missing(error, 'the engine') from error
 
@@ -55,8 +57,10 @@ class MachineCode:
         self._name, self._options = name, options
         paths = [path for folder in sources for path in sorted(folder.glob('*.py'))]
         texts = [(path.name, path.read_bytes()) for path in paths]
-        makes = (b'jit import', b'numba.extending import')
-        kept = (own == 'jit.py' or any(m in text for m in makes) for own, text in texts)
+        makes = (b'jit import', b'numba.extending import', b'numba.core import')
+        kept = (
+            own in ('jit.py', 'linking.py') or any(m in text for m in makes) for own, text in texts
+        )
         code = b''.join(text for (_, text), keeps in zip(texts, kept, strict=True) if keeps)
         self._hash = hashlib.sha256(code + repr(options).encode()).hexdigest()[:16]
         self._beside = sources[0] / '__pycache__'
@@ -100,11 +104,24 @@ class MachineCode:
             )
 
     def of(self, function: Function, **options: Any) -> Function:
-        """Return `function` compiled, with more options of numba.njit."""
+        """Return `function` compiled for Python, with more options of numba.njit."""
+        return self._decorated(function, pipeline_class=EntryCompiler, **options)
+
+    def part(self, function: Function, **options: Any) -> Function:
+        """The same for a function that only compiled functions call: Python itself must not."""
+        # wrappers for calls from Python would take a fifth of the time to compile
+        wrappers = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+        return self._decorated(function, pipeline_class=PartCompiler, **wrappers, **options)
+
+    def _decorated(self, function: Function, **options: Any) -> Function:
         decorate: Any = numba.njit(error_model='numpy', **self._options, **options)
         dispatcher: Any = decorate(function)
         if hasattr(dispatcher, '_cache'):  # not with NUMBA_DISABLE_JIT
             dispatcher._cache = _Cache(function, self)
+            template = dispatcher.get_call_template
+            dispatcher.get_call_template = lambda args, kws: template(
+                tuple(map(_general, args)), {name: _general(kind) for name, kind in kws.items()}
+            )
         return cast(Function, dispatcher)
 
     def read(self, name: str) -> bytes | None:
@@ -187,14 +204,18 @@ class _Cache(caching.NullCache):
             return None
         if their_signature != signature:  # another type of the same name
             return None
-        result: Any = compiler.CompileResult
-        return result._rebuild(target, *code)
+        return rebuilt(target, *code)
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         self._code.write(self._file(signature), _dumps((signature, compiled._reduce())))
 
     def _file(self, signature: Any) -> str:
         return f'{self._name}-{_digest(str(signature).encode()).decode()[:16]}{_SUFFIX}'
+
+
+def _general(kind: Any) -> Any:
+    """Type of an argument: a constant integer would make a function of its own of each callee."""
+    return types.unliteral(kind) if isinstance(kind, types.IntegerLiteral) else kind
 
 
 def _users_folder() -> list[Path]:

@@ -15,7 +15,7 @@ from ..kernels.machine_code import Function, MachineCode
 from ..scenes.state import Array
 
 _CODE = MachineCode('tracking', Path(__file__).parent, Path(__file__).parents[1] / 'kernels')
-compiling = partial(_CODE.compiling, 'the tracking filter', 'about 25 s')
+compiling = partial(_CODE.compiling, 'the tracking filter', 'about half a minute')
 
 
 def in_place(function: Function) -> Function:
@@ -23,12 +23,12 @@ def in_place(function: Function) -> Function:
 
     It allocates no array, so no references are counted.
     """
-    return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+    return _CODE.part(function, _nrt=False)
 
 
 def compiled(function: Function) -> Function:
     """Compile a function that only compiled code calls and that makes arrays."""
-    return _CODE.of(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _CODE.part(function)
 
 
 def entry(function: Function) -> Function:

@@ -38,6 +38,42 @@ with CODE.compiling('the example', 'a moment'):
         sys.exit('stopped')
 print(*made, sum(double.stats.cache_hits.values()))
 """
+PARTS = """
+from .jit import CODE
+
+@CODE.part
+def square(value):
+    return value * value
+
+@CODE.part
+def power(value, exponent):
+    power = 1
+    for _ in range(exponent):
+        power *= value
+    return square(power) - square(power) + power
+
+@CODE.of
+def cube(value):
+    return power(value, 3) + square(value) - square(value)
+
+@CODE.of
+def cubes(value, count):
+    return cube(value) * power(count, 1)
+"""
+USER = """
+import sys, numba
+from . import parts
+
+@numba.njit
+def fourth(value):
+    return parts.power(value, 4)
+
+print(*(getattr(parts, name)(*numbers) for name, numbers in
+        (('cube', (2,)), ('cubes', (3, 2)), ('cube', (0.5,)))), fourth(2))
+for name in ('square', 'power', 'cube', 'cubes'):
+    made = getattr(parts, name)
+    print(name, len(made.signatures), sum(made.stats.cache_hits.values()))
+"""
 NOWHERE = '/dev/null/home'  # not even root can make it
 COMPILED, READ = '4 3.0 0\n', '4 3.0 2\n'
 TOLD = 'rigid_gns: compiling the example, once; a moment\n'
@@ -176,6 +212,26 @@ def test_code_is_complete_only_when_its_first_use_is_over(place: Path) -> None:
     assert len(kept(place)) == 2
     assert run(place) == (READ, TOLD)
     assert run(place) == (READ, '')
+
+
+def test_an_entry_holds_its_parts_and_others_can_call_them(place: Path) -> None:
+    """Parts in parts, entries in entries and in functions of Numba's own, anew and from files.
+
+    A constant integer makes no function of its own of what it is given to.
+    """
+    tiny = place / 'tiny'
+    (tiny / 'parts.py').write_text(PARTS)
+    (tiny / '__main__.py').write_text(USER)
+    numbers = '8 54 0.125 16\n'
+    compiled, errors = run(place)
+    assert compiled == numbers + 'square 2 0\npower 2 0\ncube 2 0\ncubes 1 0\n', errors
+    for path in kept(place):  # the entries anew, of parts and an entry from files
+        if 'parts.cubes' in path.name:
+            path.unlink()
+    assert run(place)[0] == numbers + 'square 1 1\npower 1 1\ncube 2 2\ncubes 1 0\n'
+    assert run(place)[0] == numbers + 'square 1 1\npower 1 1\ncube 2 2\ncubes 1 1\n'
+    next(path for path in kept(place) if 'parts.square' in path.name).unlink()
+    assert run(place)[0].startswith(numbers)  # what calls it, too
 
 
 def test_changed_sources_are_compiled_anew(place: Path) -> None:
