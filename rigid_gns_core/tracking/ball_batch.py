@@ -5,19 +5,20 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from .ball_window import estimate_window, FEWEST
+from .ball_window import estimate_window
 from .jit import compiled, entry
 from .kinks import find_kinks
 from .spin_windows import SpinWindows
+from .stamp_noise import with_stamp_noise
 from ..kernels.neighbours import Flags, Indices
 from ..scenes.state import Array
 
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
+# an estimate that must meet the frames is not farther from the last one [deviations]
+_OFF = 4.0
 
 
 @compiled
@@ -81,6 +82,9 @@ def estimate_balls(
     positions: Array,
     seen: Flags,
     begin: int,
+    fewest: int,
+    worst: float,
+    learned: bool,
     most: int,
     states_out: Array,
     covariances_out: Array,
@@ -101,6 +105,9 @@ def estimate_balls(
         positions: Centres [m], shape (m, n, 3); any number where a ball is not seen.
         seen: Whether it is, shape (m, n).
         begin: First frame of the memory.
+        fewest: Least number of frames of an estimate, 4 or more.
+        worst: Loss per coordinate that an estimate stays below; infinite: it may miss the frames.
+        learned: Whether the noise was; if not, that of stamps comes to it.
         most: Of more balls the fastest are estimated.
         states_out: States, shape (n, 9).
         covariances_out: Their covariances, shape (n, 9, 9).
@@ -111,7 +118,7 @@ def estimate_balls(
     near = np.zeros(n, dtype=np.int64)
     _last_near(positions, seen, balls[:, 7], begin, near)
     taken = _fastest(times, positions, seen, near, most)
-    own_times, places = np.zeros(m), np.zeros((m, 3))
+    own_times, places, own_noise = np.zeros(m), np.zeros((m, 3)), noise.copy()
     kinks = np.zeros(m, dtype=np.int64)
     state, covariance = np.zeros(9), np.zeros((9, 9))
     for i in range(n):
@@ -124,18 +131,20 @@ def estimate_balls(
                 own_times[count] = times[frame]
                 places[count] = positions[frame, i]
                 count, last = count + 1, frame
-        if count < FEWEST:
+        if count < fewest:
             continue
         ball = balls[i : i + 1]
-        hits = find_kinks(ball, planes, own_times[:count], places[:count], noise[0], kinks)
+        if not learned:
+            own_noise[0] = with_stamp_noise(own_times[:count], places[:count], noise[0])
+        hits = find_kinks(ball, planes, own_times[:count], places[:count], own_noise[0], kinks)
         first = kinks[hits - 1] if hits else 0
-        if count - first < FEWEST:
+        if count - first < fewest:
             continue
         ends_out[i, 1], loss, _, _ = estimate_window(
             ball,
             planes,
             laws[i],
-            noise,
+            own_noise,
             windows,
             True,
             own_times[first:count],
@@ -143,7 +152,8 @@ def estimate_balls(
             state,
             covariance,
         )
-        if not loss < math.inf:
+        off = np.abs(state[:3] - places[count - 1]).max()
+        if not loss < worst or (worst < np.inf and off > _OFF * own_noise[0]):
             continue
         ends_out[i, 0] = last
         states_out[i] = state

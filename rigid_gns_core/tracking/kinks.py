@@ -57,15 +57,17 @@ def find_kinks(
         return 0
     last = m - 2
     typical = float(np.median(times[1:] - times[:-1]))
-    medians = np.zeros((m + 1, 3))  # of the steps around each frame, those at the ends repeated
+    # velocity and duration of the steps around each frame, those at the ends repeated
+    medians = np.zeros((m + 1, 4))
     for k in range(m + 1):
-        for c in range(3):
+        for c in range(4):
             one, two, three = 0.0, 0.0, 0.0
             for side in range(_SIDE):
                 step = min(max(k - side, 0), last)
-                speed = positions[step + 1, c] - positions[step, c]
-                speed /= times[step + 1] - times[step]
-                one, two, three = two, three, speed
+                value = times[step + 1] - times[step]
+                if c < 3:
+                    value = (positions[step + 1, c] - positions[step, c]) / value
+                one, two, three = two, three, value
             medians[k, c] = _median(one, two, three)
     pull = math.sqrt(ball[0, 0] ** 2 + ball[0, 1] ** 2 + ball[0, 2] ** 2)
     free = max(pull, 1.0) * _SIDE * typical
@@ -75,7 +77,9 @@ def find_kinks(
             sizes[k] += (medians[k + _SIDE, c] - medians[k, c]) ** 2
         sizes[k] = math.sqrt(sizes[k])
         part = _GLIDE if _on_surface(ball, planes, positions, k + 1) else _FLIGHT
-        large[k] = sizes[k] > part * free + _DEVIATIONS * noise / typical
+        # of three velocities the median is as noisy as the second shortest step makes it at most
+        shortest = min(medians[k, 3], medians[k + _SIDE, 3])
+        large[k] = sizes[k] > part * free + _DEVIATIONS * noise / shortest
     end = 0
     while end < m - 2:
         first = end

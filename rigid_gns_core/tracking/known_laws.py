@@ -20,6 +20,7 @@ from .ball_batch import estimate_balls
 from .ball_contact import FREE
 from .ball_estimate import BallEstimate, forecast_ball
 from .ball_model import BallModel
+from .ball_window import FEWEST
 from .jit import plain
 from .motion_models import Motion
 from .pose_noise import rotating
@@ -30,11 +31,26 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 from ..scenes.tracker import Tracker
 
+# of more balls the fastest are estimated by the laws, or none where a scene has neither air nor a
+# learned tracker: all would take longer than a frame
+MOST_BALLS = 8
+# without air, fewer frames are fitted as well by the motions of the window, which know of blows
+# between balls, and those that the laws meet worse by one of them: that of a ball that is held
+_FEWEST, _WORST = 12, 1.5
 # noise of a tracker of which nothing is known [m]
 _NOISE, _LEAST_NOISE = 1e-3, 1e-6
 # of a scene without a learned tracker, whose laws are taken as they stand: drift [m^2/s^3] and
 # kicks for what is not linear; with 0 regions of 90 % held 85 to 90 %
 _DRIFT, _IMPACT = 3e-5, 1e-3
+
+
+def most_balls(scene: Scene) -> float:
+    """Largest number of balls of a scene whose states are those of its laws.
+
+    In air the fastest `MOST_BALLS` of any number are; without it slow ones lose as much as fast
+    ones by a fit of fewer frames.
+    """
+    return np.inf if scene.air is not None or scene.tracker is not None else MOST_BALLS
 
 
 @dataclass(frozen=True)
@@ -47,6 +63,8 @@ class KnownLaws:
         tracker: Noise, drift and memory.
         learned: Whether the tracker was learned; if not, its noise is only a guess.
         correction: Of estimates in flight; None: none.
+        fewest: Least number of frames of an estimate.
+        worst: Loss per coordinate that an estimate stays below.
     """
 
     models: tuple[BallModel, ...]
@@ -54,6 +72,8 @@ class KnownLaws:
     tracker: Tracker
     learned: bool
     correction: StartCorrection | None = None
+    fewest: int = FEWEST
+    worst: float = np.inf
 
     @classmethod
     def of(cls, scene: Scene, spheres: tuple[int, ...]) -> Self:
@@ -67,7 +87,10 @@ class KnownLaws:
         else:
             prior = StartPrior.of(tracker.spins)
         own = None if tracker.correction is None else StartCorrection.of(tracker.correction)
-        return cls(models, prior.windows, tracker, scene.tracker is not None, own)
+        known = cls(models, prior.windows, tracker, scene.tracker is not None, own)
+        if np.isinf(most_balls(scene)):
+            return known
+        return replace(known, fewest=_FEWEST, worst=_WORST)
 
     def with_noise(self, noise: float | None) -> Self:
         """The same with the noise of a coordinate [m], where none was learned."""
@@ -95,7 +118,8 @@ class KnownLaws:
 
         Returns:
             States, shape (n, 9), their covariances, shape (n, 9, 9), and which were found: of a
-            ball with fewer than four frames there is no estimate here.
+            ball with fewer than `fewest` frames, or whose frames the laws do not meet, there is
+            no estimate here.
         """
         count, tracker = len(self.models), self.tracker
         states, covariances = np.zeros((count, 9)), np.zeros((count, 9, 9))
@@ -109,6 +133,9 @@ class KnownLaws:
             plain(positions),
             np.require(seen, np.bool_, ['C', 'W']),
             begin,
+            self.fewest,
+            self.worst,
+            self.learned,
             count if most is None else most,
             states,
             covariances,

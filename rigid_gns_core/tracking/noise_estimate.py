@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from .pose_noise import normal_spread
 from ..scenes.state import Array
 
+# frames of one third difference
+NOISE_FRAMES = 4
 # third differences kept, the newest ones: enough for the noise within some per cent
 MAX_DIFFERENCES = 1200
 # fewer give no estimate

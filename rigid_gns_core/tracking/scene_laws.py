@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starts of tracked spheres in a scene with air or a learned tracker, by the scene's laws."""
+"""Starts of tracked spheres by the laws of the scene."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Self
 
-from .known_laws import KnownLaws, state_by_laws
+from .known_laws import KnownLaws, MOST_BALLS, most_balls, state_by_laws
 from .motion_models import Motion
 from .pose_noise import rotating
 from .state_estimate import motion_covariance, StateEstimate
 from .tracks import TrackerSettings, Tracks
 from ..scenes.scene import Scene
 from ..scenes.state import Array
-
-# of more balls the fastest are estimated by the laws: of slow ones air and spin change little, and
-# all would take longer than a frame
-MOST_BALLS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,19 +26,22 @@ class SceneLaws:
         scene: The scene.
         memory: Frames of this time before the newest count [s].
         noise: Standard deviation of a coordinate [m]; None: not learned.
+        most: Of more balls, starts are not those of the laws.
     """
 
     scene: Scene
     memory: float
     noise: float | None
+    most: float
 
     @classmethod
     def of(cls, scene: Scene) -> Self | None:
-        """Laws of a scene; None: it has neither air nor a learned tracker."""
-        if scene.air is None and scene.tracker is None:
+        """Laws of a scene; None: it has too many balls, see `most_balls`."""
+        most = most_balls(scene)
+        if (scene.sphere_count or 0) > most:
             return None
         laws = KnownLaws.of(scene, (0,))
-        return cls(scene, laws.tracker.memory, laws.tracker.noise if laws.learned else None)
+        return cls(scene, laws.tracker.memory, laws.tracker.noise if laws.learned else None, most)
 
     @lru_cache(maxsize=8)  # noqa: B019 of few objects, which live as long as a node
     def _of_ids(self, ids: tuple[int, ...]) -> KnownLaws:

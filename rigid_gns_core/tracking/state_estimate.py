@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .environment import Environment
 from .jit import compiling
-from .known_laws import KnownLaws, state_by_laws
+from .known_laws import KnownLaws, most_balls, state_by_laws
 from .motion_models import Motion, ROLLING
-from .pose_noise import estimate_noise, rotating
+from .noise_estimate import NOISE_FRAMES, third_differences
+from .pose_noise import normal_spread, rotating
 from .velocity import estimate_motion
 from ..errors import UserError
 from ..scenes.scene import Scene
@@ -48,9 +49,9 @@ def estimate_state(
 ) -> StateEstimate:
     """Estimate the state at the last of some frames.
 
-    Where the scene has air, or a tracker that was learned (`rigid-gns calibrate`), all frames of
-    its memory count, through the contacts in between, and spin is estimated with the prior that
-    was learned. Else it is as the node does.
+    All frames of the tracker's memory count, through the contacts in between, and spin is
+    estimated with the prior that was learned (`rigid-gns calibrate`). Of more than 8 spheres in
+    a scene without air and learned tracker it is the fit of motions that the node then makes.
 
     Args:
         scene: Surfaces, radii and gravity.
@@ -87,7 +88,7 @@ def estimate_state(
         turned = (known | ~seen).all(axis=0) & rotating(turns, seen)
         turns[:, ~turned] = _UNTURNED
     centres[~seen] = 0.0  # not read
-    if scene.air is None and scene.tracker is None:
+    if centres.shape[1] > most_balls(scene):
         motion, covariance = _by_window(scene, stamps, centres, turns, seen, noise, turned)
         return StateEstimate(motion.state, covariance)
     if not (np.diff(stamps) > 0).all():
@@ -121,7 +122,7 @@ def _by_window(
     noise: float | None,
     turned: NDArray[np.bool_],
 ) -> tuple[Motion, Array]:
-    """Fit of motions without air, as of the node in a scene without it, and its covariance."""
+    """Fit of motions without air, as of the node for many spheres, and its covariance."""
     radii = scene.per_sphere('radius', centres.shape[1])
     sigma = _noise(stamps, centres, seen) if noise is None else noise
     with compiling():
@@ -138,11 +139,15 @@ def _by_window(
 
 
 def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
-    parts = []
+    values = [np.zeros(0)]
     for sphere, own in enumerate(seen.T):
-        turns = np.tile(_UNTURNED, (int(own.sum()), 1, 1))
-        parts.append((times[own], positions[own, sphere, None], turns))
-    return estimate_noise(parts).position
+        stamps, places = times[own], positions[own, sphere, None]
+        shown = np.ones((NOISE_FRAMES, 1), dtype=np.bool_)
+        values += [
+            third_differences(stamps[k : k + NOISE_FRAMES], places[k : k + NOISE_FRAMES], shown)
+            for k in range(len(stamps) - NOISE_FRAMES + 1)
+        ]
+    return normal_spread(np.concatenate(values))
 
 
 def motion_covariance(

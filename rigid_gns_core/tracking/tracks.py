@@ -21,15 +21,19 @@ from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
 from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
-from .noise_estimate import MAX_DIFFERENCES, MIN_DIFFERENCES, NoiseEstimate, third_differences
+from .noise_estimate import (
+    MAX_DIFFERENCES,
+    MIN_DIFFERENCES,
+    NOISE_FRAMES,
+    NoiseEstimate,
+    third_differences,
+)
 from .unknown_rotations import whole_rotations
 from .velocity import estimate_motion
 from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array, as_unit
 
-# frames of one third difference
-_NOISE_FRAMES = 4
 # noise until it is estimated [radii]
 _NOISE_GUESS = 5e-3
 # a track is coasted at least for this many intervals between frames
@@ -54,6 +58,7 @@ class TrackerSettings:
         max_speed: Largest speed of a new track [m/s].
         radius: Radius of the largest sphere [m].
         memory: Frames of this time before the newest are kept as well [s].
+        most: Of more spheres only the window is kept.
     """
 
     environment: Environment
@@ -64,11 +69,12 @@ class TrackerSettings:
     max_speed: float
     radius: float
     memory: float = 0.0
+    most: float = np.inf
 
     @property
     def fewest(self) -> int:
         """Number of frames kept at least; a late one is inserted among as many."""
-        return max(self.length, _NOISE_FRAMES)
+        return max(self.length, NOISE_FRAMES)
 
     def used(self, stamps: NDArray[np.int64], spheres: int) -> int:
         """Number of the newest frames from which a start is estimated.
@@ -76,9 +82,9 @@ class TrackerSettings:
         Those of the window, of the memory, and so many that the noise of few spheres is known.
         """
         used = self.length
-        if self.noise is None and not self.matched and spheres and self.length >= _NOISE_FRAMES:
-            used = max(used, -(-MIN_DIFFERENCES // (3 * spheres)) + _NOISE_FRAMES - 1)
-        if self.memory and len(stamps):
+        if self.noise is None and not self.matched and spheres and self.length >= NOISE_FRAMES:
+            used = max(used, -(-MIN_DIFFERENCES // (3 * spheres)) + NOISE_FRAMES - 1)
+        if self.memory and len(stamps) and spheres <= self.most:
             recent = stamps >= stamps[-1] - round(self.memory * 1e9)
             used = max(used, int(recent.sum()))
         return min(used, len(stamps))
@@ -252,9 +258,9 @@ class Tracks:
         )
 
     def _estimate_noise(self, settings: TrackerSettings) -> Tracks:
-        if settings.noise is not None or len(self.stamps) < _NOISE_FRAMES or not len(self.ids):
+        if settings.noise is not None or len(self.stamps) < NOISE_FRAMES or not len(self.ids):
             return self
-        newest = slice(-_NOISE_FRAMES, None)
+        newest = slice(-NOISE_FRAMES, None)
         values = third_differences(
             (self.stamps[newest] - self.stamps[-1]) * 1e-9,
             self.poses[newest, :, :3],
@@ -264,7 +270,7 @@ class Tracks:
         if not settings.matched:
             # so that a start depends on the frames of its window alone
             used = settings.used(self.stamps, len(self.ids))
-            kept = values.size * max(used - _NOISE_FRAMES + 1, 0)
+            kept = values.size * max(used - NOISE_FRAMES + 1, 0)
         return replace(self, noise_estimate=self.noise_estimate.updated(values, kept))
 
     def _estimate_motion(self, frames: int, settings: TrackerSettings) -> Motion:

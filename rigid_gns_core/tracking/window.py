@@ -107,6 +107,7 @@ class TrackingWindow:
             max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
             radius=radius,
             memory=0.0 if self._laws is None else self._laws.memory,
+            most=0.0 if self._laws is None else self._laws.most,
         )
         # newest frames, each with the tracks before it, to insert a late frame
         self._frames: deque[tuple[PoseArrayFrame, Tracks]] = deque(maxlen=self.settings.fewest)
@@ -299,9 +300,14 @@ class TrackingWindow:
             self.counts['appeared'] += len(np.setdiff1d(tracks.ids, before))
             self.counts['vanished'] += len(np.setdiff1d(before, tracks.ids))
 
+    @property
+    def _laws_hold(self) -> bool:
+        few = len(self._tracks.ids) <= self.settings.most
+        return self._laws is not None and self.length > 1 and few
+
     def start(self) -> tuple[int, State]:
         """Stamp [ns] of the newest frame, and the state at it, from the whole window."""
-        if self._laws is not None and self.length > 1:
+        if self._laws_hold:
             stamp, estimate = self.estimate()
             return stamp, estimate.state
         if self._state is None:
@@ -311,7 +317,7 @@ class TrackingWindow:
     def estimate(self) -> tuple[int, StateEstimate]:
         """As `start`, with the covariance of the state."""
         if self._estimate is None:
-            if self._laws is not None and self.length > 1:
+            if self._laws is not None and self._laws_hold:
                 self._estimate = self._laws.estimate(self._tracks, self.settings)
             else:
                 _, covariance = by_window(self._tracks, self.settings)

@@ -24,6 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .clock_jumps import on_jump
 from .closing_node import log_end
+from .events import look_now_and_then
 from .managed_node import ManagedNode
 from .markers import encode_surfaces
 from .simulation import Simulation
@@ -82,6 +83,7 @@ class SimulatorNode(ManagedNode):
         self._jump_handle = on_jump(self, self.simulation.on_clock_jump)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DIAGNOSTICS_PERIOD, self.simulation.report, clock=steady)
+        look_now_and_then(self)
         self._told = partial(self._tell, model, values)
 
     def activate(self) -> None:

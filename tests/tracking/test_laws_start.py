@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starts of tracked balls in a scene with air or a learned tracker: those of `estimate_state`."""
+"""Starts of tracked balls by the laws of the scene: those of `estimate_state`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rigid_gns_core.tracking import estimate_state
 from rigid_gns_core.tracking.ball_contact import FREE
 from rigid_gns_core.tracking.ball_model import BallModel
 from rigid_gns_core.tracking.ball_path import path
-from rigid_gns_core.tracking.scene_laws import MOST_BALLS
+from rigid_gns_core.tracking.known_laws import MOST_BALLS
 from rigid_gns_core.tracking.window import TrackingWindow
 from tracking_windows import tracking_window
 
@@ -75,16 +75,18 @@ def bytes_of(state: State) -> list[bytes]:
 
 
 @pytest.mark.parametrize('matched', [False, True])
-@pytest.mark.parametrize('learned', [False, True])
-def test_a_start_is_the_estimate_from_the_memory(matched: bool, learned: bool) -> None:
+@pytest.mark.parametrize('scene', [LEARNED, replace(LEARNED, tracker=None), VACUUM])
+def test_a_start_is_the_estimate_from_the_memory(matched: bool, scene: Scene) -> None:
     """Through a bounce; stamps of whole nanoseconds move a ball at 5 m/s by 3e-9 m."""
-    scene = LEARNED if learned else replace(LEARNED, tracker=None)
-    states = tracked(scene, 0.5)
+    # without air a spin shows only in a bounce: one that is large is not met, see the next test
+    spin = 0.1 if scene is VACUUM else 1.0
+    starts = [[*start[:6], *(spin * np.array(start[6:]))] for start in STARTS]
+    states = tracked(scene, 0.5, starts)
     given, target = frames(states), window(scene, matched=matched)
     found = start_of(target, given)
     times = np.array([frame.stamp_ns - given[0].stamp_ns for frame in given]) * 1e-9
     places = np.stack([frame.poses[:, :3] for frame in given])
-    noise = None if learned else target.noise
+    noise = None if scene.tracker is not None else target.noise
     expected = estimate_state(scene, times, places, noise=noise)
     np.testing.assert_allclose(found.positions, expected.state.positions, atol=1e-6)
     np.testing.assert_allclose(found.velocities, expected.state.velocities, atol=1e-4)
@@ -93,6 +95,15 @@ def test_a_start_is_the_estimate_from_the_memory(matched: bool, learned: bool) -
     # deviations of 72 frames with a millimetre: 0.3 mm and 1 cm/s, and 0.5 m/s of a free spin
     assert np.abs(found.positions - states[-1, :, :3]).max() < 2e-3
     assert np.abs(found.velocities - states[-1, :, 3:6]).max() < 0.06
+
+
+def test_a_start_that_misses_the_frames_is_that_of_the_window() -> None:
+    """The spin of a ball in a vacuum shows only in its bounce, where it may be mistaken."""
+    states = tracked(VACUUM, 0.5)
+    found = start_of(window(VACUUM), frames(states))
+    # six frames at 1 mm: 0.7 mm and 0.04 m/s on each axis
+    assert np.abs(found.positions - states[-1, :, :3]).max() < 3e-3
+    assert np.abs(found.velocities - states[-1, :, 3:6]).max() < 0.2
 
 
 def test_all_frames_of_the_memory_are_told_and_no_others_count() -> None:
@@ -112,17 +123,18 @@ def test_a_late_frame_makes_no_difference() -> None:
     assert bytes_of(found[0]) == bytes_of(found[1])
 
 
-def test_a_scene_without_air_and_tracker_starts_from_its_window() -> None:
-    given, target, short = frames(tracked(VACUUM, 0.3)), window(VACUUM), window(VACUUM)
+def test_many_balls_without_air_and_tracker_start_from_their_window() -> None:
+    starts = [[0.0, k, 2.0, 0.2 * k, 0.0, 1.0, 0.0, 0.0, 0.0] for k in range(MOST_BALLS + 1)]
+    given, target, short = frames(tracked(VACUUM, 0.3, starts)), window(VACUUM), window(VACUUM)
     found = start_of(target, given)
-    assert len(target.window_ns) == 7  # of two spheres, so many tell the noise
+    assert len(target.window_ns) == 6
     again = start_of(short, [frame for frame in given if frame.stamp_ns in target.window_ns])
     assert bytes_of(again) == bytes_of(found)
 
 
 @pytest.mark.parametrize('noise', [0.3e-3, 3e-3])
 def test_the_noise_of_one_ball_is_estimated_and_a_guess_is_told(noise: float) -> None:
-    """From eight third differences on each axis: a deviation within a factor of two."""
+    """From the 16 third differences of 19 frames on each axis: within a factor of two."""
     found: list[float] = []
     for seed in range(20):
         given = frames(tracked(VACUUM, 0.1, STARTS[:1]), noise, seed)
@@ -130,7 +142,7 @@ def test_the_noise_of_one_ball_is_estimated_and_a_guess_is_told(noise: float) ->
         start_of(target, given[:6])
         assert not target.knows_noise and target.noise == 0.5e-2 * 0.02
         start_of(target, given[6:])
-        assert target.knows_noise and len(target.window_ns) == 11
+        assert target.knows_noise and len(target.window_ns) == 19
         found.append(target.noise)
     assert 0.75 < np.median(found) / noise < 1.33
     assert all(0.4 < each / noise < 2.0 for each in found)
@@ -155,3 +167,11 @@ def test_a_ball_that_two_surfaces_clamp_is_no_endless_path() -> None:
     still[..., 2] = 0.019
     found = start_of(window(scene), frames(still))
     assert np.isfinite(found.velocities).all() and np.abs(found.velocities).max() < 1.0
+
+
+def test_a_ball_that_is_held_does_not_start_by_a_flight() -> None:
+    """In the hand of somebody who walks: no law of the scene moves it so."""
+    held = np.zeros((60, 1, 9))
+    held[:, 0, 0], held[:, 0, 2] = 1.5 * np.arange(60) / RATE, 0.8
+    found = start_of(window(VACUUM), frames(held, 1e-4))
+    np.testing.assert_allclose(found.velocities, [[1.5, 0.0, 0.0]], atol=0.05)

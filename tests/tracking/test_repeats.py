@@ -78,7 +78,7 @@ def test_balls_at_rest_are_no_repeats() -> None:
         stamp = START + k * 10_000_000
         found.add(PoseArrayFrame(stamp, 'world', poses), stamp)
     assert found.counts['accepted'] == 40
-    assert np.abs(found.start()[1].velocities).max() == 0.0
+    assert np.abs(found.start()[1].velocities).max() < 1e-12  # rounding of a fit
 
 
 def test_a_recording_is_judged_alike() -> None:
