@@ -18,7 +18,7 @@ from ..scenes.state import Array
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
 # an estimate that must meet the frames is not farther from the last one [deviations]
-_OFF = 4.0
+_OFF = 6.0
 
 
 @compiled

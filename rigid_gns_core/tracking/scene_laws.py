@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Self
 
 from .known_laws import KnownLaws, MOST_BALLS, most_balls, state_by_laws
 from .motion_models import Motion
 from .pose_noise import rotating
+from .stamp_noise import noise_with_stamps
 from .state_estimate import motion_covariance, StateEstimate
 from .tracks import TrackerSettings, Tracks
 from ..scenes.scene import Scene
@@ -51,14 +52,16 @@ class SceneLaws:
         """State at the newest frame, and its covariance, from all frames in memory."""
         noise = tracks.noise(settings)
         laws = self._of_ids(tuple(tracks.ids.tolist())).with_noise(noise)
+        times, places = (tracks.stamps - tracks.stamps[-1]) * 1e-9, tracks.poses[..., :3]
+
+        def otherwise() -> tuple[Motion, Array]:
+            if laws.learned or len(tracks.ids) > MOST_BALLS:
+                return by_window(tracks, settings)
+            own = noise_with_stamps(times, places, tracks.seen, noise)
+            return by_window(tracks, replace(settings, noise=own))
+
         state, covariance = state_by_laws(
-            laws,
-            (tracks.stamps - tracks.stamps[-1]) * 1e-9,
-            tracks.poses[..., :3],
-            tracks.rotations(),
-            tracks.seen,
-            lambda: by_window(tracks, settings),
-            MOST_BALLS,
+            laws, times, places, tracks.rotations(), tracks.seen, otherwise, MOST_BALLS
         )
         return StateEstimate(state, covariance)
 

@@ -12,14 +12,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .jit import entry
+from .jit import entry, plain
 from ..scenes.state import Array
 
 # frames of a third difference, and the least number of frames that tell the noise of one axis
 _FRAMES, _FEWEST = 4, 12
-# what is along the motion counts beyond this: chance makes 1.3 of the noise of one axis
-_BEYOND = 1.5
+# what is along the motion counts beyond this, where chance makes 1.1 of the noise of one axis
+_BEYOND = 1.2
 # standard deviation of a normal distribution by its median absolute value
 _MAD = 1.4826
 
@@ -54,3 +55,14 @@ def with_stamp_noise(times: Array, positions: Array, noise: float) -> float:
         values[k] = abs(total) / norm if norm > 0.0 else 0.0
     along = _MAD * float(np.median(values))
     return along if along > _BEYOND * noise else noise
+
+
+def noise_with_stamps(
+    times: Array, positions: Array, seen: NDArray[np.bool_], noise: float
+) -> float:
+    """The largest of all balls, see `with_stamp_noise`; positions of shape (m, n, 3)."""
+    each = [
+        with_stamp_noise(plain(times[own]), plain(positions[own, ball]), noise)
+        for ball, own in enumerate(seen.T)
+    ]
+    return max(each, default=noise)

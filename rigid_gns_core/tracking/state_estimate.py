@@ -17,6 +17,7 @@ from .known_laws import KnownLaws, most_balls, state_by_laws
 from .motion_models import Motion, ROLLING
 from .noise_estimate import NOISE_FRAMES, third_differences
 from .pose_noise import normal_spread, rotating
+from .stamp_noise import noise_with_stamps
 from .velocity import estimate_motion
 from ..errors import UserError
 from ..scenes.scene import Scene
@@ -96,14 +97,16 @@ def estimate_state(
     if noise is None and scene.tracker is None:
         noise = _noise(stamps, centres, seen)
     with compiling():
-        laws = _laws_of(scene, centres.shape[1]).with_noise(noise)
+        laws, own = _laws_of(scene, centres.shape[1]).with_noise(noise), noise
+        if noise is not None and not laws.learned:
+            own = noise_with_stamps(stamps, centres, seen, noise)
         state, covariance = state_by_laws(
             laws,
             stamps,
             centres,
             turns,
             seen,
-            lambda: _by_window(scene, stamps, centres, turns, seen, noise, turned),
+            lambda: _by_window(scene, stamps, centres, turns, seen, own, turned),
         )
     return StateEstimate(state, covariance)
 
