@@ -96,7 +96,7 @@ def test_the_noise_along_the_motion_is_told(jitter: float) -> None:
     order = np.argsort(stamps)
     found = with_stamp_noise(np.ascontiguousarray(stamps[order]), places[order], NOISE)
     if not jitter:
-        assert found == NOISE
+        assert NOISE <= found < 1.4 * NOISE
     else:  # the speed is 3.6 m/s at first, 4.2 at last; third differences that overlap tell it
         assert 0.6 < found / np.hypot(NOISE, 3.6 * jitter) < 1.5
 
@@ -105,7 +105,8 @@ def test_irregular_stamps_that_are_true_are_no_noise() -> None:
     rng = np.random.default_rng(0)
     times = np.cumsum(rng.uniform(0.3, 1.7, 96)) / RATE
     places = path_of(FLYING, times) + rng.normal(0.0, NOISE, (96, 3))
-    assert with_stamp_noise(times, places, NOISE) == NOISE
+    # a deviation from 93 values that overlap is off by a tenth or two
+    assert with_stamp_noise(times, places, NOISE) < 1.4 * NOISE
 
 
 @pytest.mark.parametrize('jitter', [1e-3, 3e-3])
