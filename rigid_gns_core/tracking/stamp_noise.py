@@ -19,8 +19,9 @@ from ..scenes.state import Array
 
 # frames of a third difference, and the least number of frames that tell the noise of one axis
 _FRAMES, _FEWEST = 4, 12
-# what is along the motion counts beyond this, where chance makes 1.1 of the noise of one axis
-_BEYOND = 1.2
+# what is along the motion counts beyond the noise by this over the root of the number of values: two
+# deviations of their spread, as those side by side are alike
+_BEYOND = 2.0
 # standard deviation of a normal distribution by its median absolute value
 _MAD = 1.4826
 
@@ -54,7 +55,7 @@ def with_stamp_noise(times: Array, positions: Array, noise: float) -> float:
         norm = math.sqrt((factors**2).sum() * way)
         values[k] = abs(total) / norm if norm > 0.0 else 0.0
     along = _MAD * float(np.median(values))
-    return along if along > _BEYOND * noise else noise
+    return along if along > (1.0 + _BEYOND / math.sqrt(count)) * noise else noise
 
 
 def noise_with_stamps(
