@@ -19,8 +19,8 @@ from ..scenes.state import Array
 
 # frames of a third difference, and the least number of frames that tell the noise of one axis
 _FRAMES, _FEWEST = 4, 12
-# what is along the motion counts beyond the noise by this over the root of the number of values: two
-# deviations of their spread, as those side by side are alike
+# what is along the motion counts beyond the noise by this over the root of the number of values:
+# two deviations of their spread, as those side by side are alike
 _BEYOND = 2.0
 # standard deviation of a normal distribution by its median absolute value
 _MAD = 1.4826
