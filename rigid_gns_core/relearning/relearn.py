@@ -21,7 +21,7 @@ FEWEST = 10
 """Tracks that a fit takes at least, with those left out."""
 # of the tracks this part, the newest, is left out of the fit; at least so many
 _PART, _LEFT_OUT = 1 / 3, 3
-WINDOWS = Windows(window=0.2, horizons=(0.2, 0.4), every=0.1, samples=0)
+WINDOWS = Windows(window=0.1, horizons=(0.2, 0.4), every=0.1, samples=0)
 """Windows that are predicted from, and how far ahead."""
 _LARGEST = 100.0  # error that counts [m]; of a forecast that diverged it is infinite
 
@@ -46,7 +46,13 @@ def relearn(tracks: Sequence[Track], given: Scene, present: Scene) -> LearnedSce
     labels = sorted_labels(label for track in tracks for label in track.spheres)
     learned = learn(inside, given, labels)
     noise = 0.0 if learned.scene.tracker is None else learned.scene.tracker.noise
-    left_out = TrackSet(tuple(outside), given, noise)
+    long = tuple(one for one in outside if one.times[-1] >= WINDOWS.window + WINDOWS.horizons[0])
+    if len(long) < 2:
+        raise UserError(
+            f'{len(long)} of the newest {count} tracks are as long as a window of '
+            f'{WINDOWS.window:g} s and {WINDOWS.horizons[0]:g} s after it, expected 2 or more'
+        )
+    left_out = TrackSet(long, given, noise)
     old, new = (_errors(left_out, scene) for scene in (present, learned.scene))
     both = sorted(set(old) & set(new))
     changes: dict[str, list[float]] = {}
@@ -54,10 +60,7 @@ def relearn(tracks: Sequence[Track], given: Scene, present: Scene) -> LearnedSce
         was, now = (np.hypot(min(error[place], _LARGEST), noise) for error in (old, new))
         changes.setdefault(place[0], []).append(float(np.log(now / was)))
     if len(changes) < 2:
-        raise UserError(
-            f'{len(changes)} of the newest {count} tracks are long enough to predict, '
-            f'{WINDOWS.horizons[0]:g} s after a window of {WINDOWS.window:g} s; expected 2 or more'
-        )
+        raise UserError(f'{len(changes)} of the newest {count} tracks can be predicted')
     means = np.array([np.mean(own) for own in changes.values()])
     return LearnedScene(
         scene=learned.scene,
