@@ -114,7 +114,10 @@ def _estimate(
             away += planes[where, 9 + c] * state_out[3 + c]
         for c in range(3):
             state_out[3 + c] -= away * planes[where, 9 + c]
-    return where, loss, contacts, loss + 4.0 * (1.0 - weights.mean())
+    doubt = loss + 4.0 * (1.0 - weights.mean())
+    if weights[-FEWEST:].max() == 0.0:  # where the ball is by now, the path is not
+        doubt += _MET
+    return where, loss, contacts, doubt
 
 
 @in_place

@@ -102,6 +102,17 @@ def test_after_a_blow_only_what_came_since_counts() -> None:
     np.testing.assert_allclose(found.state.velocities[0], later[-1, 3:6], atol=0.05)
 
 
+def test_a_path_that_leaves_out_the_newest_frames_is_not_met() -> None:
+    """Five frames after a blow that no law tells, too few to be fitted alone."""
+    times, states = track(0.4, [0.0, 0.0, 1.9, 4.0, 0.3, -0.5])
+    places = states[:, :3].copy()
+    places[-5:] -= 6.0 * (times[-5:] - times[-6])[:, None] * [1.0, 0.0, 0.0]
+    estimate = estimate_ball(
+        BallModel.of(scene()), np.array([NOISE, 0.0, 0.0]), None, times, places
+    )
+    assert estimate.loss > 4.0  # as of a path that is met nowhere; 1 where all frames are
+
+
 def test_a_ball_that_was_lost_is_carried_on_and_less_well_known() -> None:
     times, states = track(0.3, BOUNCE)
     places = states[:, None, :3].copy()
