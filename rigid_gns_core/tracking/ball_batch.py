@@ -17,8 +17,9 @@ from ..scenes.state import Array
 
 # two balls nearer than this many sums of radii may have touched
 _NEAR = 1.04
-# an estimate that must meet the frames is not farther from the last one [deviations]
-_OFF = 6.0
+# an estimate that must meet the frames is not farther from the last one [deviations]; it is
+# doubted, not discarded, up to so many times the loss and this distance
+_OFF, _DOUBTED = 6.0, 2.5
 
 
 @compiled
@@ -106,13 +107,13 @@ def estimate_balls(
         seen: Whether it is, shape (m, n).
         begin: First frame of the memory.
         fewest: Least number of frames of an estimate, 4 or more.
-        worst: Loss per coordinate that an estimate stays below; infinite: it may miss the frames.
+        worst: Loss per coordinate of an estimate that meets the frames; infinite: it may miss them.
         learned: Whether the noise was; if not, that of stamps comes to it.
         most: Of more balls the fastest are estimated.
         states_out: States, shape (n, 9).
         covariances_out: Their covariances, shape (n, 9, 9).
-        ends_out: Frame of the state, surface that the ball is on or FREE, shape (n, 2); the first
-            is -1 where there is no estimate.
+        ends_out: Frame of the state, surface that the ball is on or FREE, and whether the frames are
+            met, shape (n, 3); the first is -1 where there is no estimate.
     """
     m, n = seen.shape
     near = np.zeros(n, dtype=np.int64)
@@ -139,7 +140,9 @@ def estimate_balls(
         hits = find_kinks(ball, planes, own_times[:count], places[:count], own_noise[0], kinks)
         first = kinks[hits - 1] if hits else 0
         if count - first < fewest:
-            continue
+            if worst == np.inf:
+                continue
+            first = 0  # a jump may be of stamps that jitter; if not, the newest frames are missed
         ends_out[i, 1], loss, _, _ = estimate_window(
             ball,
             planes,
@@ -152,9 +155,10 @@ def estimate_balls(
             state,
             covariance,
         )
-        off = np.abs(state[:3] - places[count - 1]).max()
-        if not loss < worst or (worst < np.inf and off > _OFF * own_noise[0]):
+        off = np.abs(state[:3] - places[count - 1]).max() / (_OFF * own_noise[0])
+        missed = 0.0 if worst == np.inf else max(loss / worst, off)
+        if not (loss < np.inf and missed < _DOUBTED):
             continue
-        ends_out[i, 0] = last
+        ends_out[i, 0], ends_out[i, 2] = last, missed < 1.0
         states_out[i] = state
         covariances_out[i] = covariance

@@ -37,6 +37,9 @@ MOST_BALLS = 8
 # without air, fewer frames are fitted as well by the motions of the window, which know of blows
 # between balls, and those that the laws meet worse by one of them: that of a ball that is held
 _FEWEST, _WORST = 12, 1.5
+# a doubted estimate is that of the laws unless its velocity is off that of the window by this, the
+# square of deviations of the window: 1 in 1000 of true ones is
+_APART = 16.3
 # noise of a tracker of which nothing is known [m]
 _NOISE, _LEAST_NOISE = 1e-3, 1e-6
 # of a scene without a learned tracker, whose laws are taken as they stand: drift [m^2/s^3] and
@@ -64,7 +67,7 @@ class KnownLaws:
         learned: Whether the tracker was learned; if not, its noise is only a guess.
         correction: Of estimates in flight; None: none.
         fewest: Least number of frames of an estimate.
-        worst: Loss per coordinate that an estimate stays below.
+        worst: Loss per coordinate of an estimate that meets the frames.
     """
 
     models: tuple[BallModel, ...]
@@ -107,7 +110,7 @@ class KnownLaws:
 
     def states(
         self, times: Array, positions: Array, seen: NDArray[np.bool_], most: int | None = None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """State of each ball at the last of some frames; see `estimate_balls`.
 
         Args:
@@ -117,13 +120,13 @@ class KnownLaws:
             most: Of more balls the fastest are estimated; None: all are.
 
         Returns:
-            States, shape (n, 9), their covariances, shape (n, 9, 9), and which were found: of a
-            ball with fewer than `fewest` frames, or whose frames the laws do not meet, there is
-            no estimate here.
+            States, shape (n, 9), their covariances, shape (n, 9, 9), which were found, and which
+            of these are doubted, as the laws do not quite meet the frames: of a ball with fewer
+            than `fewest` frames, or that they miss by far, there is no estimate here.
         """
         count, tracker = len(self.models), self.tracker
         states, covariances = np.zeros((count, 9)), np.zeros((count, 9, 9))
-        ends = np.zeros((count, 2), dtype=np.int64)
+        ends = np.zeros((count, 3), dtype=np.int64)
         begin = int(np.searchsorted(times, times[-1] - tracker.memory - 1e-9))
         estimate_balls(
             *self.arrays,
@@ -148,12 +151,12 @@ class KnownLaws:
             states[flying] = self.correction.corrected(states[flying], covariances[flying], radii)
         covariances *= tracker.spread
         for ball in np.flatnonzero(found & (ends[:, 0] < len(times) - 1)):
-            last, on = ends[ball]
+            last, on, _ = ends[ball]
             estimate = BallEstimate(states[ball], covariances[ball], int(on), 0.0, 0.0, 0)
             states[ball], covariances[ball] = _coasted(
                 self.models[ball], estimate, tracker, float(times[last]), float(times[-1])
             )
-        return states, covariances, found
+        return states, covariances, found, found & (ends[:, 2] == 0)
 
 
 def state_by_laws(
@@ -179,9 +182,9 @@ def state_by_laws(
         otherwise: Makes the other estimate, a motion and its covariance.
         most: See `KnownLaws.states`.
     """
-    states, covariances, found = laws.states(times, positions, seen, most)
+    states, covariances, found, doubted = laws.states(times, positions, seen, most)
     turned = rotating(quaternions, seen)
-    if found.all() and not turned.any():
+    if found.all() and not turned.any() and not doubted.any():
         last = len(seen) - 1 - np.argmax(seen[::-1], axis=0)
         state = State(
             positions=states[:, :3],
@@ -191,6 +194,9 @@ def state_by_laws(
         )
         return state, covariances
     base, unknown = otherwise()
+    apart = states[:, 3:6] - base.velocities
+    scaled = np.linalg.solve(unknown[:, 3:6, 3:6], apart[..., None])[..., 0]
+    found &= ~doubted | ((apart * scaled).sum(axis=1) < _APART)
     own = found[:, None]
     state = State(
         positions=np.where(own, states[:, :3], base.positions),
