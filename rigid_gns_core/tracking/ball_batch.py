@@ -107,13 +107,13 @@ def estimate_balls(
         seen: Whether it is, shape (m, n).
         begin: First frame of the memory.
         fewest: Least number of frames of an estimate, 4 or more.
-        worst: Loss per coordinate of an estimate that meets the frames; infinite: it may miss them.
+        worst: Loss per coordinate of an estimate that meets the frames; infinite: any does.
         learned: Whether the noise was; if not, that of stamps comes to it.
         most: Of more balls the fastest are estimated.
         states_out: States, shape (n, 9).
         covariances_out: Their covariances, shape (n, 9, 9).
-        ends_out: Frame of the state, surface that the ball is on or FREE, and whether the frames are
-            met, shape (n, 3); the first is -1 where there is no estimate.
+        ends_out: Frame of the state, surface that the ball is on or FREE, and whether the frames
+            are met, shape (n, 3); the first is -1 where there is no estimate.
     """
     m, n = seen.shape
     near = np.zeros(n, dtype=np.int64)

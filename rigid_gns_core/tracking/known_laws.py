@@ -194,9 +194,9 @@ def state_by_laws(
         )
         return state, covariances
     base, unknown = otherwise()
-    apart = states[:, 3:6] - base.velocities
-    scaled = np.linalg.solve(unknown[:, 3:6, 3:6], apart[..., None])[..., 0]
-    found &= ~doubted | ((apart * scaled).sum(axis=1) < _APART)
+    variances = np.diagonal(unknown, axis1=1, axis2=2)[:, 3:6]  # those of a window are diagonal
+    apart = ((states[:, 3:6] - base.velocities) ** 2 / variances).sum(axis=1)
+    found &= ~(doubted & (apart >= _APART))
     own = found[:, None]
     state = State(
         positions=np.where(own, states[:, :3], base.positions),
