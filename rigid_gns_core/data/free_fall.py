@@ -68,7 +68,7 @@ def misfit_of_fall(motions: Array, scene: Scene) -> Misfit | None:
     if fall is None or _slowed(motions, scene):
         return None
     size = float(np.linalg.norm(fall))
-    direction = ', '.join(f'{v / size:.2f}' for v in fall)
+    direction = ', '.join(f'{v / size:z.2f}' for v in fall)
     if not gravity:
         if not _LIGHT <= size / _EARTH <= _HEAVY:
             return None
@@ -88,7 +88,7 @@ def misfit_of_fall(motions: Array, scene: Scene) -> Misfit | None:
     if _LIGHT <= size / gravity <= _HEAVY and _cosine(fall, scene.gravity) < _ALONG:
         return Misfit(
             f'balls fall along ({direction}), expected along '
-            f'({", ".join(f"{v / gravity:.2f}" for v in scene.gravity)}) as gravity of the scene',
+            f'({", ".join(f"{v / gravity:z.2f}" for v in scene.gravity)}) as gravity of the scene',
             _axis_option(fall, scene).strip(),
             "turn the scene's gravity and surfaces",
         )
