@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Futures: the predicted trajectory from the newest frame, computed in a thread."""
+"""Futures: the predicted trajectory from the newest frame, in a thread where it takes long."""
 
 from __future__ import annotations
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 # steps are taken in blocks of about this time, after which a cancelled job ends [s]
 BLOCK = 10e-3
+# a job is computed at once where it takes less of the processor than this [s], and than this share
+# of the time between two: to pass it to a thread and back costs about as much as one of one ball
+SHORT, SHARE = 1e-3, 0.25
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,7 @@ class Future:
         positions: Centres at the start and after each step [m], shape (points, n, 3).
         took: Time of the computation [s].
         error: Why it ends early; empty: it does not.
+        processor_time: As `took`, of the processor: other processes do not count [s].
         spread: How sure it is; None: that was not asked for.
     """
 
@@ -67,16 +71,19 @@ class Future:
     positions: Array
     took: float
     error: str
+    processor_time: float
     spread: Spread | None = None
 
 
 class Horizon:
     """Computes one trajectory at a time in its own thread, then the newest requested one.
 
-    The engine runs without Python's global lock. All methods are called from one thread.
+    The engine runs without Python's global lock. All methods are called from one thread. That
+    thread computes by itself, within `request`, where the last job as large was short.
 
     Args:
-        done: Called in the computing thread when `take` may have a result.
+        done: Called in the computing thread when `take` may have a result; not for one that
+            `request` has computed.
     """
 
     def __init__(self, done: Callable[[], object]) -> None:
@@ -85,6 +92,9 @@ class Horizon:
         self._waiting: Callable[[], Job | None] | None = None
         self._running: Result[Future | None] | None = None
         self._cancelled = threading.Event()
+        # spheres, steps and processor time [s] of the last job
+        self._last: tuple[int, int, float] | None = None
+        self._begun = 0.0  # when a job was begun last [s]
 
     @property
     def busy(self) -> bool:
@@ -98,8 +108,8 @@ class Horizon:
             make: Makes the job when its turn comes, so that dropped requests cost nothing; returns
                 None where there is nothing to compute.
         """
-        superseded, self._waiting = self._waiting is not None, make
-        self._begin()
+        superseded, idle, self._waiting = self._waiting is not None, not self.busy, make
+        self._begin(at_once=idle)
         return not superseded
 
     def take(self) -> Future | None:
@@ -113,12 +123,15 @@ class Horizon:
             return None
         self._running = None
         self._begin()
-        return running.result()
+        future = running.result()
+        if future is not None:
+            self._last = len(future.job.ids), future.job.steps, future.processor_time
+        return future
 
     def cancel(self) -> None:
         """Drop the waiting and the running job."""
         self._cancelled.set()
-        self._waiting = self._running = None
+        self._waiting = self._running = self._last = None
         self._cancelled = threading.Event()  # for later jobs
 
     def close(self) -> None:
@@ -126,18 +139,35 @@ class Horizon:
         self.cancel()
         self._pool.shutdown()
 
-    def _begin(self) -> None:
+    def _begin(self, *, at_once: bool = False) -> None:
         while self._running is None and self._waiting is not None:
             make, self._waiting = self._waiting, None
             job = make()
-            if job is not None:
-                self._running = self._pool.submit(compute, job, self._cancelled.is_set)
-                self._running.add_done_callback(lambda _: self._done())
+            if job is None:
+                continue
+            before, self._begun = self._begun, time.perf_counter()
+            if at_once and self._is_short(job, self._begun - before):
+                self._running = Result()
+                try:
+                    self._running.set_result(compute(job, self._cancelled.is_set))
+                except Exception as error:  # `take` raises it
+                    self._running.set_exception(error)
+                return
+            self._running = self._pool.submit(compute, job, self._cancelled.is_set)
+            self._running.add_done_callback(lambda _: self._done())
+
+    def _is_short(self, job: Job, interval: float) -> bool:
+        """Whether a job that comes so long after the last one takes a small part of that time."""
+        if self._last is None or job.spread is not None:
+            return False
+        spheres, steps, spent = self._last
+        alike = len(job.ids) <= spheres and job.steps <= steps
+        return alike and spent < min(SHORT, SHARE * interval)
 
 
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Result of a job; None where it was cancelled."""
-    begun = time.perf_counter()
+    begun, processor_begun = time.perf_counter(), time.thread_time()
     rollout = job.rollout
     recording = Recording(rollout.state, rollout.dt, job.steps)
     for states, error in rollout.blocks(job.steps, BLOCK):
@@ -153,5 +183,5 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     spread = None
     if job.spread is not None:
         spread = spread_of_future(job.spread, len(poses), rollout.dt)
-    took = time.perf_counter() - begun
-    return Future(job, cdr, future.positions, took, recording.error, spread)
+    took, processor_time = time.perf_counter() - begun, time.thread_time() - processor_begun
+    return Future(job, cdr, future.positions, took, recording.error, processor_time, spread)

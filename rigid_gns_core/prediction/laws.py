@@ -39,9 +39,10 @@ class LawsSimulator(Simulator):
 
     def __init__(self, **options: Any) -> None:
         self.options = from_mapping(LawsOptions, options, 'options of the laws')
+        self._settings = asdict(self.options)  # not anew for each start
         card = {
             'kind': self.kind,
-            'options': asdict(self.options),
+            'options': dict(self._settings),
             'version': version_of(PACKAGE) or 'unknown',  # a source tree that is not installed
         }
         super().__init__(card, LAWS, UNITS)
@@ -59,7 +60,7 @@ class LawsSimulator(Simulator):
         """Stepper that starts from `state`; scene and state are in the model's units."""
         from ..engine.stepper import EngineStepper
 
-        return EngineStepper(scene, state, self.units.dt, **asdict(self.options))
+        return EngineStepper(scene, state, self.units.dt, **self._settings)
 
     def rollout_samples(self, scene: Scene, starts: State, steps: int) -> State:
         """As of `Simulator`, in one call of the engine; to the bit what `rollout` gives."""
@@ -67,7 +68,7 @@ class LawsSimulator(Simulator):
 
         similarity, similar = in_units(scene, self.units)
         frames, done = advance_starts(
-            similar, similarity.to_model(starts), self.units.dt, steps, **asdict(self.options)
+            similar, similarity.to_model(starts), self.units.dt, steps, **self._settings
         )
         found = similarity.to_world(frames)
         for index, last in enumerate(done.tolist()):

@@ -70,7 +70,9 @@ class Rollout:
             begun = time.perf_counter()
             states, error = self.advance(min(block, left))
             spent = time.perf_counter() - begun
-            if spent < seconds / 2:
+            if spent < seconds / 8:
+                block *= 8
+            elif spent < seconds / 2:
                 block *= 2
             elif spent > 2 * seconds:  # a flight has ended in a pile
                 block = max(1, block // 2)

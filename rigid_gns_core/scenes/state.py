@@ -36,14 +36,14 @@ def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _unit_quaternions(value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = _field('quaternions', value, shape)
-    norm = np.linalg.norm(array, axis=-1)
-    if (norm < 1e-6).any():
-        sphere = int(np.argwhere(norm < 1e-6)[0][-1])
+    norms = _norms(array)
+    if (norms < 1e-6).any():
+        sphere = int(np.argwhere(norms < 1e-6)[0][-2])
         raise UserError(
-            f'quaternion of sphere {sphere} has norm {norm.min():.2g}, expected 1; '
+            f'quaternion of sphere {sphere} has norm {norms.min():.2g}, expected 1; '
             'use (0, 0, 0, 1) where a rotation is unknown'
         )
-    return as_unit(array)
+    return _over(array, norms)
 
 
 def as_unit(vectors: Array) -> Array:
@@ -53,7 +53,17 @@ def as_unit(vectors: Array) -> Array:
     Divided again, a third of them would be other vectors: what is read back would not be what was
     written.
     """
-    norms: Array = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return _over(vectors, _norms(vectors))
+
+
+def _norms(vectors: Array) -> Array:
+    """Norms, shape (..., 1): as of np.linalg.norm to the bit, in a third of its time for few."""
+    norms: Array = np.sqrt(np.add.reduce(vectors * vectors, axis=-1, keepdims=True))
+    return norms
+
+
+def _over(vectors: Array, norms: Array) -> Array:
+    """Vectors over their norms, but for those that are unit vectors."""
     return np.where(np.abs(norms - 1.0) > UNIT, vectors / norms, vectors)
 
 
@@ -244,17 +254,16 @@ class Trajectory:
 
 def quaternion_multiply(a: ArrayLike, b: ArrayLike) -> Array:
     """Hamilton product a * b of quaternions (x, y, z, w), shape (..., 4)."""
-    ax, ay, az, aw = np.moveaxis(np.asarray(a, dtype=np.float64), -1, 0)
-    bx, by, bz, bw = np.moveaxis(np.asarray(b, dtype=np.float64), -1, 0)
-    return np.stack(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ],
-        axis=-1,
-    )
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    x = aw * bx + ax * bw + ay * bz - az * by
+    product = np.empty((*np.shape(x), 4))
+    product[..., 0] = x
+    product[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    product[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    return product
 
 
 def rotation_between(before: ArrayLike, after: ArrayLike) -> Array:

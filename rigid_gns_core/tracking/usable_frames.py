@@ -247,8 +247,9 @@ def clock_was_set(stamps: Stamps, apart_ns: int, arrived_ns: int) -> bool:
         apart_ns: Time to the next frame by its stamp [ns].
         arrived_ns: The same by its arrival [ns].
     """
-    usual = GAP * median_interval(stamps)
-    return 0 < usual < apart_ns and apart_ns > MIN_STEP_NS and arrived_ns < apart_ns / 2
+    if apart_ns <= MIN_STEP_NS or arrived_ns >= apart_ns / 2:  # as nearly always
+        return False
+    return 0 < GAP * median_interval(stamps) < apart_ns
 
 
 def median_interval(stamps: Stamps) -> float:

@@ -90,6 +90,7 @@ class Futures:
             return
         if not self._horizon.request(self._begin):
             self._diagnostics.future_superseded()
+        self._on_ready()  # a short one is there, without a wake-up of the executor
 
     def _begin(self) -> Job | None:
         """Job from the newest frame; None: no start, or the message would be too large."""

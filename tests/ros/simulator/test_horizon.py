@@ -294,6 +294,30 @@ def test_what_is_dropped_is_never_begun(
     assert horizon.take() is None and not horizon.busy
 
 
+def test_a_job_like_a_short_one_is_computed_at_once(
+    bench_of: Bench, model: Forecaster, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(horizon, 'SHORT', np.inf)  # of any time
+    monkeypatch.setattr(horizon, 'SHARE', np.inf)
+    bench_of.horizon.request(lambda: job(model, falling(0.0), 0, 3))
+    by_thread = bench_of.next()
+    bench_of.horizon.request(lambda: job(model, falling(0.0), 0, 3))
+    at_once = bench_of.horizon.take()
+    assert by_thread and at_once and at_once.cdr == by_thread.cdr
+    assert not bench_of.horizon.busy and not bench_of.ready.is_set()
+    bench_of.horizon.request(lambda: job(model, falling(0.0), 1, 4))  # who knows how long
+    longer = bench_of.next()
+    assert longer and longer.job.steps == 4
+    broken = job(model, falling(0.0), 5, 4)
+    broken.rollout.stepper = Broken(broken.rollout.stepper, RuntimeError('not thought of'))
+    bench_of.horizon.request(lambda: broken)
+    with pytest.raises(RuntimeError, match='not thought of'):
+        bench_of.horizon.take()
+    monkeypatch.setattr(horizon, 'SHARE', 0.0)  # it leaves no time
+    bench_of.horizon.request(lambda: job(model, falling(0.0), 2, 3))
+    assert bench_of.next()
+
+
 def test_what_is_cancelled_never_comes(
     bench_of: Bench, model: Forecaster, falling: Falling
 ) -> None:
