@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 # steps are taken in blocks of about this time, after which a cancelled job ends [s]
 BLOCK = 10e-3
-# a job is computed at once where it takes less of the processor than this [s], and than this share
-# of the time between two: to pass it to a thread and back costs about as much as one of one ball
+# a job is computed at once where it takes less than this [s], and than this share of the time
+# between two: to pass it to a thread and back costs rclpy about as much as a future of one ball
 SHORT, SHARE = 1e-3, 0.25
 
 
@@ -62,7 +62,6 @@ class Future:
         positions: Centres at the start and after each step [m], shape (points, n, 3).
         took: Time of the computation [s].
         error: Why it ends early; empty: it does not.
-        processor_time: As `took`, of the processor: other processes do not count [s].
         spread: How sure it is; None: that was not asked for.
     """
 
@@ -71,7 +70,6 @@ class Future:
     positions: Array
     took: float
     error: str
-    processor_time: float
     spread: Spread | None = None
 
 
@@ -79,7 +77,7 @@ class Horizon:
     """Computes one trajectory at a time in its own thread, then the newest requested one.
 
     The engine runs without Python's global lock. All methods are called from one thread. That
-    thread computes by itself, within `request`, where the last job as large was short.
+    thread computes by itself, within `request`, where it may and the last job as large was short.
 
     Args:
         done: Called in the computing thread when `take` may have a result; not for one that
@@ -92,7 +90,7 @@ class Horizon:
         self._waiting: Callable[[], Job | None] | None = None
         self._running: Result[Future | None] | None = None
         self._cancelled = threading.Event()
-        # spheres, steps and processor time [s] of the last job
+        # spheres, steps and time [s] of the last job
         self._last: tuple[int, int, float] | None = None
         self._begun = 0.0  # when a job was begun last [s]
 
@@ -101,15 +99,16 @@ class Horizon:
         """Whether a job runs or waits."""
         return self._running is not None or self._waiting is not None
 
-    def request(self, make: Callable[[], Job | None]) -> bool:
+    def request(self, make: Callable[[], Job | None], *, at_once: bool = False) -> bool:
         """Request a trajectory; False where it replaces an older request that still waited.
 
         Args:
             make: Makes the job when its turn comes, so that dropped requests cost nothing; returns
                 None where there is nothing to compute.
+            at_once: Whether there is time to compute a short job within this call.
         """
         superseded, idle, self._waiting = self._waiting is not None, not self.busy, make
-        self._begin(at_once=idle)
+        self._begin(at_once=at_once and idle)
         return not superseded
 
     def take(self) -> Future | None:
@@ -125,7 +124,7 @@ class Horizon:
         self._begin()
         future = running.result()
         if future is not None:
-            self._last = len(future.job.ids), future.job.steps, future.processor_time
+            self._last = len(future.job.ids), future.job.steps, future.took
         return future
 
     def cancel(self) -> None:
@@ -160,14 +159,14 @@ class Horizon:
         """Whether a job that comes so long after the last one takes a small part of that time."""
         if self._last is None or job.spread is not None:
             return False
-        spheres, steps, spent = self._last
+        spheres, steps, took = self._last
         alike = len(job.ids) <= spheres and job.steps <= steps
-        return alike and spent < min(SHORT, SHARE * interval)
+        return alike and took < min(SHORT, SHARE * interval)
 
 
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Result of a job; None where it was cancelled."""
-    begun, processor_begun = time.perf_counter(), time.thread_time()
+    begun = time.perf_counter()
     rollout = job.rollout
     recording = Recording(rollout.state, rollout.dt, job.steps)
     for states, error in rollout.blocks(job.steps, BLOCK):
@@ -183,5 +182,5 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     spread = None
     if job.spread is not None:
         spread = spread_of_future(job.spread, len(poses), rollout.dt)
-    took, processor_time = time.perf_counter() - begun, time.thread_time() - processor_begun
-    return Future(job, cdr, future.positions, took, recording.error, processor_time, spread)
+    took = time.perf_counter() - begun
+    return Future(job, cdr, future.positions, took, recording.error, spread)

@@ -35,6 +35,11 @@ class Alarm:
         self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
 
+    @property
+    def left(self) -> float:
+        """Time until it calls back [s]; negative: it should have; 0: it is not set."""
+        return 0.0 if self._due is None else self._left(self._due) * 1e-9
+
     def cancel(self) -> None:
         """Cancel the pending call."""
         self._timer.cancel()

@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.horizon import Future, Horizon, Job
+from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, SHORT
 from rigid_gns_core.forecasts.spread import Spread, SpreadJob, text_of
 from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.rollout.rollout import steps_of
@@ -84,11 +84,15 @@ class Futures:
         """End the computing thread."""
         self._horizon.close()
 
-    def request(self) -> None:
-        """Request the trajectory from the newest frame."""
+    def request(self, left: float) -> None:
+        """Request the trajectory from the newest frame.
+
+        Args:
+            left: How long the executor has nothing else to do at a given time [s].
+        """
         if not self._seconds:
             return
-        if not self._horizon.request(self._begin):
+        if not self._horizon.request(self._begin, at_once=left > SHORT):
             self._diagnostics.future_superseded()
         self._on_ready()  # a short one is there, without a wake-up of the executor
 

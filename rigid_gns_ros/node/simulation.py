@@ -191,7 +191,7 @@ class Simulation:
         elif predictor.has_diverged():
             self._restart(now, 'diverged')
         if predictor.forecast is not None and not self.paused:
-            self.futures.request()
+            self.futures.request(self._alarm.left)
 
     def _check_count(self, count: int) -> None:
         for text in self._model.check(count):

@@ -297,24 +297,28 @@ def test_what_is_dropped_is_never_begun(
 def test_a_job_like_a_short_one_is_computed_at_once(
     bench_of: Bench, model: Forecaster, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def request(job: Job, *, at_once: bool = True) -> None:
+        bench_of.horizon.request(lambda: job, at_once=at_once)
+
     monkeypatch.setattr(horizon, 'SHORT', np.inf)  # of any time
     monkeypatch.setattr(horizon, 'SHARE', np.inf)
-    bench_of.horizon.request(lambda: job(model, falling(0.0), 0, 3))
+    request(job(model, falling(0.0), 0, 3))  # who knows how long
     by_thread = bench_of.next()
-    bench_of.horizon.request(lambda: job(model, falling(0.0), 0, 3))
+    request(job(model, falling(0.0), 0, 3))
     at_once = bench_of.horizon.take()
     assert by_thread and at_once and at_once.cdr == by_thread.cdr
     assert not bench_of.horizon.busy and not bench_of.ready.is_set()
-    bench_of.horizon.request(lambda: job(model, falling(0.0), 1, 4))  # who knows how long
-    longer = bench_of.next()
-    assert longer and longer.job.steps == 4
+    request(job(model, falling(0.0), 1, 4))  # longer
+    assert bench_of.next()
+    request(job(model, falling(0.0), 2, 4), at_once=False)
+    assert bench_of.next()
     broken = job(model, falling(0.0), 5, 4)
     broken.rollout.stepper = Broken(broken.rollout.stepper, RuntimeError('not thought of'))
-    bench_of.horizon.request(lambda: broken)
+    request(broken)
     with pytest.raises(RuntimeError, match='not thought of'):
         bench_of.horizon.take()
     monkeypatch.setattr(horizon, 'SHARE', 0.0)  # it leaves no time
-    bench_of.horizon.request(lambda: job(model, falling(0.0), 2, 3))
+    request(job(model, falling(0.0), 3, 4))
     assert bench_of.next()
 
 
