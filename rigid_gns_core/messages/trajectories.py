@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .cdr import MessageError, Reader, split_stamp, Writer
+from .cdr import MessageError, NANOSECONDS, Reader, split_stamp, Writer
 from ..scenes.state import Array
 
 
@@ -70,29 +71,34 @@ def encode_trajectory(
             writer.numbers('III', 0, 0, 0)
             writer.stamp(time)
         return writer.cdr
-    records = np.zeros(
-        points,
-        np.dtype(
-            [
-                ('count', '<u4'),
-                ('poses', '<f8', (count, 7)),
-                ('twist_count', '<u4'),
-                ('padding', '<u4'),
-                ('twists', '<f8', (count, 6)),
-                ('acceleration_count', '<u4'),
-                ('time', '<i4', (2,)),
-            ]
-        ),
-    )
+    records = np.zeros(points, _point_of(count))
     records['count'] = records['twist_count'] = count
     records['poses'], records['twists'] = poses, twists
-    records['time'] = np.array([split_stamp(time) for time in times_ns]).reshape(points, 2)
+    for time in (min(times_ns), max(times_ns)) if points else ():
+        split_stamp(time)  # so all fit
+    records['time'] = np.stack(np.divmod(np.array(times_ns, dtype=np.int64), NANOSECONDS), axis=1)
     if len(writer) % 8 == 0 and points:
         # padding follows the count of the first point: write the count, and begin with the padding
         writer.numbers('I', count)
         records['count'][0] = 0
     writer.raw(records.tobytes())
     return writer.cdr
+
+
+@lru_cache(maxsize=8)
+def _point_of(count: int) -> np.dtype[np.void]:
+    """Layout of a point of `count` bodies after the first."""
+    return np.dtype(
+        [
+            ('count', '<u4'),
+            ('poses', '<f8', (count, 7)),
+            ('twist_count', '<u4'),
+            ('padding', '<u4'),
+            ('twists', '<f8', (count, 6)),
+            ('acceleration_count', '<u4'),
+            ('time', '<i4', (2,)),
+        ]
+    )
 
 
 def decode_trajectory(cdr: bytes, *, bare: bool = False) -> FutureFrame:

@@ -122,13 +122,15 @@ class Scene:
 
     def per_sphere(self, name: str, count: int) -> Array:
         """Property `name` of each of `count` spheres, shape (count,)."""
-        value = np.asarray(getattr(self, name), dtype=np.float64)
-        if value.ndim and len(value) != count:
+        value = getattr(self, name)
+        if not isinstance(value, tuple):
+            return np.full(count, value, dtype=np.float64)
+        if len(value) != count:
             raise UserError(
                 f'{name} is given for {len(value)} spheres, but there are {count}; '
                 'give one number, or one per sphere'
             )
-        return np.broadcast_to(value, (count,)).copy()
+        return np.array(value, dtype=np.float64)
 
     def surface_values(self, name: str) -> Array:
         """`restitution` or `friction` of each surface, shape (surfaces,).
@@ -136,7 +138,9 @@ class Scene:
         Of one with a contact law: what makes the product with the mean of the spheres that of the
         law, a curve at high speed.
         """
-        default, values = float(np.mean(getattr(self, name))), []
+        default, values = getattr(self, name), []
+        if isinstance(default, tuple):
+            default = float(np.mean(default))
         for surface in self.surfaces:
             value, law = getattr(surface, name), surface.contact
             if law is not None:

@@ -353,8 +353,10 @@ class TrackingWindow:
         alone = self.length == 1  # no motion is taken from a window of one frame
         if alone and not self.settings.matched:
             return
-        velocities = self._tracks.motion.velocities if self.settings.matched else np.zeros((1, 3))
-        speed = float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
+        speed = 0.0  # known of matched spheres only
+        if self.settings.matched:
+            velocities = self._tracks.motion.velocities
+            speed = float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
         self._repeats.check(frame, speed)
         if not alone and self._repeats.belie([known for known, _ in self._frames], frame):
             first = self._frames[0][0]

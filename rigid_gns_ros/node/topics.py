@@ -140,7 +140,8 @@ class NodeTopics:
     def send(self, publisher: Publisher, cdr: bytes) -> None:
         """Publish a message and record it."""
         publisher.publish(cdr)
-        self._record(publisher.topic_name, cdr, self._node.get_clock().now().nanoseconds)
+        if self.bag is not None:
+            self._record(publisher.topic_name, cdr, self._node.get_clock().now().nanoseconds)
 
     def received(self, cdr: bytes, time_ns: int) -> None:
         """Record an accepted message of tracked_poses, received at `time_ns` (node's clock)."""
