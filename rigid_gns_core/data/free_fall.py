@@ -127,13 +127,27 @@ def motions_of(tracks: Sequence[Track], noise: float) -> Array:
 
 
 def speeds_of(tracks: Sequence[Track]) -> Array:
-    """Speeds between consecutive samples of each sphere [m/s], shape (k,)."""
+    """Speeds between consecutive samples of each sphere [m/s], shape (k,); see `step_speeds`."""
     speeds = [np.zeros(0)]
     for track in tracks:
-        for sphere in range(len(track.spheres)):
-            times, places = track.samples(sphere)
-            speeds.append(np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times))
+        speeds += [step_speeds(*track.samples(sphere)) for sphere in range(len(track.spheres))]
     return np.concatenate(speeds)
+
+
+def step_speeds(times: Array, places: Array) -> Array:
+    """Speeds between consecutive samples [m/s], shape (m - 1,).
+
+    No interval counts as shorter than the median: stamps that jitter come near to each other.
+
+    Args:
+        times: Rising times [s], shape (m,).
+        places: Centres [m], shape (m, 3).
+    """
+    if len(times) < 2:
+        return np.zeros(0)
+    intervals = np.diff(times)
+    intervals = np.maximum(intervals, np.median(intervals))
+    return np.asarray(np.linalg.norm(np.diff(places, axis=0), axis=1) / intervals)
 
 
 def _free_fall(values: Array) -> Array | None:

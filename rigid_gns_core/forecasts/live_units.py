@@ -13,7 +13,7 @@ from collections import deque
 
 import numpy as np
 
-from ..data.free_fall import misfit_of_fall, misfit_of_speed, parabolas
+from ..data.free_fall import misfit_of_fall, misfit_of_speed, parabolas, step_speeds
 from ..messages.poses import PoseArrayFrame
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -83,9 +83,8 @@ class LiveUnits:
 
     def _look(self, times: Array, places: Array, noise: float) -> str:
         self._falls.extend(parabolas(times, places, noise))
-        if not self._matched and len(times) > 1:
-            steps = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)
-            self._speeds.extend(steps.tolist())
+        if not self._matched:
+            self._speeds.extend(step_speeds(times, places).tolist())
         falls = np.array(self._falls).reshape(-1, 2, 3)
         misfit = misfit_of_fall(falls, self._scene)
         misfit = misfit or misfit_of_speed(np.array(self._speeds), self._scene)
