@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # steps are taken in blocks of about this time, after which a cancelled job ends [s]
 BLOCK = 10e-3
 # a job is computed at once where it takes less than this [s], and than this share of the time
-# between two: to pass it to a thread and back costs rclpy about as much as a future of one ball
+# between two: to wake the executor for it costs rclpy half as much as a future of one ball
 SHORT, SHARE = 1e-3, 0.25
 
 
