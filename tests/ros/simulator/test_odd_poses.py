@@ -30,7 +30,7 @@ def fall(k: int) -> np.ndarray:
     ('change', 'parameters', 'said'),
     [
         (lambda p: 1000.0 * p, {}, 'positions seem to be in millimetres; publish'),
-        (lambda p: p[:, (0, 2, 1)], {}, 'balls fall along (-0.00, -1.00, 0.00), expected along'),
+        (lambda p: p[:, (0, 2, 1)], {}, 'balls fall along (0.00, -1.00, 0.00), expected along'),
         (lambda p: p, {}, ''),
         (lambda p: 1000.0 * p, {'match_spheres': True}, 'are positions in metres'),
     ],
