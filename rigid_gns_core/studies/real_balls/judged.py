@@ -78,7 +78,7 @@ def protocols(judged: TrackSet, seed: int) -> dict[str, Protocol]:
             f'from the first {_WINDOW:g} s of each track',
         ),
         EVERY: Protocol(
-            along, f'from every {every:g} s of each track, with what came in the 0.4 s before'
+            along, f'from every {every:g} s of each track, with what came before'
         ),
     }
 
