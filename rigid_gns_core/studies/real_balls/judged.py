@@ -77,9 +77,7 @@ def protocols(judged: TrackSet, seed: int) -> dict[str, Protocol]:
             Windows(_WINDOW, HORIZONS, samples=_SAMPLES, seed=seed),
             f'from the first {_WINDOW:g} s of each track',
         ),
-        EVERY: Protocol(
-            along, f'from every {every:g} s of each track, with what came before'
-        ),
+        EVERY: Protocol(along, f'from every {every:g} s of each track, with what came before'),
     }
 
 
