@@ -58,8 +58,16 @@ class ManagedNode(LifecycleNodeMixin, ClosingNode):
         self._starting = True
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() != TransitionCallbackReturn.SUCCESS:
-                raise self._failure or RuntimeError('a transition of the lifecycle failed')
+                # its traceback holds this node, which would hold it
+                failure, self._failure = self._failure, None
+                self.destroy_node()
+                raise failure or RuntimeError('a transition of the lifecycle failed')
         self._starting = False
+
+    def destroy_node(self) -> None:
+        """Destroy the node, and what rclpy's lifecycle keeps it alive by."""
+        super().destroy_node()
+        self.__dict__.pop('_state_machine', None)
 
     def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Configure, and rest."""
