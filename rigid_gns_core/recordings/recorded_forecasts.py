@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from ..messages.trajectories import decode_trajectory, FutureFrame
 from ..scenes.state import Array
 from ..tracking.usable_frames import Stamps
 
+Event = TypeVar('Event', Start, LearnedScene)
+
 
 def recorded_starts(topic: Topic | None) -> list[Start]:
     """Starts on the topic ~/start in the order of recording; none without such a topic.
@@ -27,17 +30,7 @@ def recorded_starts(topic: Topic | None) -> list[Start]:
     Raises:
         BagError: A message is not a start.
     """
-    if topic is None:
-        return []
-    starts = []
-    for message, record_index in zip(topic.messages, topic.indices, strict=True):
-        try:
-            starts.append(Start.from_json(decode_string(message), int(record_index)))
-        except UserError as error:
-            raise BagError(
-                f'message {len(starts)} of {topic.name} is no start of a forecast: {error}'
-            ) from error
-    return sorted(starts, key=lambda start: start.index)
+    return _read(topic, Start.from_json, 'start of a forecast')
 
 
 def recorded_learned(topic: Topic | None) -> list[LearnedScene]:
@@ -46,15 +39,22 @@ def recorded_learned(topic: Topic | None) -> list[LearnedScene]:
     Raises:
         BagError: A message is no such scene.
     """
+    return _read(topic, LearnedScene.from_json, 'scene')
+
+
+def _read(topic: Topic | None, from_json: Callable[[str, int], Event], what: str) -> list[Event]:
+    """What the strings on a topic hold, in the order of recording."""
+    if topic is None:
+        return []
     found = []
-    for message, record_index in zip(topic.messages, topic.indices, strict=True) if topic else ():
+    for message, record_index in zip(topic.messages, topic.indices, strict=True):
         try:
-            found.append(LearnedScene.from_json(decode_string(message), int(record_index)))
+            found.append(from_json(decode_string(message), int(record_index)))
         except UserError as error:
             raise BagError(
-                f'message {len(found)} of {topic.name if topic else ""} is no scene: {error}'
+                f'message {len(found)} of {topic.name} is no {what}: {error}'
             ) from error
-    return sorted(found, key=lambda one: one.index)
+    return sorted(found, key=lambda event: event.index)
 
 
 def starts_of(starts: Sequence[Start], frames: list[PoseArrayFrame], indices: Stamps) -> Stamps:
