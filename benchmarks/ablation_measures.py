@@ -77,7 +77,7 @@ class Bench:
             result |= {f'{key}_ms': median, f'{key}_p10_ms': low, f'{key}_p90_ms': high}
             stepper = cast(EngineStepper, rollouts[key].stepper)
             result[f'{key}_asleep'] = float(stepper.sleepers.asleep.mean())
-            if self.records:
+            if self.records and self.starts[name].bullet:
                 result[f'{key}_error'] = self.bullet_error(side)
         return result
 

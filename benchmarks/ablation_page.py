@@ -24,6 +24,19 @@ TEXTS = {
     'guard, pile': (
         'Here there is most to guard. The times also depend on when the pile falls asleep.'
     ),
+    'air': (
+        'Without air a path between contacts is a parabola, in closed form. What air is worth on '
+        'recorded balls is in [real_balls.md](real_balls.md).'
+    ),
+    'lift': 'Drag and lift are integrated together.',
+    'contact law': (
+        "A law of the table's own, with tangential restitution, takes the place of the product "
+        'of materials.'
+    ),
+    'surface that moves': (
+        'Contacts are with a body of the speed of the surface; at rest a surface costs nothing of '
+        'that.'
+    ),
     'walls': (
         'Walls far from all spheres cost the search for candidates. The error is that of leaving '
         'them out although spheres reach them.'
@@ -49,7 +62,10 @@ def format_table(report: dict[str, Any]) -> str:
         line = [name, str(row['spheres']), row['usual'], number(row['usual_ms'], 2), row['other']]
         line += [number(row['other_ms'], 2), f'{row["ratio"]:.2f}', number(row['difference'], 2)]
         if has_errors:
-            line += [number(row['usual_error'], 2), number(row['other_error'], 2)]
+            line += [
+                number(row[f'{side}_error'], 2) if f'{side}_error' in row else ''
+                for side in ('usual', 'other')
+            ]
         lines.append(line)
     return format_rows(head, lines, left=(0, 2, 4), markdown=True) + '\n'
 
@@ -77,8 +93,8 @@ def page(report: dict[str, Any]) -> str:
     )
     return f"""# Only what is needed
 
-A scene costs what it has: contacts, walls, rolling friction, piles. The table says what each costs
-a step, and how far off the result is where it is left out.
+A scene costs what it has: air, contacts, walls, rolling friction, piles. The table says what each
+costs a step, and how far off the result is where it is left out.
 
 {format_table(report)}
 {body}

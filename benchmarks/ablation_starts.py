@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Plane, Scene
-from rigid_gns_core.scenes.scene_file import load_start
+from rigid_gns_core.scenes.scene_file import load_scene, load_start
 from rigid_gns_core.scenes.start import StartRecipe
 from rigid_gns_core.scenes.state import Array, State
 
@@ -24,12 +24,14 @@ class Start:
         scene: Surfaces and sphere properties.
         state: State at time 0.
         skip: Steps before anything is measured.
+        bullet: Whether Bullet's records are of such scenes, so that a change is judged by them.
     """
 
     text: str
     scene: Scene
     state: State
     skip: int = 0
+    bullet: bool = True
 
 
 def _lattice(spheres: int, pitch: float, height: tuple[float, float]) -> Array:
@@ -37,6 +39,20 @@ def _lattice(spheres: int, pitch: float, height: tuple[float, float]) -> Array:
     side = int(np.ceil(np.sqrt(spheres)))
     across = np.stack(np.divmod(np.arange(spheres), side), axis=1) - (side - 1) / 2
     return np.c_[pitch * across, np.random.default_rng(0).uniform(*height, spheres)]
+
+
+def _thrown(balls: int) -> Start:
+    """Table tennis balls with spin, far enough from each other that none meet."""
+    draw = np.random.default_rng(2).uniform
+    state = State(
+        positions=np.c_[
+            np.full(balls, -1.2), np.linspace(-0.7, 0.7, balls), draw(0.2, 0.4, balls)
+        ],
+        velocities=np.c_[draw(3.0, 5.0, balls), np.zeros(balls), draw(-1.0, 1.0, balls)],
+        angular_velocities=np.c_[np.zeros(balls), draw(-100.0, 200.0, balls), np.zeros(balls)],
+    )
+    text = f'{balls} table tennis balls with spin are thrown on a table, from step 10'
+    return Start(text, load_scene('table_tennis'), state, skip=10, bullet=False)
 
 
 def make_starts(quick: bool) -> dict[str, Start]:
@@ -63,6 +79,7 @@ def make_starts(quick: bool) -> dict[str, Start]:
             bounce,
             3,
         ),
+        'thrown': _thrown(4 if quick else 16),
         'roll': Start(f'{spheres} spheres roll on the ground without meeting', wide, roll),
         'box': Start(f'{in_box}, from step 15', scene, box, 15),
         'pile': Start(

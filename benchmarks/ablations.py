@@ -41,11 +41,33 @@ def _no_rolling(scene: Scene, _: int) -> Scene:
     return replace(scene, rolling_friction=0.0)
 
 
+def _no_lift(scene: Scene, _: int) -> Scene:
+    assert scene.air is not None
+    return replace(scene, air=replace(scene.air, lift_coefficient=0.0))
+
+
+def _vacuum(scene: Scene, _: int) -> Scene:
+    return replace(scene, air=None)
+
+
+def _materials_alone(scene: Scene, _: int) -> Scene:
+    return replace(scene, surfaces=tuple(replace(p, contact=None) for p in scene.surfaces))
+
+
+def _rising_ground(scene: Scene, _: int) -> Scene:
+    ground, *others = scene.surfaces
+    return replace(scene, surfaces=(replace(ground, velocity=(0.0, 0.0, 0.1)), *others))
+
+
 def _tuples(scene: Scene, count: int) -> Scene:
     return replace(scene, **{n: tuple(scene.per_sphere(n, count).tolist()) for n in PER_SPHERE})
 
 
 USUAL = Change()
+AIR = Change('with air', 'in a vacuum', scene=_vacuum)
+LIFT = Change('with lift', 'drag alone', scene=_no_lift)
+CONTACT = Change('a contact law of the table', 'materials alone', scene=_materials_alone)
+MOVING = Change('a table at rest', 'one that rises by 0.1 m/s', scene=_rising_ground)
 SLEEP = Change('islands at rest sleep', 'all stay awake', options={'sleep': False}, goes_on=True)
 GUARD = Change('guard on', 'guard off', options={'guard': False})
 WALLS = Change('ground and four walls', 'ground alone', scene=_ground_only)
@@ -58,6 +80,10 @@ ROWS = {
     'sleep, pile': ('settled pile', SLEEP),
     'guard, box': ('box', GUARD),
     'guard, pile': ('pile', GUARD),
+    'air': ('thrown', AIR),
+    'lift': ('thrown', LIFT),
+    'contact law': ('thrown', CONTACT),
+    'surface that moves': ('thrown', MOVING),
     'walls': ('bounce', WALLS),
     'rolling friction': ('roll', ROLLING),
     'properties per sphere': ('box', TUPLES),
