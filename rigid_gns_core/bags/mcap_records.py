@@ -28,6 +28,7 @@ _MAGIC = b'\x89MCAP0\r\n'
 _HEAD = struct.Struct('<BQ')  # opcode, length of the content
 _CHUNK_HEAD = struct.Struct('<QQQI')  # first and last time, size, checksum
 _SQLITE = b'SQLite format 3\0'
+_EXPECTED = 'expected the folder of a bag, an .mcap file, or tracks in a file that ends in .csv'
 
 # what helps where a bag is stored in SQLite files
 SQLITE_REMEDY = (
@@ -56,8 +57,9 @@ def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
         magic = stream.read(len(_MAGIC))
         if magic != _MAGIC:
             if not _MAGIC.startswith(magic):
-                remedy = f'; it holds SQLite: {SQLITE_REMEDY}' if _SQLITE.startswith(magic) else ''
-                raise BagError(f'{file}: does not start as an MCAP file{remedy}')
+                sqlite = _SQLITE.startswith(magic)
+                remedy = f'it holds SQLite: {SQLITE_REMEDY}' if sqlite else _EXPECTED
+                raise BagError(f'{file}: does not start as an MCAP file; {remedy}')
             warnings.append(f'{file}: is empty, so the recorder did not get to write into it')
             return
         while True:

@@ -5,22 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 import itertools
 from pathlib import Path
-import re
-from typing import Any
 
 from mcap.records import Channel, Header, Message, Schema
 import numpy as np
 from numpy.typing import NDArray
 
 from .file import LIBRARY
-from .mcap_records import BagError, read_records, SQLITE_REMEDY, zstd_decompress
+from .folder import declared_types, files_of, message_unpacker
+from .mcap_records import BagError, read_records
 from ..errors import shown, UserError
-from ..files.config import parse_yaml
 from ..messages.definitions import HASHES
 
 __all__ = ['Bag', 'BagError', 'Topic', 'read_bag']
@@ -80,7 +78,7 @@ class Bag:
         except UserError as error:
             text = str(error)
             text = text if str(self.path) in text else f'{self.path}: {text}'
-            error.args = ('\n'.join([text, *self.warnings]),)
+            error.args = ('; '.join([text, *self.warnings]),)
             raise
 
 
@@ -92,11 +90,11 @@ def read_bag(path: str | Path) -> Bag:
     """
     path = Path(path)
     warnings: list[str] = []
-    files, information = _files(path, warnings)
-    unpack = _message_unpacker(information)
+    files, information = files_of(path, warnings)
+    unpack = message_unpacker(information, path)
     gathered: dict[tuple[str, str], _Gathered] = {}
     counter = itertools.count()
-    types = _declared_types(information)
+    types = declared_types(information)
     count = sum(_read_file(file, gathered, types, counter, warnings) for file in files)
     topics = {}
     for name, found in _one_type_each(gathered, path, warnings).items():
@@ -130,77 +128,6 @@ def _order(times: NDArray[np.int64]) -> NDArray[np.int64]:
         passes[start:] += 1
         latest[start:] = np.maximum.accumulate(times[start:])
     return np.lexsort((times, passes))
-
-
-def _files(path: Path, warnings: list[str]) -> tuple[list[Path], dict[str, Any]]:
-    """MCAP files of a bag in order, and the content of its metadata.yaml."""
-    if path.is_file():
-        return [path], {}
-    if not path.is_dir():
-        raise BagError(f'{path}: no such bag')
-    metadata = path / 'metadata.yaml'
-    if not metadata.is_file():
-        files = sorted(path.glob('*.mcap*'), key=_natural)
-        if not files and (sqlite := sorted(path.glob('*.db3*'), key=_natural)):
-            raise BagError(
-                f'{path}: holds {sqlite[0].name} and no metadata.yaml: a bag in SQLite whose '
-                f'recorder did not finish; `ros2 bag reindex {path.name}` creates metadata.yaml, '
-                f'then {SQLITE_REMEDY}'
-            )
-        if not files:
-            raise BagError(f'{path}: holds neither metadata.yaml nor an .mcap file; not a bag')
-        warnings.append(
-            f'{path}: no metadata.yaml, so the recorder did not finish: messages that it had not '
-            'yet written are lost (this package: at most the last second); all others are read '
-            '(`ros2 bag reindex` creates the file)'
-        )
-        return files, {}
-    try:
-        text = metadata.read_text('utf-8')
-        information = parse_yaml(text)['rosbag2_bagfile_information']
-        names, storage = information['relative_file_paths'], information['storage_identifier']
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise ValueError(f'relative_file_paths is {shown(names)}, expected names of files')
-    except (ValueError, KeyError, TypeError) as error:
-        raise BagError(f'{metadata}: not the metadata of a bag: {shown(error)}') from error
-    if not storage:  # `ros2 bag reindex` leaves it empty
-        storage = 'sqlite3' if any('.db3' in name for name in names) else 'mcap'
-    if storage != 'mcap':
-        raise BagError(f'{path}: stored as {shown(storage)}, expected mcap; {SQLITE_REMEDY}')
-    files = [path / name for name in names]
-    for file in [file for file in files if not file.is_file()]:
-        warnings.append(f'{file}: named in metadata.yaml, but missing')
-        files.remove(file)
-    if not files:
-        raise BagError(f'{path}: none of the files that metadata.yaml names is there')
-    return files, information
-
-
-def _natural(path: Path) -> list[int | str]:
-    """Sort key that puts bag_10 after bag_9."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
-
-
-def _message_unpacker(information: dict[str, Any]) -> Callable[[bytes], bytes]:
-    """Decompressor of messages recorded with `ros2 bag record --compression-mode message`."""
-    mode = information.get('compression_mode', '')
-    if not isinstance(mode, str) or mode.lower() != 'message':
-        return lambda data: data
-    return zstd_decompress
-
-
-def _declared_types(information: dict[str, Any]) -> dict[str, str]:
-    """Type of each topic by metadata.yaml, for channels without a schema."""
-    types = {}
-    listed = information.get('topics_with_message_count')
-    for entry in listed if isinstance(listed, list) else ():
-        topic = entry.get('topic_metadata') if isinstance(entry, dict) else None
-        name, kind = (
-            (topic.get('name'), topic.get('type')) if isinstance(topic, dict) else ('', '')
-        )
-        if isinstance(name, str) and isinstance(kind, str) and name and kind:
-            types[name] = kind
-    return types
 
 
 @dataclass
@@ -267,6 +194,7 @@ def _read_file(
     channels: dict[int, _Gathered | None] = {}  # None: not CDR
     unknown_topic = count = 0
     numbered = False
+    others: dict[str, str] = {}  # encoding of topics that are not CDR
     for record in read_records(file, warnings):
         if isinstance(record, Header):
             numbered = record.library == LIBRARY
@@ -278,6 +206,8 @@ def _read_file(
                 name = record.topic
                 type_name = schemas.get(record.schema_id) or types.get(name, 'unknown')
                 channels[record.id] = gathered.setdefault((name, type_name), _Gathered(type_name))
+            else:
+                others[record.topic] = record.message_encoding
         elif record.channel_id not in channels:
             unknown_topic += 1
         elif topic := channels[record.channel_id]:
@@ -287,6 +217,11 @@ def _read_file(
                     continue  # a latched message, repeated at the start of a file
                 topic.sequences.append(record.sequence)
             topic.take(record, next(counter))
+    warnings += [
+        f'{file}: topic {shown(name)} is left out: its messages are encoded as {shown(encoding)}, '
+        'expected cdr, as ROS 2 records them'
+        for name, encoding in others.items()
+    ]
     if unknown_topic:
         warnings.append(
             f'{file}: {unknown_topic} messages are lost, as the record of their topic is damaged'

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 from ..files.config import config_folder
 from ..running.workers import BACKENDS, Workers
+
+_FIGURES = ('.png', '.pdf', '.svg')
 
 
 def positive(text: str) -> int:
@@ -26,6 +29,15 @@ def seed_number(text: str) -> int:
             f'{text!r}, expected a whole number from 0 to {2**63 - 1}'
         )
     return int(text)
+
+
+def figure_file(text: str) -> Path:
+    """Option type: a file whose suffix names the format of a figure."""
+    if Path(text).suffix not in _FIGURES:
+        raise argparse.ArgumentTypeError(
+            f'{text!r}, expected a name that ends in {", ".join(_FIGURES)}'
+        )
+    return Path(text)
 
 
 def completes(

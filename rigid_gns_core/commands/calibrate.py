@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from .arguments import completes, configs, positive, shipped_models
+from .arguments import completes, configs, figure_file, positive, shipped_models
 from .calibrate_tracks import calibrate_tracks, hold_positions_only
 from ..data.records import Dataset
 from ..errors import UserError
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all numbers to this file')
     parser.add_argument(
         '--figure',
-        type=Path,
+        type=figure_file,
         metavar='PNG',
         help='draw what a fit to tracks leaves: residuals, restitution, drag, errors',
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 import textwrap
 from typing import Any
 
-from .arguments import completes, configs, shipped_models
+from .arguments import completes, configs, figure_file, shipped_models
 from .evaluate_tracks import add_track_arguments, run_tracks
 from ..data.records import RECIPE_NAME
 from ..data.tracks import TRACKS_NAME
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--figure',
-        type=Path,
+        type=figure_file,
         metavar='PNG',
         help='draw positions, energy and error of the first trajectory (default for a bag: '
         'BAG_evaluation.png)',

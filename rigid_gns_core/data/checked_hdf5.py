@@ -29,6 +29,11 @@ class DatasetError(UserError):
     """A file of data is damaged, incomplete, of another kind, or absent."""
 
 
+def storable(text: str) -> str:
+    """Text as HDF5 holds it: `?` for what is no Unicode, as in names of files, and for NUL."""
+    return text.encode('utf-8', 'replace').decode('utf-8').replace('\0', '?')
+
+
 @contextmanager
 def write_checked(path: Path, kind: str) -> Iterator[h5py.File]:
     """Write an HDF5 file, whole or not at all; one that exists is replaced.

@@ -80,11 +80,11 @@ def _read(path: Path) -> tuple[list[tuple[str, str]], Array, NDArray[np.int64], 
     try:
         with open(path, newline='', encoding='utf-8-sig') as stream:
             reader = csv.reader(stream)
-            header = [cell.strip() for cell in next(reader, [])]
+            header = [cell.strip() for cell in next(filter(_has_value, reader), [])]
             columns, turned = _columns(path, header)
             names, numbers, lines = [], [], []
             for row in reader:
-                if not row or row == ['']:
+                if not _has_value(row):
                     continue
                 if len(row) < len(header):
                     raise CsvError(
@@ -92,17 +92,27 @@ def _read(path: Path) -> tuple[list[tuple[str, str]], Array, NDArray[np.int64], 
                         f'{len(header)} as in the header; complete or remove the line'
                     )
                 name = row[columns[0]].strip(), row[columns[1]].strip()
-                if max(map(len, name)) > _LONGEST:
+                if bad := [text for text in name if not _is_name(text)]:
                     raise CsvError(
-                        f'{path} line {reader.line_num}: track or sphere is a name of '
-                        f'{max(map(len, name))} characters, expected at most {_LONGEST}'
+                        f'{path} line {reader.line_num}: track or sphere is {shown(bad[0])}, '
+                        f'expected a name of 1 to {_LONGEST} characters without NUL'
                     )
                 names.append(name)
                 numbers.append([row[column] for column in columns[2:]])
                 lines.append(reader.line_num)
     except (UnicodeDecodeError, csv.Error) as error:
-        raise CsvError(f'{path}: not a CSV file in UTF-8: {error}') from error
+        raise CsvError(
+            f'{path}: not a CSV file in UTF-8: {error}; save it as CSV with the encoding UTF-8'
+        ) from error
     return names, _numbers(path, header, columns, numbers, names, lines), np.array(lines), turned
+
+
+def _has_value(row: Sequence[str]) -> bool:
+    return any(cell.strip() for cell in row)
+
+
+def _is_name(text: str) -> bool:
+    return 1 <= len(text) <= _LONGEST and '\0' not in text
 
 
 def _columns(path: Path, header: Sequence[str]) -> tuple[list[int], bool]:
@@ -146,7 +156,8 @@ def _numbers(
         track, sphere = names[row]
         rows = len(np.unique(bad[:, 0]))
         more = f' (and {rows - 1} more rows)' if rows > 1 else ''
-        value = shown(cells[row][place].strip() or 'empty')
+        cell = cells[row][place].strip()
+        value = shown(cell) if cell else 'empty'
         raise CsvError(
             f'{path} line {lines[row]}: track {track}, sphere {sphere}: '
             f'{header[columns[place + 2]]} is {value}{more}, '

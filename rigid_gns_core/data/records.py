@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from .checked_hdf5 import DatasetError as DatasetError
-from .checked_hdf5 import read_checked, write_checked
+from .checked_hdf5 import read_checked, storable, write_checked
 from .recipe import DataRecipe, recipe_hash
 from .tracks import TRACKS_NAME
 from ..files.atomic_file import whole_file
@@ -90,7 +90,8 @@ def write_record(path: str | Path, record: Record, contents: Contents = 'full') 
         file.attrs['scene'] = json.dumps(record.scene.to_mapping())
         file.attrs['teacher'] = json.dumps(record.teacher)
         for name in ('seed', 'name', 'index', 'recipe'):
-            file.attrs[name] = getattr(record, name)
+            value = getattr(record, name)
+            file.attrs[name] = storable(value) if isinstance(value, str) else value
         for name in _POSES if contents == 'poses' else _ARRAYS:
             last, unit, dtype = _ARRAYS[name]
             array = getattr(trajectory, name)

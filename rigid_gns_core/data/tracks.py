@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .checked_hdf5 import DatasetError, read_checked, write_checked
+from .checked_hdf5 import DatasetError, read_checked, storable, write_checked
 from ..errors import UserError
 from ..files.strict_json import parse_json
 from ..scenes.scene import Scene
@@ -156,7 +156,7 @@ def write_tracks(folder: str | Path, found: TrackSet) -> Path:
         file.attrs['origin'] = json.dumps(found.origin)
         for index, track in enumerate(found.tracks):
             group = file.create_group(f'{index:04d}')
-            group.attrs['name'], group.attrs['begin'] = track.name, track.begin
+            group.attrs['name'], group.attrs['begin'] = storable(track.name), track.begin
             group.attrs['spheres'] = json.dumps(track.spheres)
             for name, unit in _UNITS.items():
                 if (value := getattr(track, name)) is not None:

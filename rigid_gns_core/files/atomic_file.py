@@ -16,12 +16,20 @@ def whole_file(path: Path) -> Iterator[Path]:
     """Write a file whole or not at all: yield a temporary path that replaces `path` at the end.
 
     Where the block raises, or the process is killed in it, the old file stays. The folder is made
-    if absent.
+    if absent. The file that a symbolic link names is replaced, not the link. What is no file, such
+    as a pipe or /dev/stdout, is written as it is.
 
     Raises:
         OSError: The file cannot be written; the message names it, also where the disk is full.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and not path.is_file() and not path.is_dir():
+        yield path
+        return
+    path = Path(os.path.realpath(path))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise OSError(f'{path} cannot be written: {error.filename} is no folder') from error
     partial = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
     try:
         yield partial

@@ -115,7 +115,7 @@ def find_model(name: str | Path) -> Path:
     if str(name) in shipped:
         return shipped[str(name)]
     path = Path(str(name))
-    path = path if path.suffix == '.safetensors' else path.with_name(path.name + '.safetensors')
+    path = path if path.suffix == '.safetensors' else Path(f'{path}.safetensors')
     if path.is_file():
         return path
     raise CheckpointError(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import dataclasses
 from pathlib import Path
+import re
 import sys
 import types
 import typing
@@ -23,6 +24,8 @@ T = TypeVar('T')
 _LARGEST_INT = 2**63 - 1
 # levels of a YAML file; those of scenes and recipes have five
 _DEEPEST = 50
+# digits that YAML 1.1 reads to the base of 8
+_OCTAL = re.compile(r'[-+]?0[0-7_]+')
 
 
 class ConfigError(UserError):
@@ -75,7 +78,7 @@ def to_mapping(config: Any) -> dict[str, Any]:
     }
 
 
-class _ShallowLoader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):
     """Loader that stops at a depth: PyYAML's time grows with its square, until Python gives up."""
 
     depth = 0
@@ -91,17 +94,62 @@ class _ShallowLoader(yaml.SafeLoader):
             self.depth -= 1
 
 
-def parse_yaml(text: str) -> Any:
+class _StrictLoader(_Loader):
+    """Loader that refuses what YAML 1.1 takes for something else than is written."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Construct a mapping; PyYAML keeps the last of several values of a key."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value != '<<':
+                if key.value in seen:
+                    raise ConfigError(
+                        f'key {shown(key.value)} is given twice, {_place(key.start_mark)}; '
+                        'remove one of them'
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+    def construct_number(self, node: Any) -> Any:
+        """Construct a number: 010 is 8 and 1:30 is 90 in YAML 1.1."""
+        read = self.construct_yaml_int if node.tag.endswith(':int') else self.construct_yaml_float
+        value = read(node)
+        if ':' in node.value or _OCTAL.fullmatch(node.value):
+            raise ConfigError(
+                f'{node.value} is read as {value:g}, {_place(node.start_mark)}; write it without '
+                'colons and leading zeros, or a text in quotes'
+            )
+        return value
+
+
+for _kind in ('int', 'float'):
+    _StrictLoader.add_constructor(f'tag:yaml.org,2002:{_kind}', _StrictLoader.construct_number)
+
+
+def _place(mark: yaml.Mark) -> str:
+    return f'line {mark.line + 1}, column {mark.column + 1}'
+
+
+def parse_yaml(text: str, *, strict: bool = True) -> Any:
     """Value of a YAML text.
+
+    Args:
+        text: The text.
+        strict: Refuse keys that are given twice, and numbers that YAML takes for others.
 
     Raises:
         ConfigError: It is no YAML, or nested too deeply.
     """
     try:
-        return yaml.load(text, Loader=_ShallowLoader)  # noqa: S506 - a safe one
+        return yaml.load(text, Loader=_StrictLoader if strict else _Loader)  # noqa: S506 - safe
+    except yaml.MarkedYAMLError as error:
+        reason = ', '.join(filter(None, (error.context, error.problem)))
+        mark = error.problem_mark or error.context_mark
+        where = f', {_place(mark)}' if mark else ''
+        raise ConfigError(f'not valid YAML: {" ".join(reason.split())}{where}') from error
     # no text, a date or a number that is none, a key that is a list
     except (yaml.YAMLError, ValueError, TypeError) as error:
-        raise ConfigError(f'not valid YAML: {error}') from error
+        raise ConfigError(f'not valid YAML: {" ".join(str(error).split())}') from error
 
 
 def load_yaml(path: str | Path) -> dict[str, Any]:
@@ -186,6 +234,9 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
                 return _convert(argument, value, where)
             except ConfigError as error:
                 errors.append(str(error))
+        begin = f'{where} is {shown(value)}, expected '
+        if all(error.startswith(begin) for error in errors):
+            errors = [begin + ' or '.join(error.removeprefix(begin) for error in errors)]
         raise ConfigError(
             errors[-1] if len(errors) == 1 else f'{where} is {shown(value)}: {errors}'
         )

@@ -14,7 +14,14 @@ from ..bags.reader import BagError, PASS, Topic
 from ..messages.poses import decode_pose_array, MessageError, PoseArrayFrame
 from ..messages.tracker_types import AS_POSE_ARRAY
 from ..tracking.rejected_frame import RejectedFrame
-from ..tracking.usable_frames import FrameOrder, median_interval, RESTART_FRAMES, seconds, Stamps
+from ..tracking.usable_frames import (
+    FrameOrder,
+    median_interval,
+    MEMORY,
+    RESTART_FRAMES,
+    seconds,
+    Stamps,
+)
 
 
 @dataclass(frozen=True)
@@ -46,8 +53,9 @@ class DecodedTopic:
         Raises:
             BagError: No two frames follow each other; the message begins with `where`.
         """
-        if found := median_interval(self.stamps):
-            return found * 1e-9
+        stamps = self.stamps
+        if median_interval(stamps):
+            return _spacing(stamps) * 1e-9
         raise BagError(f'{where} {self._why_no_interval()}')
 
     def _why_no_interval(self) -> str:
@@ -120,6 +128,21 @@ def arrival(topic: Topic) -> Stamps:
             passes[k:] += 1
     order: Stamps = recorded[np.lexsort((times, passes))]
     return order
+
+
+def _spacing(stamps: Stamps) -> float:
+    """Median time of a frame since that before it [ns], by stamp; some may arrive late.
+
+    Those before it are sought among frames that arrived about then, as a clock that was set back,
+    or a bag of two passes, has stamps that lie in between those of long before.
+    """
+    since = np.full(len(stamps), np.inf)
+    for shift in range(1, MEMORY):
+        apart = (stamps[shift:] - stamps[:-shift]).astype(np.float64)
+        later, earlier = since[shift:], since[:-shift]
+        np.minimum(later, np.where(apart > 0, apart, np.inf), out=later)
+        np.minimum(earlier, np.where(apart < 0, -apart, np.inf), out=earlier)
+    return float(np.median(since[np.isfinite(since)]))
 
 
 def usual_frame_id(tracked: DecodedTopic) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .contact_law import checked_law, ContactLaw
-from .state import Array, as_unit, UNIT
+from .state import Array, as_unit, LARGEST, UNIT
 from ..errors import UserError
 
 # distance up to which an end of a surface is on another one, as part of its length
@@ -28,8 +28,6 @@ _ALONG = 1e-6
 
 SOLID = 0.4
 """Inertia factor of a solid sphere."""
-# of what is squared: the square of twice as much is still a number
-LARGEST = 1e100
 
 # name: (lowest, highest, lowest is allowed)
 RANGES = {

@@ -11,8 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from .plane import LARGEST, Vector
-from .state import Array
+from .plane import Vector
+from .state import Array, LARGEST
+from ..errors import shown
 from ..files.config import ConfigError
 
 # spheres of a start: tens of gigabytes in the engine
@@ -123,16 +124,18 @@ class StartRecipe:
             raise ConfigError(
                 f'layout is {self.layout!r}, but blocks or at give the places; leave one out'
             )
-        for name in ('velocities', 'angular_velocities', 'quaternions'):
+        for name in ('at', 'velocities', 'angular_velocities', 'quaternions'):
             given = getattr(self, name)
-            if given and (len(given) != len(self.at) or self.blocks):
+            if given and name != 'at' and (len(given) != len(self.at) or self.blocks):
                 raise ConfigError(
                     f'{name} has {len(given)} values for {len(self.at)} centres in at and '
                     f'{len(self.blocks)} blocks, expected one per centre and no blocks'
                 )
-            if not np.isfinite(given).all():
-                raise ConfigError(f'{name} is {given}, expected finite numbers')
-            moving = name != 'quaternions' and not self.speed == self.spin == (0.0, 0.0)
+            if not (np.abs(given) <= LARGEST).all():
+                raise ConfigError(
+                    f'{name} is {shown(given)}, expected finite numbers of at most {LARGEST:g}'
+                )
+            moving = name.endswith('velocities') and not self.speed == self.spin == (0.0, 0.0)
             if given and moving:
                 raise ConfigError(f'{name} and speed or spin say how spheres move; leave one out')
         check_range('height', self.height, -np.inf)

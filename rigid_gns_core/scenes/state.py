@@ -20,6 +20,8 @@ from ..errors import UserError
 
 Array = NDArray[np.float64]
 
+# largest number of a scene or a state: the square of twice as much is still a number
+LARGEST = 1e100
 # distance of a norm from 1 up to which a vector of float64 is a unit vector: 9 eps / 2
 UNIT = 1e-15
 
@@ -28,9 +30,14 @@ def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = np.array(value, dtype=np.float64)
     if array.shape != shape:
         raise UserError(f'{name} has shape {array.shape}, expected {shape}')
-    if not np.isfinite(array).all():
-        sphere = int(np.argwhere(~np.isfinite(array))[0][-2])
-        raise UserError(f'{name} of sphere {sphere} is not finite; remove or repair that sphere')
+    if not (usable := np.abs(array) <= LARGEST).all():
+        sphere = int(np.argwhere(~usable)[0][-2])
+        found = array[~usable][0]
+        reason = f'holds {found:g}' if np.isfinite(found) else 'is not finite'
+        raise UserError(
+            f'{name} of sphere {sphere} {reason}, expected numbers of at most {LARGEST:g}; '
+            'remove or repair that sphere'
+        )
     return array
 
 

@@ -11,6 +11,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from ..errors import UserError
+from ..files.atomic_file import whole_file
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import Array, Trajectory
 from ..scoring import divergence, Energy, energy
@@ -103,8 +104,8 @@ def write_figure(
     if title:
         figure.suptitle(title, fontsize=14, color=INK, x=0.01, ha='left')
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=110, format=path.suffix[1:])
     return path
 
 

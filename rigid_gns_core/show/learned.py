@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..files.atomic_file import whole_file
 from ..identification.learn import Learned
 
 _BINS = 24
@@ -27,7 +28,8 @@ def draw_learned(learned: Learned, path: Path) -> None:
     _restitution(axes[0, 1], learned)
     _air(axes[1, 0], learned)
     _errors(axes[1, 1], learned)
-    figure.savefig(path, dpi=120)
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=120, format=path.suffix[1:])
 
 
 def _residuals(axes: Any, learned: Learned) -> None:

@@ -17,6 +17,7 @@ from rigid_gns_core.bags.writer import BagWriter
 from rigid_gns_core.messages.definitions import full_text
 from rigid_gns_core.messages.poses import decode_float64, encode_float64, encode_string
 import yaml
+import zstandard
 
 FLOAT64, STRING = 'std_msgs/msg/Float64', 'std_msgs/msg/String'
 
@@ -27,6 +28,7 @@ def write_mcap(
     *,
     compression: CompressionType = CompressionType.NONE,
     schemas: bool = True,
+    encoding: str = 'cdr',
 ) -> None:
     """Write messages of (topic, type, log time [ns], bytes) into one chunk."""
     with open(path, 'wb') as file:
@@ -37,7 +39,7 @@ def write_mcap(
             if (topic, kind) not in channels:
                 text = full_text(kind).encode()
                 schema = writer.register_schema(kind, 'ros2msg', text) if schemas else 0
-                channels[topic, kind] = writer.register_channel(topic, 'cdr', schema)
+                channels[topic, kind] = writer.register_channel(topic, encoding, schema)
             writer.add_message(channels[topic, kind], time, cdr, time)
         writer.finish()
 
@@ -151,3 +153,76 @@ def test_a_bag_states_the_depth_of_each_topic(tmp_path):
         for topic in topics
     }
     assert depths == {'/deep': 10, '/one': 1}
+
+
+def write_metadata(folder: Path, files: list[str], **entries: object) -> None:
+    information = {'relative_file_paths': files, 'storage_identifier': 'mcap', **entries}
+    content = yaml.safe_dump({'rosbag2_bagfile_information': information})
+    (folder / 'metadata.yaml').write_text(content)
+
+
+def test_copies_of_a_file_do_not_count_twice(tmp_path):
+    for name in ('bag_0.mcap', 'bag_0 (1).mcap'):
+        write_mcap(tmp_path / name, numbers(3))
+    for files in (['bag_0.mcap', 'bag_0 (1).mcap'], ['bag_0.mcap'] * 2, None):
+        if files is None:
+            (tmp_path / 'metadata.yaml').unlink()
+        else:
+            write_metadata(tmp_path, files)
+        bag = read_bag(tmp_path)
+        assert len(bag.topics['/a']) == 3
+        assert any('left out, as it holds the same as bag_0' in text for text in bag.warnings)
+
+
+def test_a_folder_of_two_bags_without_metadata_is_refused(tmp_path):
+    write_mcap(tmp_path / 'first_0.mcap', numbers(3))
+    write_mcap(tmp_path / 'first_1.mcap', numbers(4))
+    assert len(read_bag(tmp_path).topics['/a']) == 7
+    write_mcap(tmp_path / 'second.mcap', numbers(5))
+    with pytest.raises(BagError, match=r"files of several bags, 'first, second'; give each by"):
+        read_bag(tmp_path)
+    write_metadata(tmp_path, ['first_1.mcap', 'second.mcap'])
+    assert len(read_bag(tmp_path).topics['/a']) == 9
+
+
+def test_a_topic_that_is_not_cdr_is_named(tmp_path):
+    write_mcap(tmp_path / 'a.mcap', numbers(3), encoding='json')
+    bag = read_bag(tmp_path / 'a.mcap')
+    assert not bag.topics
+    assert "topic '/a' is left out: its messages are encoded as 'json'" in bag.warnings[0]
+
+
+def test_messages_that_are_not_compressed_as_told_are_read(tmp_path):
+    damaged = zstandard.compress(b'a')[:4] + b'\xff' * 8
+    packed = [(*head, zstandard.compress(cdr)) for *head, cdr in numbers(2)]
+    write_mcap(tmp_path / 'a.mcap', [*numbers(1), *packed, ('/a', FLOAT64, 50, damaged)])
+    for form in ('zstd', ''):
+        write_metadata(tmp_path, ['a.mcap'], compression_mode='MESSAGE', compression_format=form)
+        read = read_bag(tmp_path).topics['/a'].messages
+        assert sorted(read) == sorted([b'', *(cdr for *_, cdr in [*numbers(1), *numbers(2)])])
+    write_metadata(tmp_path, ['a.mcap'], compression_mode='message', compression_format='lz4')
+    with pytest.raises(BagError, match=r"compressed by 'lz4', expected zstd; `ros2 bag convert`"):
+        read_bag(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('', 'it holds None, expected a mapping'),
+        ('a: [\n b', 'not valid YAML: .*line'),
+        ('a: 1', "no 'rosbag2_bagfile_information'"),
+        ('rosbag2_bagfile_information: {relative_file_paths: a, storage_identifier: mcap}',
+         "relative_file_paths is 'a'"),
+    ],
+)  # fmt: skip
+def test_damaged_metadata_has_its_reason_and_remedy(tmp_path, text, reason):
+    write_mcap(tmp_path / 'a.mcap', numbers(3))
+    (tmp_path / 'metadata.yaml').write_text(text)
+    with pytest.raises(BagError, match=f'yaml: not the metadata of a bag: {reason}.*; `ros2 bag'):
+        read_bag(tmp_path)
+
+
+def test_what_is_no_bag_says_what_is_read(tmp_path):
+    (tmp_path / 'tracks.txt').write_text('track,sphere,time,x,y,z')
+    with pytest.raises(BagError, match=r'txt: does not start as an MCAP file; expected .*\.csv$'):
+        read_bag(tmp_path / 'tracks.txt')

@@ -123,6 +123,7 @@ def test_a_misspelt_option_shows_the_usage_of_its_command(
         ('fuzz --cases 1 --seconds 1', '--cases and --seconds are both given'),
         ('benchmark --scenes nothing', "'nothing'"),
         ('info --model nobody', "no model 'nobody'"),
+        ('info --model .', "no model '.': neither a file ..safetensors"),
     ],
 )
 def test_bad_input_exits_with_2_and_one_line(

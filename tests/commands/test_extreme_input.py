@@ -32,6 +32,7 @@ SCENES = [
     (f'{START_OF}length_x: 3.0, length_y: .nan}}', 'length_y is nan m, expected a length'),
     (f'{START_OF}length_x: -1.0, length_y: 3.0}}', 'length_x is -1 m, expected a length'),
     (f'{START_OF}gap: .inf}}', 'gap is inf m, expected a finite'),
+    (f'{START_OF}at: [[0, 0, 1], [1.0e+200, 0, 1]]}}', r'at is .*, expected finite numbers'),
     (f'{START_OF}seed: -5}}', 'seed is -5, expected from 0 to 9223372036854775807'),
     (f'{START_OF}seed: {2**63}}}', 'start.seed is a whole number of 64 bits'),
     (f'{START_OF}seed: {DIGITS}}}', 'start.seed is a whole number of 1329 bits'),
@@ -75,6 +76,14 @@ OPTIONS = [
     (['train', '--seed', '-5'], "--seed: '-5'"),
     (['fuzz', '--seed', str(2**63)], "--seed: '9223372036854775808'"),
     (['hard-cases', '--seed', '-5'], "--seed: '-5'"),
+    (
+        ['evaluate', 'a', '--figure', 'a.txt'],
+        "--figure: 'a.txt', expected a name that ends in .png",
+    ),
+    (
+        ['calibrate', '--data', 'a', '--out', 'b', '--figure', 'a'],
+        "--figure: 'a', expected a name",
+    ),
 ]
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from csv_balls import rows_of, shots, write_csv
@@ -108,7 +109,9 @@ def test_rotations_are_normalised(tmp_path: Path) -> None:
     ('row', 'values', 'message'),
     [
         (5, {3: 'nan'}, "line 7: track 0, sphere 0: x is 'nan', expected a number.*leave out"),
-        (5, {5: ''}, "line 7: track 0, sphere 0: z is 'empty', expected a number"),
+        (5, {5: ''}, 'line 7: track 0, sphere 0: z is empty, expected a number'),
+        (5, {0: 'a\0'}, r"line 7: track or sphere is 'a\\x00', expected a name"),
+        (5, {1: ' '}, "line 7: track or sphere is '', expected a name of 1 to 200 char"),
         (5, {4: '1,5'}, 'header'),
         (5, {2: '0.01'}, 'line 7: track 0, sphere 0: time goes back from .* to 0.01 s.*sort'),
         (5, {2: f'{4 / 180:.7f}'}, 'line 7: .*a second row at 0.0222222 s.*two numbers'),
@@ -131,7 +134,7 @@ def test_a_bad_row_is_named(tmp_path: Path, row: int, values: dict, message: str
         ('track,sphere,t,x,y,z', "0 columns 'time', expected one; columns are track,.*begin"),
         ('track;sphere;time;x;y;z', 'divided by commas'),
         ('track,sphere,time,x,y,z,qx', 'has qx of a quaternion; expected all'),
-        ('', 'columns are none'),
+        ('', 'columns are 0, 0, 0.0000000'),
     ],
 )
 def test_a_bad_header_is_named(tmp_path: Path, header: str, message: str) -> None:
@@ -142,3 +145,20 @@ def test_a_bad_header_is_named(tmp_path: Path, header: str, message: str) -> Non
 def test_a_file_without_rows_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='holds no rows after its header'):
         read_csv_tracks(write_csv(tmp_path / 'none.csv', []))
+
+
+def test_lines_without_a_value_are_none(tmp_path: Path) -> None:
+    rows = rows_of(shots(1))
+    (plain,) = read_csv_tracks(write_csv(tmp_path / 'a.csv', rows))
+    head, *lines = (tmp_path / 'a.csv').read_text().splitlines()
+    path = tmp_path / 'b.csv'
+    path.write_text('\n'.join(['', '  ', head, '', lines[0], ',' * 5, *lines[1:], '   ', '']))
+    (found,) = read_csv_tracks(path)
+    np.testing.assert_array_equal(found.track.positions, plain.track.positions)
+    assert found.lines[0, 0] == 5
+
+
+def test_a_name_that_is_no_unicode_is_stored_with_marks(tmp_path: Path) -> None:
+    track = Track(os.fsdecode(b'x\xff'), np.arange(2.0), np.zeros((2, 1, 3)), None, ('0',))
+    write_tracks(tmp_path, TrackSet((track,), Scene(), 0.0))
+    assert read_tracks(tmp_path).tracks[0].name == 'x?'

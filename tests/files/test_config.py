@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from rigid_gns_core import ContactLaw
+from rigid_gns_core import ContactLaw, Scene
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.config import (
     config_folder,
@@ -18,6 +18,7 @@ from rigid_gns_core.files.config import (
     find_config,
     from_mapping,
     load_yaml,
+    parse_yaml,
     to_mapping,
 )
 
@@ -88,7 +89,14 @@ def test_bad_values_are_named(mapping: dict, message: str) -> None:
 @pytest.mark.parametrize(
     ('content', 'message'),
     [
-        ('a: [1', 'not valid YAML'),
+        ('a: [1', r'not valid YAML: while parsing a flow sequence, expected .* line 1, column 6$'),
+        ('a: 1\n\tb: 2', r'not valid YAML: .*cannot start any token, line 2, column 1$'),
+        ('a: 1\n---\nb: 2', 'expected a single document.* line 2, column 1$'),
+        ('a: {b: 1, c: 2, b: 3}', "key 'b' is given twice, line 1, column 17; remove one"),
+        ('a: 1\n"a": 2', "key 'a' is given twice, line 2, column 1"),
+        ('a: 010', '010 is read as 8, line 1, column 4; write it without'),
+        ('a: [-1:30]', '-1:30 is read as -90, line 1'),
+        ('a: 1:30.5', '1:30.5 is read as 90.5, line 1'),
         ('- 1', 'holds list, expected a mapping'),
         ('', 'holds NoneType'),
     ],
@@ -132,3 +140,19 @@ def test_a_mapping_in_place_of_a_number_is_told_by_what_it_stands_for() -> None:
     ):
         with pytest.raises(ConfigError, match=message):
             from_mapping(ContactLaw, {'restitution': given}, 'where')
+
+
+def test_what_yaml_reads_as_written_is_read() -> None:
+    text = 'a: &a {x: 0, y: 0.5, z: -0.0}\nb: {<<: *a, x: 0x10}\nc: [0, 10, 1_000]\nd: "010"'
+    assert parse_yaml(text) == {
+        'a': {'x': 0, 'y': 0.5, 'z': 0.0},
+        'b': {'x': 16, 'y': 0.5, 'z': 0.0},
+        'c': [0, 10, 1000],
+        'd': '010',
+    }
+    assert parse_yaml('{a: 010, a: 1:30}', strict=False) == {'a': 90}
+
+
+def test_several_types_are_one_line() -> None:
+    with pytest.raises(ConfigError, match=r'^where.mass is True, expected a number or a list$'):
+        from_mapping(Scene, {'mass': True}, 'where')

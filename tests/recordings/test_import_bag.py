@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -329,3 +330,32 @@ def test_the_command_prints_what_was_found(
     assert '2 records in' in printed
     assert main(words) == 2
     assert 'exists; remove it or give another --out' in capsys.readouterr().err
+
+
+def test_frames_that_arrive_in_turns_are_put_in_order(tmp_path: Path) -> None:
+    """Each second one overtakes that before it, as by two ways through a network."""
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.add_topic('/tracked_poses', POSE_ARRAY, 'sensor_data')
+        for k in range(200):
+            frame, stamp = bouncing(0.01 * k), START + 10_000_000 * k
+            late = 15_000_000 if k % 2 else 0
+            cdr = PoseArrayCodec('world', len(frame)).encode(frame, stamp)
+            bag.write('/tracked_poses', cdr, stamp + late)
+    (report,) = import_bags([tmp_path / 'bag'], tmp_path / 'data', ImportOptions(scene='box_154'))
+    (track,) = load_tracks(tmp_path / 'data')
+    assert report['interval_s'] == pytest.approx(0.01) and not report['refused']
+    np.testing.assert_allclose(track.times, 0.01 * np.arange(200), atol=1e-9)
+    expected = np.stack([bouncing(time) for time in track.times])
+    np.testing.assert_allclose(track.positions, expected[..., :3], atol=1e-9)
+
+
+def test_a_name_that_is_no_unicode_is_imported(tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b'b\xffg')
+    import_bags([write_bag(folder, np.arange(0.0, 2.0, 0.01))], tmp_path / 'data')
+    assert load_tracks(tmp_path / 'data')[0].name == 'b?g_0'
+
+
+def test_a_link_to_itself_is_named(tmp_path: Path) -> None:
+    (tmp_path / 'loop').symlink_to(tmp_path / 'loop')
+    with pytest.raises(ValueError, match='loop: no such bag'):
+        import_bags([tmp_path / 'loop'], tmp_path / 'data')

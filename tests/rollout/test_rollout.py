@@ -138,6 +138,7 @@ def test_zero_spheres_and_zero_steps(simulator):
         ({'positions': np.zeros((2, 2))}, r'positions has shape \(2, 2\), expected \(2, 3\)'),
         ({'positions': [[0, 0, np.nan]]}, 'positions of sphere 0 is not finite'),
         ({'positions': [[0, 0, 5]], 'velocities': np.zeros((2, 3))}, 'velocities has shape'),
+        ({'positions': [[0, 0, 5]], 'velocities': [[1e200, 0, 0]]}, r'holds 1e\+200, expected'),
         ({'positions': [[0, 0, 5]], 'quaternions': [[0, 0, 0, 0]]}, 'quaternion of sphere 0'),
         ({'positions': [[0, 0, 5]], 'steps': -1}, 'steps is -1'),
     ],

@@ -63,6 +63,10 @@ def test_state_copies_and_normalises() -> None:
         ({'positions': np.zeros((2, 2))}, r'positions has shape \(2, 2\), expected \(2, 3\)'),
         ({'positions': 1.0}, 'positions has shape'),
         ({'positions': [[0, 0, 0], [0, np.nan, 0]]}, 'positions of sphere 1 is not finite'),
+        (
+            {'velocities': [[0, 0, 0], [0, -1e101, 0]]},
+            r'velocities of sphere 1 holds -1e\+101, expected numbers of at most 1e\+100',
+        ),
         ({'velocities': np.zeros((3, 3))}, r'velocities has shape \(3, 3\), expected \(2, 3\)'),
         ({'angular_velocities': [[0, 0, np.inf], [0, 0, 0]]}, 'angular_velocities of sphere 0'),
         ({'quaternions': [[0, 0, 0, 1], [0, 0, 0, 0]]}, 'quaternion of sphere 1 has norm 0'),

@@ -52,7 +52,7 @@ def import_bags(
     out = Path(out)
     if out.exists():
         raise FileExistsError(f'{out} exists; remove it or give another --out')
-    places = [Path(bag).resolve() for bag in bags]
+    places = [os.path.realpath(bag) for bag in bags]
     if twice := [bag for bag, place in zip(bags, places, strict=True) if places.count(place) > 1]:
         raise UserError(f'{twice[0]}: given twice, which would count its frames twice')
     options = options or ImportOptions()
