@@ -25,9 +25,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Set before rclpy is imported anywhere, and inherited by the processes that tests start.
     """
-    # a script's `make test &` ignores Ctrl-C, as would then all that tests start
+    # a script's `make test &` ignores Ctrl-C, nohup a hangup, as would then all that tests start
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: None)  # a handler is not inherited
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])
     os.environ['ROS_DOMAIN_ID'] = str(50 + worker % 40)  # 0 to 101 have ports of their own
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

@@ -16,6 +16,7 @@ from .arguments import completes, configs, figure_file, positive, shipped_models
 from .calibrate_tracks import calibrate_tracks, hold_positions_only
 from ..data.records import Dataset
 from ..errors import UserError
+from ..files.atomic_file import whole_file
 from ..files.tables import format_rows, number
 from ..identification.calibrate import calibrate, Calibration, DEFAULT
 from ..identification.fit import MATERIALS
@@ -120,9 +121,11 @@ def run(arguments: argparse.Namespace) -> int:
     fitted = with_materials(records[0].scene, found.values)
     scene = fitted.to_mapping()
     head = f'# Materials fitted by `rigid-gns calibrate` to {arguments.data[0].name}\n'
-    arguments.out.write_text(head + yaml.safe_dump({'scene': scene}, sort_keys=False), 'utf-8')
+    with whole_file(arguments.out) as partial:
+        partial.write_text(head + yaml.safe_dump({'scene': scene}, sort_keys=False), 'utf-8')
     if arguments.json is not None:
-        arguments.json.write_text(json.dumps(asdict(found), indent=1) + '\n', 'utf-8')
+        with whole_file(arguments.json) as partial:
+            partial.write_text(json.dumps(asdict(found), indent=1) + '\n', 'utf-8')
     print(format_calibration(found, fitted))
     print(f'scene: {arguments.out}')
     return 0

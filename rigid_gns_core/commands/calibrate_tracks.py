@@ -13,6 +13,7 @@ import sys
 
 from ..data.tracks import read_tracks, Track, tracks_hash, TRACKS_NAME, TrackSet
 from ..errors import UserError
+from ..files.atomic_file import whole_file
 from ..files.tables import format_rows, number
 from ..identification.card import card_of, write_lab
 from ..identification.ladder import Tried
@@ -41,10 +42,11 @@ def calibrate_tracks(arguments: argparse.Namespace) -> int:
     print(_header(), file=sys.stderr, flush=True)
     learned = learn(tracks, scene, labels, _say)
     card = card_of(learned, _origin(arguments.data, tracks))
-    print(format_learned(learned))
-    write_lab(arguments.out, learned, card)
+    write_lab(arguments.out, learned, card)  # before it is printed, as the reader may leave
     if arguments.json is not None:
-        arguments.json.write_text(json.dumps(card, indent=1) + '\n', 'utf-8')
+        with whole_file(arguments.json) as partial:
+            partial.write_text(json.dumps(card, indent=1) + '\n', 'utf-8')
+    print(format_learned(learned))
     if arguments.figure is not None:
         draw_learned(learned, arguments.figure)
     print(f'scene: {arguments.out}')

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
 import importlib
 import io
 import os
@@ -87,6 +88,7 @@ CHECK_FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 1, 2, 130, 141
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `rigid-gns COMMAND ...`; the exit code, see `EPILOG`."""
+    _open_closed()
     if isinstance(sys.stdout, io.TextIOWrapper):  # an ASCII terminal has no ± and no m²
         sys.stdout.reconfigure(errors='replace')
     try:
@@ -168,19 +170,31 @@ def _run(argv: list[str]) -> int:
         arguments = make_parser(command).parse_args(argv)
         return int(arguments.run(arguments) or 0)
     except ModuleNotFoundError as error:
-        print(f'{name}: error: {_with_remedy(error)}', file=sys.stderr)
+        _say(f'{name}: error: {_with_remedy(error)}')
         return BAD_INPUT
     except MemoryError as error:
-        print(f'{name}: error: this needs more memory than there is: {error}', file=sys.stderr)
+        _say(f'{name}: error: this needs more memory than there is: {error}')
         return BAD_INPUT
     except (UserError, OSError, FloatingPointError) as error:
         if isinstance(error, BrokenPipeError) and _reader_left():
             raise
-        print(f'{name}: error: {error}', file=sys.stderr)
+        _say(f'{name}: error: {error}')
         return BAD_INPUT
     except KeyboardInterrupt:
-        print(f'{name}: interrupted', file=sys.stderr)
+        _say(f'{name}: interrupted')
         return INTERRUPTED
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # the exit code tells, too
+        print(text, file=sys.stderr)
+
+
+def _open_closed() -> None:
+    """Open /dev/null for standard streams that are closed: a file of ours would take its place."""
+    for name, mode in (('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w')):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - for the whole process
 
 
 def _with_remedy(error: ModuleNotFoundError) -> str:

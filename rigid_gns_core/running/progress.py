@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import sys
 import time
 from types import TracebackType
@@ -69,10 +70,11 @@ class Progress:
 
     def line(self, text: str) -> None:
         """Write a line of its own, above the bar where there is one."""
-        if self._bar is not None:
-            self._bar.write(text, file=self._stream)
-        else:
-            print(text, file=self._stream, flush=True)
+        with suppress(OSError):  # of a log on a full disk: no reason to end the work
+            if self._bar is not None:
+                self._bar.write(text, file=self._stream)
+            else:
+                print(text, file=self._stream, flush=True)
 
     def close(self) -> None:
         """Show the last count and leave the bar standing."""

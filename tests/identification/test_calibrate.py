@@ -16,8 +16,10 @@ from rigid_gns_core.data.records import Record, record_path, write_recipe, write
 from rigid_gns_core.files.config import from_mapping
 from rigid_gns_core.identification.calibrate import _least_known, calibrate, Calibration, Fitted
 from rigid_gns_core.identification.windows import windows_of, with_materials
+from rigid_gns_core.prediction.laws import LawsSimulator
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.rollout.simulator import Simulator
+from rigid_gns_core.running.progress import Progress
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.scenes.state import rotate_quaternions, Trajectory
@@ -198,7 +200,20 @@ def test_windows_share_no_tracked_frame() -> None:
         np.testing.assert_array_equal(end, start)
 
 
-def test_the_command_writes_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def record_order(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """List to which each compilation and each begin of a progress is added."""
+    order: list[str] = []
+    warm_up, begin = LawsSimulator.warm_up, Progress.__init__
+    monkeypatch.setattr(LawsSimulator, 'warm_up', lambda s: (warm_up(s), order.append('compiled')))
+    monkeypatch.setattr(
+        Progress, '__init__', lambda *a, **k: (begin(*a, **k), order.append('begun'))[0]
+    )
+    return order
+
+
+def test_the_command_writes_a_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     recipe = from_mapping(
         DataRecipe,
         {'trajectories': 1, 'seed': 0, 'steps': STEPS, 'spheres': [12, 12], 'box_side': [0, 100]},
@@ -210,7 +225,9 @@ def test_the_command_writes_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
     write_recipe(data, recipe)
     words = ['calibrate', '--data', str(data), '--out', str(out), '--fit', 'restitution']
     numbers = tmp_path / 'new' / 'folder' / 'numbers.json'
+    order = record_order(monkeypatch)  # the time that is left must not count the compiler
     assert main([*words, '--json', str(numbers)]) == 0
+    assert order == ['compiled', 'begun']
     printed = capsys.readouterr().out
     assert 'restitution of two spheres 0.64, of a sphere and a surface 0.64' in printed
     assert numbers.is_file()

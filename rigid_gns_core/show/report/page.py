@@ -21,6 +21,7 @@ from ..comparison import Comparison
 from ..series import charts
 from ..surfaces import extent, focus, visible_quads
 from ...errors import UserError
+from ...files.atomic_file import whole_file
 
 # more frames than a screen shows in half a minute; the replay interpolates linearly between them
 MAX_FRAMES = 2001
@@ -68,8 +69,8 @@ def write_report(
         uplot=_static('vendor/uPlot.iife.min.js'),
     )
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding='utf-8')
+    with whole_file(path) as partial:
+        partial.write_text(text, encoding='utf-8')
     return path
 
 
