@@ -110,6 +110,8 @@ class EngineStepper(Stepper):
         rounds: M, iterations of the solver in a substep.
         guard: Limit the energy of every island.
         sleep: Let islands at rest sleep.
+        world: Of the scene and as many spheres, where that is known and no plane moves; None: it
+            is made.
     """
 
     def __init__(
@@ -122,11 +124,12 @@ class EngineStepper(Stepper):
         rounds: int,
         guard: bool = True,
         sleep: bool = True,
+        world: World | None = None,
     ) -> None:
         if not is_compiled():
             warm_up()
         self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
-        self.world = world_of(scene, len(state))
+        self.world = world_of(scene, len(state)) if world is None else world
         # what rests on a surface that moves may be carried anywhere
         self.guards, self.sleeps = guard, sleep and not self.world.moving
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))

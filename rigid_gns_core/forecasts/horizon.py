@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future as Result
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 import threading
 import time
 from typing import TYPE_CHECKING
@@ -16,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .spread import Spread, spread_of_future, SpreadJob
-from ..messages.trajectories import encode_trajectory
-from ..rollout.outcome import Recording
-from ..scenes.state import Array
+from ..messages.trajectories import TrajectoryCodec
+from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
     from ..rollout.rollout import Rollout
@@ -42,6 +42,7 @@ class Job:
         frame_id: Coordinate frame.
         ids: Id of each sphere.
         spread: What its spread is computed from; None: it is not.
+        first: So many steps take less than `BLOCK`, as far as is known.
     """
 
     rollout: Rollout
@@ -50,6 +51,7 @@ class Job:
     frame_id: str
     ids: tuple[int, ...]
     spread: SpreadJob | None = None
+    first: int = 1
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Future:
         took: Time of the computation [s].
         error: Why it ends early; empty: it does not.
         spread: How sure it is; None: that was not asked for.
+        spent: Processor time of the computation [s].
     """
 
     job: Job
@@ -71,6 +74,7 @@ class Future:
     took: float
     error: str
     spread: Spread | None = None
+    spent: float = 0.0
 
 
 class Horizon:
@@ -90,7 +94,7 @@ class Horizon:
         self._waiting: Callable[[], Job | None] | None = None
         self._running: Result[Future | None] | None = None
         self._cancelled = threading.Event()
-        # spheres, steps and time [s] of the last job
+        # spheres, steps and processor time [s] of the last job
         self._last: tuple[int, int, float] | None = None
         self._begun = 0.0  # when a job was begun last [s]
 
@@ -124,7 +128,7 @@ class Horizon:
         self._begin()
         future = running.result()
         if future is not None:
-            self._last = len(future.job.ids), future.job.steps, future.took
+            self._last = len(future.job.ids), future.job.steps, future.spent
         return future
 
     def cancel(self) -> None:
@@ -144,6 +148,7 @@ class Horizon:
             job = make()
             if job is None:
                 continue
+            job = replace(job, first=self._first(job))
             before, self._begun = self._begun, time.perf_counter()
             if at_once and self._is_short(job, self._begun - before):
                 self._running = Result()
@@ -163,24 +168,45 @@ class Horizon:
         alike = len(job.ids) <= spheres and job.steps <= steps
         return alike and took < min(SHORT, SHARE * interval)
 
+    def _first(self, job: Job) -> int:
+        if self._last is None or len(job.ids) > self._last[0]:
+            return 1
+        _, steps, took = self._last
+        return min(max(int(steps * BLOCK / took), 1), job.steps)
+
 
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Result of a job; None where it was cancelled."""
-    begun = time.perf_counter()
-    rollout = job.rollout
-    recording = Recording(rollout.state, rollout.dt, job.steps)
-    for states, error in rollout.blocks(job.steps, BLOCK):
+    begun, spent = time.perf_counter(), time.thread_time()
+    rollout, points, error = job.rollout, 1, ''
+    # rows of the message
+    poses = np.empty((job.steps + 1, len(job.ids), 7))
+    twists = np.empty((job.steps + 1, len(job.ids), 6))
+    _fill(poses[0], twists[0], rollout.state)
+    for states, why in rollout.blocks(job.steps, BLOCK, job.first):
         if cancelled():
             return None
-        recording.add(states, error)
-    future = recording.outcome.trajectory.window(0, recording.done + 1)
-    poses = np.concatenate([future.positions, future.quaternions], axis=2)
-    twists = np.concatenate([future.velocities, future.angular_velocities], axis=2)
-    times = [round(step * rollout.dt * 1e9) for step in range(len(poses))]
-    names = [f'sphere_{sphere}' for sphere in job.ids]
-    cdr = encode_trajectory(job.stamp_ns, job.frame_id, names, times, poses, twists)
+        error = why
+        if count := len(states):
+            rows = slice(points, points + count)
+            _fill(poses[rows], twists[rows], states)
+            points += count
+    poses, twists = poses[:points], twists[:points]
+    codec = _codec_of(job.frame_id, job.ids, points, rollout.dt)
+    cdr = codec.encode(job.stamp_ns, poses, twists)
     spread = None
     if job.spread is not None:
-        spread = spread_of_future(job.spread, len(poses), rollout.dt)
-    took = time.perf_counter() - begun
-    return Future(job, cdr, future.positions, took, recording.error, spread)
+        spread = spread_of_future(job.spread, points, rollout.dt)
+    took, spent = time.perf_counter() - begun, time.thread_time() - spent
+    return Future(job, cdr, poses[..., :3], took, error, spread, spent)
+
+
+def _fill(poses_out: Array, twists_out: Array, states: State) -> None:
+    poses_out[..., :3], poses_out[..., 3:] = states.positions, states.quaternions
+    twists_out[..., :3], twists_out[..., 3:] = states.velocities, states.angular_velocities
+
+
+@lru_cache(maxsize=8)
+def _codec_of(frame_id: str, ids: tuple[int, ...], points: int, dt: float) -> TrajectoryCodec:
+    names = [f'sphere_{sphere}' for sphere in ids]
+    return TrajectoryCodec(frame_id, names, [round(step * dt * 1e9) for step in range(points)])

@@ -202,6 +202,8 @@ def with_surfaces(fixed: Scene, surfaces: Mapping[int, Plane]) -> Scene:
 
 def surfaces_to_mapping(surfaces: Mapping[int, Plane]) -> dict[str, Any]:
     """Plain numbers and lists by index, ready for JSON; to the bit."""
+    if not surfaces:
+        return {}
     planes = Scene(surfaces=tuple(surfaces.values())).to_mapping()['surfaces']
     return {str(index): plane for index, plane in zip(surfaces, planes, strict=True)}
 

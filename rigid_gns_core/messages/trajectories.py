@@ -12,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+import struct
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .cdr import MessageError, NANOSECONDS, Reader, split_stamp, Writer
+from .cdr import LITTLE_ENDIAN, MessageError, NANOSECONDS, Reader, split_stamp, Writer
 from ..scenes.state import Array
 
 
@@ -83,6 +84,39 @@ def encode_trajectory(
         records['count'][0] = 0
     writer.raw(records.tobytes())
     return writer.cdr
+
+
+class TrajectoryCodec:
+    """Encoder of messages of the same bodies at the same times.
+
+    Args:
+        frame_id: See `FutureFrame`, as of the next two.
+        names: See there, at least one.
+        times_ns: See there, at least one.
+
+    Raises:
+        MessageError: A text or a time does not fit into the message.
+    """
+
+    def __init__(self, frame_id: str, names: Sequence[str], times_ns: Sequence[int]) -> None:
+        shape = len(times_ns), len(names)
+        zeros = np.zeros((*shape, 7)), np.zeros((*shape, 6))
+        self._head = encode_trajectory(0, frame_id, names, times_ns, *zeros)
+        self._points = _point_of(len(names))
+        size = self._points.itemsize * len(times_ns)
+        self._records = np.frombuffer(self._head[-size:], self._points).copy()
+        self._head = self._head[12:-size]
+
+    def encode(self, stamp_ns: int, poses: Array, twists: Array) -> bytes:
+        """CDR bytes of one message; arguments as in `FutureFrame`.
+
+        Raises:
+            MessageError: The stamp does not fit into the message.
+        """
+        records = self._records.copy()
+        records['poses'], records['twists'] = poses, twists
+        stamp = struct.pack('<iI', *split_stamp(stamp_ns))
+        return b''.join((LITTLE_ENDIAN, stamp, self._head, records.data))
 
 
 @lru_cache(maxsize=8)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -61,6 +62,17 @@ class LawsSimulator(Simulator):
         from ..engine.stepper import EngineStepper
 
         return EngineStepper(scene, state, self.units.dt, **self._settings)
+
+    def steppers(self, scene: Scene, count: int) -> Callable[[State], Stepper]:
+        """See `Simulator.steppers`: they share what does not move."""
+        from ..engine.stepper import EngineStepper
+        from ..engine.world import world_of
+
+        world = world_of(scene, count)
+        shared = None if world.moving else world
+        return lambda state: EngineStepper(
+            scene, state, self.units.dt, world=shared, **self._settings
+        )
 
     def rollout_samples(self, scene: Scene, starts: State, steps: int) -> State:
         """As of `Simulator`, in one call of the engine; to the bit what `rollout` gives."""

@@ -60,12 +60,13 @@ class Rollout:
         if self.done is not None:
             self.done(steps)
 
-    def blocks(self, steps: int, seconds: float) -> Iterator[Advance]:
+    def blocks(self, steps: int, seconds: float, first: int = 1) -> Iterator[Advance]:
         """Advance by `steps` dt, or to where it diverges, in blocks of about `seconds` each.
 
-        For callers that have something to do at times, but not after every step.
+        For callers that have something to do at times, but not after every step. `first` steps are
+        known to take less.
         """
-        block, left, error = 1, steps, ''
+        block, left, error = first, steps, ''
         while left and not error:
             begun = time.perf_counter()
             states, error = self.advance(min(block, left))

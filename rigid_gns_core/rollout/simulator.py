@@ -62,6 +62,10 @@ class Simulator(ABC):
     def stepper(self, scene: Scene, state: State) -> Stepper:
         """Stepper that starts from `state`; scene and state are in the model's units."""
 
+    def steppers(self, scene: Scene, count: int) -> Callable[[State], Stepper]:  # noqa: ARG002
+        """What makes steppers of `count` spheres in a scene, in the model's units."""
+        return lambda state: self.stepper(scene, state)
+
     def warm_up(self) -> None:  # noqa: B027 - most models have nothing to compile
         """Compile what the first step would, where that is not done: before times are measured."""
 
@@ -88,6 +92,24 @@ class Simulator(ABC):
             UserError: Shapes are wrong, values not finite, or the model cannot serve the scene.
         """
         return self._begin(scene, positions, velocities, angular_velocities, quaternions)
+
+    def starter(
+        self, scene: Scene, count: int, *, stacklevel: int = 3
+    ) -> Callable[[State], Rollout]:
+        """What begins simulations of `count` spheres in a scene, for callers that begin many.
+
+        Args:
+            scene: As of `start`.
+            count: Number of spheres.
+            stacklevel: Of warnings.
+
+        Raises:
+            UserError: The model cannot serve the scene.
+        """
+        self.check(scene, count, stacklevel=stacklevel)
+        similarity, similar = in_units(scene, self.units)
+        begin, dt = self.steppers(similar, count), self.native_dt(scene)
+        return lambda state: Rollout(begin(similarity.to_model(state)), similarity, state, dt)
 
     def rollout(
         self,
@@ -225,12 +247,8 @@ class Simulator(ABC):
             'angular_velocities': angular_velocities,
         }
         state = State(**values)
-        self.check(
-            scene, len(state), stacklevel=4
-        )  # warnings point at the caller of the public method
-        similarity, similar = in_units(scene, self.units)
-        stepper = self.stepper(similar, similarity.to_model(state))
-        return Rollout(stepper, similarity, state, self.native_dt(scene))
+        # warnings point at the caller of the public method
+        return self.starter(scene, len(state), stacklevel=5)(state)
 
 
 def _checked(steps: int) -> int:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+import math
 
 import numpy as np
 
@@ -119,16 +120,19 @@ class Similarity:
     def to_model(self, state: State) -> State:
         """State of the world in the model's units; fields may have more axes before (n, k)."""
         turn = self.rotation.T
+        turned = state.quaternions + 0.0  # a copy, as of the next
+        if self.quaternion[3] < 1.0:
+            turned = quaternion_multiply(self.quaternion, turned)
         fields = {
             'positions': state.positions @ turn / self.length,
-            'quaternions': quaternion_multiply(self.quaternion, state.quaternions),
+            'quaternions': as_unit(turned),
             'velocities': state.velocities @ turn * (self.time / self.length),
             'angular_velocities': state.angular_velocities @ turn * self.time,
         }
-        if state.positions.ndim == 2:
-            return State(**fields)
-        fields['quaternions'] = as_unit(fields['quaternions'])
-        return State.unchecked(**fields)
+        sums = (fields[name].sum() for name in ('positions', 'velocities', 'angular_velocities'))
+        if state.positions.ndim > 2 or math.isfinite(sum(sums)):
+            return State.unchecked(**fields)
+        return State(**fields)  # which value is too large
 
     def to_world(self, state: State) -> State:
         """State of the model in the world's units; inverse of `to_model`."""

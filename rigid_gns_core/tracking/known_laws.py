@@ -95,12 +95,6 @@ class KnownLaws:
             return known
         return replace(known, fewest=_FEWEST, worst=_WORST)
 
-    def with_noise(self, noise: float | None) -> Self:
-        """The same with the noise of a coordinate [m], where none was learned."""
-        if self.learned or noise is None:
-            return self
-        return replace(self, tracker=replace(self.tracker, noise=max(noise, _LEAST_NOISE)))
-
     @cached_property
     def arrays(self) -> tuple[Array, Array, Array]:
         """Balls, planes and laws as `estimate_balls` takes them."""
@@ -109,7 +103,12 @@ class KnownLaws:
         return plain(balls), first.planes, plain(np.array([model.laws for model in self.models]))
 
     def states(
-        self, times: Array, positions: Array, seen: NDArray[np.bool_], most: int | None = None
+        self,
+        times: Array,
+        positions: Array,
+        seen: NDArray[np.bool_],
+        most: int | None = None,
+        noise: float | None = None,
     ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """State of each ball at the last of some frames; see `estimate_balls`.
 
@@ -118,6 +117,7 @@ class KnownLaws:
             positions: Centres [m], shape (m, n, 3).
             seen: Whether a ball was seen, shape (m, n).
             most: Of more balls the fastest are estimated; None: all are.
+            noise: Standard deviation of a coordinate [m], where none was learned; None: a guess.
 
         Returns:
             States, shape (n, 9), their covariances, shape (n, 9, 9), which were found, and which
@@ -125,12 +125,16 @@ class KnownLaws:
             than `fewest` frames, or that they miss by far, there is no estimate here.
         """
         count, tracker = len(self.models), self.tracker
+        if noise is None or self.learned:
+            noise = tracker.noise
+        else:
+            noise = max(noise, _LEAST_NOISE)
         states, covariances = np.zeros((count, 9)), np.zeros((count, 9, 9))
         ends = np.zeros((count, 3), dtype=np.int64)
         begin = int(np.searchsorted(times, times[-1] - tracker.memory - 1e-9))
         estimate_balls(
             *self.arrays,
-            np.array([tracker.noise, tracker.drift, tracker.impact]),
+            np.array([noise, tracker.drift, tracker.impact]),
             self.windows,
             plain(times),
             plain(positions),
@@ -145,8 +149,8 @@ class KnownLaws:
             ends,
         )
         found = ends[:, 0] >= 0
-        flying = np.flatnonzero(found & (ends[:, 1] == FREE))
-        if self.correction is not None and len(flying):
+        if self.correction is not None:
+            flying = np.flatnonzero(found & (ends[:, 1] == FREE))
             radii = self.arrays[0][flying, 7]
             states[flying] = self.correction.corrected(states[flying], covariances[flying], radii)
         covariances *= tracker.spread
@@ -167,6 +171,7 @@ def state_by_laws(
     seen: NDArray[np.bool_],
     otherwise: Callable[[], tuple[Motion, Array]],
     most: int | None = None,
+    noise: float | None = None,
 ) -> tuple[State, Array]:
     """State of spheres at the last of some frames, and its covariance, shape (n, 9, 9).
 
@@ -180,9 +185,10 @@ def state_by_laws(
         quaternions: Rotations (x, y, z, w), shape (m, n, 4).
         seen: Whether a sphere was seen, shape (m, n).
         otherwise: Makes the other estimate, a motion and its covariance.
-        most: See `KnownLaws.states`.
+        most: See `KnownLaws.states`, as of the next.
+        noise: See there.
     """
-    states, covariances, found, doubted = laws.states(times, positions, seen, most)
+    states, covariances, found, doubted = laws.states(times, positions, seen, most, noise)
     turned = rotating(quaternions, seen)
     if found.all() and not turned.any() and not doubted.any():
         last = len(seen) - 1 - np.argmax(seen[::-1], axis=0)

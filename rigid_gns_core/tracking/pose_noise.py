@@ -10,7 +10,9 @@ noise; and where two consecutive steps agree with either motion, there was no co
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +76,8 @@ def rotating(quaternions: Array, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
         quaternions: Rotations (x, y, z, w), shape (frames, n, 4).
         seen: Whether a sphere was seen, shape (frames, n).
     """
+    if (quaternions == quaternions[:1]).all():
+        return np.zeros(seen.shape[1], dtype=np.bool_)
     first = quaternions[np.argmax(seen, axis=0), np.arange(seen.shape[1])]
     same = np.sign((quaternions * first).sum(axis=-1, keepdims=True))
     changes = np.abs(quaternions - same * first).max(axis=-1)  # half of the angle, about
@@ -154,15 +158,15 @@ def normal_spread(values: Array) -> float:
     """Standard deviation of values, shape (k,), without the outliers (contacts); 0 of none."""
     if not len(values):
         return 0.0
-    size = np.sort(np.abs(values))
+    ordered = np.sort(np.abs(values))
+    squares, size = np.cumsum(ordered**2), ordered.tolist()
     # first guess from the quartile, then the mean square below three standard deviations
-    found = float(size[len(size) // 4]) / _QUARTER
-    squares = np.cumsum(size**2)
+    found = size[len(size) // 4] / _QUARTER
     for _ in range(20):
-        kept = int(np.searchsorted(size, 3.0 * found, side='right'))
+        kept = bisect_right(size, 3.0 * found)
         if not kept:
             break
-        before, found = found, float(np.sqrt(squares[kept - 1] / kept / _CUT))
+        before, found = found, math.sqrt(float(squares[kept - 1]) / kept / _CUT)
         if found == before:
             break
     return found

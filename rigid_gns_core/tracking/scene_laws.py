@@ -51,7 +51,7 @@ class SceneLaws:
     def estimate(self, tracks: Tracks, settings: TrackerSettings) -> StateEstimate:
         """State at the newest frame, and its covariance, from all frames in memory."""
         noise = tracks.noise(settings)
-        laws = self._of_ids(tuple(tracks.ids.tolist())).with_noise(noise)
+        laws = self._of_ids(tuple(tracks.ids.tolist()))
         times, places = (tracks.stamps - tracks.stamps[-1]) * 1e-9, tracks.poses[..., :3]
 
         def otherwise() -> tuple[Motion, Array]:
@@ -61,7 +61,7 @@ class SceneLaws:
             return by_window(tracks, replace(settings, noise=own))
 
         state, covariance = state_by_laws(
-            laws, times, places, tracks.rotations(), tracks.seen, otherwise, MOST_BALLS
+            laws, times, places, tracks.rotations(), tracks.seen, otherwise, MOST_BALLS, noise
         )
         return StateEstimate(state, covariance)
 

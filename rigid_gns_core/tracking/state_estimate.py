@@ -97,7 +97,7 @@ def estimate_state(
     if noise is None and scene.tracker is None:
         noise = _noise(stamps, centres, seen)
     with compiling():
-        laws, own = _laws_of(scene, centres.shape[1]).with_noise(noise), noise
+        laws, own = _laws_of(scene, centres.shape[1]), noise
         if noise is not None and not laws.learned:
             own = noise_with_stamps(stamps, centres, seen, noise)
         state, covariance = state_by_laws(
@@ -107,6 +107,7 @@ def estimate_state(
             turns,
             seen,
             lambda: _by_window(scene, stamps, centres, turns, seen, own, turned),
+            noise=noise,
         )
     return StateEstimate(state, covariance)
 

@@ -85,8 +85,8 @@ class TrackerSettings:
         if self.noise is None and not self.matched and spheres and self.length >= NOISE_FRAMES:
             used = max(used, -(-MIN_DIFFERENCES // (3 * spheres)) + NOISE_FRAMES - 1)
         if self.memory and len(stamps) and spheres <= self.most:
-            recent = stamps >= stamps[-1] - round(self.memory * 1e9)
-            used = max(used, int(recent.sum()))
+            oldest = int(stamps[-1]) - round(self.memory * 1e9)
+            used = max(used, len(stamps) - int(stamps.searchsorted(oldest)))
         return min(used, len(stamps))
 
 
@@ -159,6 +159,8 @@ class Tracks:
         poses[~visible] = _LOST
         turned = poses[:, 3:].any(axis=1)
         poses[turned, 3:] = as_unit(poses[turned, 3:])
+        if not settings.matched and len(poses) == len(self.ids) and visible.all():
+            return self._with_all(poses, frame.stamp_ns, settings)
         predicted = self.motion
         if settings.matched:
             predicted = _predict(self, settings, step_ns * 1e-9)
@@ -199,6 +201,25 @@ class Tracks:
             return grown
         motion = grown._estimate_motion(max(settings.length, INITIATION_FRAMES), settings)
         return replace(grown, motion=motion, misfits=grown._count_misfits(motion))
+
+    def _with_all(self, poses: Array, stamp_ns: int, settings: TrackerSettings) -> Tracks:
+        """Tracks after a frame that shows all spheres in their order; as of `updated`."""
+        stamps = np.concatenate((self.stamps, (stamp_ns,)), dtype=np.int64)
+        kept = max(settings.fewest, settings.used(stamps, len(self.ids)))
+        tail, seen = slice(-kept + 1, None), np.ones((1, len(poses)), dtype=np.bool_)
+        grown = Tracks(
+            stamps=stamps[-kept:],
+            ids=self.ids,
+            poses=np.concatenate((self.poses[tail], poses[None])),
+            seen=np.concatenate((self.seen[tail], seen)),
+            last_seen=np.full(len(poses), stamp_ns, dtype=np.int64),
+            motion=self.motion,
+            next_id=self.next_id,
+            unassociated=(*self.unassociated[-(INITIATION_FRAMES - 1) :], poses[:0]),
+            noise_estimate=self.noise_estimate,
+            misfits=self.misfits,
+        )
+        return grown._estimate_noise(settings)
 
     def _associate(
         self, poses: Array, predicted: Motion, settings: TrackerSettings, time: float

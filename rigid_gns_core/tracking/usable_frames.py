@@ -34,6 +34,8 @@ MAX_AHEAD_NS = 1_000_000_000
 MAX_DISTANCE = 1e6
 # a clock that is set by less is not told from frames that arrive late [ns]
 MIN_STEP_NS = 50_000_000
+# largest norm of a quaternion
+_LARGE = 1e6
 # consecutive frames that may be missing, and the interval that is a gap [median intervals]
 MISSING = 2
 GAP = MISSING + 1.5
@@ -295,6 +297,8 @@ def _check_poses(poses: Array, far: float) -> None:
     Raises:
         RejectedFrame: A pose cannot be used; the message says which, and why.
     """
+    if 0.0 < float(np.abs(poses).max(initial=0.0)) <= min(far, _LARGE / 2):
+        return  # as nearly always; four numbers of up to a half have a norm of up to one
     seen = measured(poses)
     if len(poses) and not seen.any():
         raise RejectedFrame('not finite', why_lost(poses, seen))
@@ -307,7 +311,7 @@ def _check_poses(poses: Array, far: float) -> None:
             f'{far:.3g} m (a million radii); are positions in metres?',
         )
     norms = np.hypot.reduce(poses[:, 3:], axis=1)  # squares could overflow
-    off = norms > 1e6
+    off = norms > _LARGE
     if off.any():
         sphere = int(np.argmax(off))
         raise RejectedFrame(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,7 +216,7 @@ class TrackingWindow:
         self._order.check(frame)
         seen = self._seen(frame.poses)
         self.lost = why_lost(frame.poses, seen)
-        if not seen.any() and len(seen):
+        if self.lost and not seen.any():
             raise RejectedFrame('not finite', self.lost)
         if self.settings.matched:
             frame = replace(frame, poses=frame.poses[seen])
@@ -243,6 +244,8 @@ class TrackingWindow:
 
     def _seen(self, poses: Array) -> NDArray[np.bool_]:
         """Whether each pose is a measurement, shape (n,), see `lost_at_origin`."""
+        if (poses[:, :3] != 0.0).all() and math.isfinite(poses.sum()):
+            return np.ones(len(poses), dtype=np.bool_)  # as nearly always
         seen = measured(poses)
         there = (poses[:, :3] == 0.0).all(axis=1)
         if not there.any():
@@ -295,7 +298,7 @@ class TrackingWindow:
     def _set_tracks(self, tracks: Tracks, *, changed: bool = False) -> None:
         before, self._tracks = self._tracks.ids, tracks
         self._state = self._estimate = None
-        if changed or not np.array_equal(before, tracks.ids):
+        if changed or (before is not tracks.ids and not np.array_equal(before, tracks.ids)):
             self.generation += 1
             self.counts['appeared'] += len(np.setdiff1d(tracks.ids, before))
             self.counts['vanished'] += len(np.setdiff1d(before, tracks.ids))

@@ -11,6 +11,7 @@ import time
 from rclpy.node import Node
 
 from .clock_jumps import simulated
+from .executor import Quick
 
 EARLY = 1_000_000  # the timer fires this early, as it wakes late by that; the rest is slept [ns]
 
@@ -36,6 +37,11 @@ class Alarm:
         self._timer.reset()
 
     @property
+    def quick(self) -> Quick:
+        """See `executor`."""
+        return {self._timer: self._ring_if_ready}
+
+    @property
     def left(self) -> float:
         """Time until it calls back [s]; negative: it should have; 0: it is not set."""
         return 0.0 if self._due is None else self._left(self._due) * 1e-9
@@ -44,6 +50,10 @@ class Alarm:
         """Cancel the pending call."""
         self._timer.cancel()
         self._due = None
+
+    def _ring_if_ready(self) -> None:
+        if self._timer.is_ready():  # else it was set anew since it was
+            self._ring()
 
     def _ring(self) -> None:
         self._timer.cancel()

@@ -50,12 +50,15 @@ class ClockWatch:
         self._node = node
         self._apart: int | None = None  # difference of both clocks at the last call [ns]
 
-    def jump_ns(self) -> int:
-        """Step of the clock since the last call [ns]; 0: it was not set."""
+    def jump_ns(self, now: int) -> int:
+        """Step of the clock since the last call [ns]; 0: it was not set.
+
+        Args:
+            now: Time of the node's clock [ns].
+        """
         if simulated(self._node):
             self._apart = None
             return 0
-        now = self._node.get_clock().now().nanoseconds
         before, self._apart = self._apart, now - time.monotonic_ns()
         ahead = 0 if before is None else self._apart - before
         return ahead if abs(ahead) > AHEAD else 0

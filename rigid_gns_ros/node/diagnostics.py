@@ -105,6 +105,7 @@ class Diagnostics:
         *,
         paused: bool,
         horizon: float,
+        heard: bool,
         bag: BagWriter | None,
         size: int,
         others: Sequence[Status] = (),
@@ -114,13 +115,14 @@ class Diagnostics:
         Args:
             paused: Whether predictions are paused.
             horizon: Length of futures [s]; 0: none.
+            heard: Whether anybody hears of them, or a bag records them.
             bag: The recording; None: there is none.
             size: Bytes passed to it.
             others: Of other parts of the node.
         """
         statuses = [self._tracking(), self._prediction(paused), _recording(bag, size)]
         if horizon:
-            statuses.append(self._horizon(horizon))
+            statuses.append(self._horizon(horizon, heard))
         statuses += others
         return [Status(s.level, f'{self._name}: {s.name}', s.message, s.values) for s in statuses]
 
@@ -207,7 +209,7 @@ class Diagnostics:
             'last start: stamp [s]': seconds(start.stamp_ns) if start else '',
         }
 
-    def _horizon(self, horizon: float) -> Status:
+    def _horizon(self, horizon: float, heard: bool) -> Status:
         level, message = OK, 'every tracked frame has its future'
         if len(self._failed):
             level, message = WARN, self._failure
@@ -216,6 +218,8 @@ class Diagnostics:
         elif dropped := len(self._superseded):
             level = WARN
             message = f'{dropped} frames of the last {SPAN:g} s got no future: it takes too long'
+        elif not heard:
+            message = 'nobody hears of futures, so none is computed'
         values = {
             'horizon [s]': f'{horizon:g}',
             'rate [Hz]': f'{self._futures.rate:.3g}',

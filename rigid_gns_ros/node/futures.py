@@ -19,6 +19,7 @@ from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.tracking.window import TrackingWindow
 
 from .diagnostics import Diagnostics
+from .executor import Quick
 from .markers import MarkerPublisher
 from .topics import NodeTopics
 
@@ -63,8 +64,13 @@ class Futures:
         self._seconds = float(parameters['horizon'])
         self.samples = int(parameters['samples'])
         self.planes: Mapping[str, Plane] = planes_of(str(parameters['crossing_planes']))
-        ready = node.create_guard_condition(self._on_ready)
-        self._horizon = Horizon(ready.trigger)
+        self._ready = node.create_guard_condition(self._on_ready)
+        self._horizon = Horizon(self._ready.trigger)
+
+    @property
+    def quick(self) -> Quick:
+        """See `executor`."""
+        return {self._ready: self._on_ready}
 
     @property
     def seconds(self) -> float:
@@ -75,6 +81,13 @@ class Futures:
     def seconds(self, seconds: float) -> None:
         self._seconds = seconds
         self.cancel()
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody hears what follows from a future; if not, none is computed."""
+        topics = self._topics
+        told = topics.diagnostics if self.planes else topics.trajectory
+        return topics.futures_heard or told.get_subscription_count() > 0
 
     def cancel(self) -> None:
         """Drop all requests."""
@@ -90,7 +103,7 @@ class Futures:
         Args:
             left: How long the executor has nothing else to do at a given time [s].
         """
-        if not self._seconds:
+        if not (self._seconds and self.heard):
             return
         if not self._horizon.request(self._begin, at_once=left > SHORT):
             self._diagnostics.future_superseded()
@@ -110,7 +123,6 @@ class Futures:
                 stamp_ns, state = window.start()
             surfaces = self._surfaces(stamp_ns)
             rollout = self._model.forecast(state, stamp_ns, window.ids, surfaces).rollout
-            scene = self._model.scene_at(window.ids, surfaces)
         except UserError as error:
             self._none(f'no future from these tracked frames: {error}')
             return None
@@ -126,7 +138,7 @@ class Futures:
         if uncertain:
             spread = SpreadJob(
                 simulator=self._model.simulator,
-                scene=scene,
+                scene=self._model.scene_at(window.ids, surfaces),
                 estimate=estimate,
                 samples=self.samples,
                 planes=self.planes,

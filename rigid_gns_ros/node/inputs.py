@@ -25,6 +25,7 @@ from rigid_gns_core.messages.poses import decode_pose_array
 from rigid_gns_core.tracking.single_balls import SingleBalls
 from sensor_msgs.msg import PointCloud2
 
+from .executor import Quick
 from .lost_messages import LostMessages
 
 if TYPE_CHECKING:
@@ -138,14 +139,27 @@ class Input:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
 
+    @property
+    def quick(self) -> Quick:
+        """See `executor`."""
+        return {self._subscription: self.take} if self._subscription is not None else {}
+
+    def take(self) -> bool:
+        """Process a waiting message; False: there is none."""
+        own = self._subscription
+        if own is None:
+            return False
+        with own.handle:
+            taken = own.handle.take_message(own.msg_type, own.raw)
+        if taken is None:
+            return False
+        self._heard(*taken)
+        return True
+
     def drain(self) -> None:
         """Process all waiting messages; the executor takes one at a time."""
-        while (own := self._subscription) is not None:
-            with own.handle:
-                taken = own.handle.take_message(own.msg_type, own.raw)
-            if taken is None:
-                return
-            self._heard(*taken)
+        while self.take():
+            pass
 
     def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
         """Take a message, with what rclpy knows of it."""

@@ -55,11 +55,13 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
     _terminate_on_hangup()
     import rclpy
     from rclpy.exceptions import NameValidationException, ParameterException
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.executors import ExternalShutdownException
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.logging import get_logger
     from rclpy.utilities import remove_ros_args
     from rigid_gns_core.errors import UserError
+
+    from .executor import QuickExecutor
 
     unusable = (
         *(UserError, OSError, ImportError, ParameterException, NameValidationException),
@@ -73,7 +75,7 @@ def run_node(name: str, load: Callable[[], Callable[[], ClosingNode]]) -> int:
         make = load()
         rclpy.init()
         up = True
-        executor = SingleThreadedExecutor()
+        executor = QuickExecutor()
         node = make()
         _warn_of_unknown(node)
         # these objects stay: a collection of all of them would take a tenth of a second

@@ -22,6 +22,7 @@ from rigid_gns_core.tracking.usable_frames import seconds
 from .alarm import Alarm
 from .clock_jumps import ClockWatch
 from .diagnostics import Diagnostics
+from .executor import Quick
 from .futures import Futures
 from .inputs import Convert, inputs_of
 from .intake import Intake
@@ -128,6 +129,11 @@ class Simulation:
         for text in odd_parameters(parameters):
             node.get_logger().warning(text)
 
+    @property
+    def quick(self) -> Quick:
+        """See `executor`."""
+        return {**self._alarm.quick, **self.topics.quick, **self.futures.quick}
+
     def close(self) -> str:
         """Stop and finish the bag; a line of counts, for the log."""
         self._alarm.cancel()
@@ -143,8 +149,9 @@ class Simulation:
     def on_tracked(self, cdr: bytes, convert: Convert = lambda cdr: cdr) -> None:
         """Process a message of a tracker, which `convert` makes a PoseArray."""
         if self._intake.active:
-            self._check_clock()
-            self._intake.take(cdr, convert, self._now())
+            now = self._now()
+            self._check_clock(now)
+            self._intake.take(cdr, convert, now)
 
     def _on_accepted(self, now: int, restarted: bool) -> None:
         """Go on with the newest frame of the window."""
@@ -249,7 +256,7 @@ class Simulation:
             self.topics.send(self.topics.step_time, encode_float64(step_time))
 
     def _on_due(self) -> None:
-        self._check_clock()
+        self._check_clock(self._now())
         predictor = self.predictor
         if predictor.forecast is None:
             return
@@ -333,8 +340,8 @@ class Simulation:
         way = 'backwards' if ahead < 0 else f'forward by {ahead:.3f} s at once'
         self._node.get_logger().info(f'the clock went {way}: waiting for new tracked frames')
 
-    def _check_clock(self) -> None:
-        if ahead_ns := self._clock.jump_ns():
+    def _check_clock(self, now: int) -> None:
+        if ahead_ns := self._clock.jump_ns(now):
             self.on_clock_jump(ahead_ns)
 
     def _stop(self, reason: Reason) -> None:
@@ -354,6 +361,7 @@ class Simulation:
         statuses = self.diagnostics.report(
             paused=self.paused,
             horizon=self.futures.seconds,
+            heard=self.futures.heard,
             bag=bag,
             size=size,
             others=[*self._bodies.status(self.window.stamp_ns), *self.learning.status()],

@@ -25,6 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 from .clock_jumps import on_jump
 from .closing_node import log_end
 from .events import look_now_and_then
+from .executor import Quick
 from .managed_node import ManagedNode
 from .markers import encode_surfaces
 from .simulation import Simulation
@@ -56,6 +57,11 @@ class SimulatorNode(ManagedNode):
             self.start()
         else:
             self.get_logger().info('unconfigured: waiting for a supervisor (autostart is off)')
+
+    @property
+    def quick(self) -> Quick:
+        """See `executor`."""
+        return self.simulation.quick if self._configured else {}
 
     def configure(self) -> None:
         """Load scene and model, and make topics and services."""

@@ -24,6 +24,7 @@ from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from .executor import Quick
 from .inputs import Convert, Input
 from .moving_surfaces import Listener
 
@@ -137,6 +138,15 @@ class NodeTopics:
             'diagnostics': self.diagnostics.topic_name,
         }
 
+    @property
+    def futures_heard(self) -> bool:
+        """Whether anybody hears of a future, or a bag records it."""
+        told = (
+            *(self.trajectory, self.crossing, self.crossings, self.crossing_velocity),
+            *(self.markers, self.deviations, self.branches),
+        )
+        return self.bag is not None or any(one.get_subscription_count() for one in told)
+
     def send(self, publisher: Publisher, cdr: bytes) -> None:
         """Publish a message and record it."""
         publisher.publish(cdr)
@@ -146,6 +156,11 @@ class NodeTopics:
     def received(self, cdr: bytes, time_ns: int) -> None:
         """Record an accepted message of tracked_poses, received at `time_ns` (node's clock)."""
         self._record(self.tracked, cdr, time_ns)
+
+    @property
+    def quick(self) -> Quick:
+        """See `executor`."""
+        return {entity: call for own in self._inputs for entity, call in own.quick.items()}
 
     def drain(self) -> None:
         """Process all waiting messages of trackers."""

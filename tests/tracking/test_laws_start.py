@@ -117,7 +117,7 @@ def test_a_doubted_start_is_that_of_the_window_where_the_window_knows_better(
     places = states[..., :3] + np.random.default_rng(0).normal(0.0, NOISE, states[..., :3].shape)
     turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*places.shape[:2], 4))
     seen = np.ones(places.shape[:2], dtype=bool)
-    laws = replace(KnownLaws.of(VACUUM, (0,)).with_noise(NOISE), worst=0.6)
+    laws = replace(KnownLaws.of(VACUUM, (0,)), worst=0.6)
     true = states[-1, :, 3:6]
 
     def window() -> tuple[Motion, np.ndarray]:
@@ -125,8 +125,8 @@ def test_a_doubted_start_is_that_of_the_window_where_the_window_knows_better(
         known = replace(motion, velocities=true + [1.0, 0.0, 0.0])
         return known, np.eye(9)[None] * error**2
 
-    assert laws.states(times, places, seen)[3].all()
-    state, _ = state_by_laws(laws, times, places, turns, seen, window)
+    assert laws.states(times, places, seen, noise=NOISE)[3].all()
+    state, _ = state_by_laws(laws, times, places, turns, seen, window, noise=NOISE)
     off = np.abs(state.velocities - true).max()
     assert (off < 0.1) if by_laws else (off == pytest.approx(1.0, abs=1e-9))
 

@@ -30,6 +30,7 @@ def report(setup: Any) -> dict[str, Status]:
     statuses = simulation.diagnostics.report(
         paused=simulation.paused,
         horizon=simulation.futures.seconds,
+        heard=simulation.futures.heard,
         bag=simulation.topics.bag,
         size=simulation.topics.recorded_bytes,
     )

@@ -180,9 +180,32 @@ def test_a_future_that_fails_does_not_end_the_predictions(
 
     monkeypatch.setattr(horizon, 'compute', exhaust)
     setup = simulated(horizon=0.5)
+    futures(setup)
     setup.start(falling(0.0))
     setup.bench.until(lambda: 'no future: MemoryError: no room' in log(), 'the warning')
     assert len(setup.run(2)) == 2
+
+
+def test_nobody_hears_no_future_is_computed(
+    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed: list[Any] = []
+    compute = horizon.compute
+
+    def counted(*arguments: Any) -> Any:
+        computed.append(arguments)
+        return compute(*arguments)
+
+    monkeypatch.setattr(horizon, 'compute', counted)
+    setup = simulated(horizon=0.2)
+    setup.start(falling(0.0))
+    status = setup.node.simulation.diagnostics.report(
+        paused=False, horizon=0.2, heard=setup.node.simulation.futures.heard, bag=None, size=0
+    )[-1]
+    assert not computed and 'nobody hears' in status.message
+    heard = futures(setup)
+    setup.frame(falling(0.1), T0 + 100_000_000)
+    assert heard_future(setup, heard, 1).stamp_ns == T0 + 100_000_000 and computed
 
 
 def test_a_future_too_large_for_a_message_is_refused(
@@ -194,7 +217,7 @@ def test_a_future_too_large_for_a_message_is_refused(
     setup.bench.until(lambda: 'would be a message of 125 MB' in log(), 'the warning')
     assert 'lower horizon' in log() and not heard
     status = setup.node.simulation.diagnostics.report(
-        paused=False, horizon=60.0, bag=None, size=0
+        paused=False, horizon=60.0, heard=True, bag=None, size=0
     )[-1]
     assert 'the bound is 100 MB' in status.message
 

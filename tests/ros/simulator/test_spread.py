@@ -129,7 +129,9 @@ def test_a_thrown_ball_crosses_a_plane_when_and_where_it_is_told(
     assert pose.pose.pose.position.y == own['position'][1]
     assert np.sqrt(pose.pose.covariance[7]) == pytest.approx(own['position_deviation'][1])
     assert twist.twist.twist.linear.z == own['velocity'][2]
-    values = setup.node.simulation.diagnostics.report(paused=False, horizon=0.8, bag=None, size=0)
+    values = setup.node.simulation.diagnostics.report(
+        paused=False, horizon=0.8, heard=True, bag=None, size=0
+    )
     assert 'sphere 0 crosses wall in 0.4' in values[-1].values['crossings']
 
 
