@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-import math
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from .air import Air
 from .contact_law import ContactLaw
 from .plane import Vector
 from .scene import Plane, Scene
-from .state import Array, as_unit, quaternion_multiply, State
+from .state import Array, as_unit, LARGEST, quaternion_multiply, State
 from ..errors import UserError
 
 
@@ -129,10 +128,12 @@ class Similarity:
             'velocities': state.velocities @ turn * (self.time / self.length),
             'angular_velocities': state.angular_velocities @ turn * self.time,
         }
-        sums = (fields[name].sum() for name in ('positions', 'velocities', 'angular_velocities'))
-        if state.positions.ndim > 2 or math.isfinite(sum(sums)):
+        if state.positions.ndim > 2 or all(
+            np.abs(fields[name]).max(initial=0.0) <= LARGEST
+            for name in ('positions', 'velocities', 'angular_velocities')
+        ):
             return State.unchecked(**fields)
-        return State(**fields)  # which value is too large
+        return State(**fields)  # says which value is too large
 
     def to_world(self, state: State) -> State:
         """State of the model in the world's units; inverse of `to_model`."""
