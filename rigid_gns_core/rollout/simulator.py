@@ -201,7 +201,7 @@ class Simulator(ABC):
         times = checked_times(lead_times)
         starts = drawn_starts(estimate, samples, seed)
         dt = self.native_dt(scene)
-        steps = max(steps_of(float(times[-1]), dt), 1)
+        steps = _checked(max(steps_of(float(times[-1]), dt), 1))
         states = self.rollout_samples(scene, starts, steps)
         paths = Paths.of(scene, states, dt, exact=self.velocities == 'given')
         return forecast_of(scene, estimate, paths, times, samples, seed)

@@ -18,12 +18,15 @@ from .motion_models import Motion, ROLLING
 from .noise_estimate import NOISE_FRAMES, third_differences
 from .pose_noise import normal_spread, rotating
 from .stamp_noise import noise_with_stamps
+from .usable_frames import MAX_DISTANCE
 from .velocity import estimate_motion
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
+# shortest time between two frames, and the latest time of one [s]: nanoseconds since 1970 are 2e18
+_SHORTEST, _LATEST = 1e-9, 1e19
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,14 @@ def estimate_state(
             f'positions have shape {centres.shape}, expected ({len(stamps)}, n, 3) for '
             f'{len(stamps)} times'
         )
+    _check_times(stamps)
     seen = np.asarray(np.isfinite(centres).all(axis=-1))
+    far = MAX_DISTANCE * float(np.max(scene.radius))
+    if (out := np.abs(centres[seen]).max(initial=0.0)) > far:
+        raise UserError(
+            f'a position is {out:.3g} m out, expected at most {far:.3g} m (a million radii); are '
+            'positions in metres?'
+        )
     if not seen.any(axis=0).all():
         lost = int(np.argmin(seen.any(axis=0)))
         raise UserError(f'sphere {lost} is seen in no frame; leave it out')
@@ -92,8 +102,6 @@ def estimate_state(
     if centres.shape[1] > most_balls(scene):
         motion, covariance = _by_window(scene, stamps, centres, turns, seen, noise, turned)
         return StateEstimate(motion.state, covariance)
-    if not (np.diff(stamps) > 0).all():
-        raise UserError('times do not rise, expected increasing ones; sort the frames')
     if noise is None and scene.tracker is None:
         noise = _noise(stamps, centres, seen)
     with compiling():
@@ -110,6 +118,17 @@ def estimate_state(
             noise=noise,
         )
     return StateEstimate(state, covariance)
+
+
+def _check_times(times: Array) -> None:
+    apart = np.diff(times)
+    if not ((apart > 0).all() and np.isfinite(times).all()):
+        raise UserError('times do not rise, expected increasing ones; sort the frames')
+    if (apart < _SHORTEST).any() or np.abs(times).max(initial=0.0) > _LATEST:
+        raise UserError(
+            f'times are {shown(times.tolist())}, expected seconds: steps of {_SHORTEST:g} s or '
+            f'more, within {_LATEST:g} s'
+        )
 
 
 @lru_cache(maxsize=8)

@@ -69,6 +69,11 @@ def test_a_sphere_seen_once_is_at_rest_and_its_velocity_unknown() -> None:
         (TIMES, np.full((20, 1, 3), np.nan), None, 'sphere 0 is seen in no frame; leave it out'),
         (TIMES, flight(G), np.zeros((20, 1, 3)), 'quaternions have shape'),
         (TIMES[::-1], flight(G), None, 'expected increasing ones'),
+        (TIMES[::-1], np.tile(flight(G), (1, 9, 1)), None, 'expected increasing ones'),
+        (TIMES * np.nan, flight(G), None, 'expected increasing ones'),
+        (TIMES * 1e-300, flight(G), None, 'expected seconds: steps of 1e-09 s or more'),
+        (TIMES * 1e300, flight(G), None, 'expected seconds: .* within 1e.19 s'),
+        (TIMES, 1e7 * flight(G), None, r'a position is .* m out, expected at most .*in metres'),
     ],
 )
 def test_input_is_checked(

@@ -74,3 +74,13 @@ def test_the_layouts_show_them() -> None:
     )
     layout = json.loads((ROOT / 'foxglove' / 'rigid_gns.json').read_text())
     assert layout['configById']['3D!rigid_gns']['topics']['/simulator/surfaces']['visible']
+
+
+def test_no_transform_is_published_and_the_document_says_why(bench: Any) -> None:
+    """Where the tracker's frame stands in the lab is not the node's to say."""
+    node = bench.add(SimulatorNode)
+    names = {publisher.topic_name for publisher in node.publishers}
+    assert names and names.isdisjoint({'/tf', '/tf_static'})
+    text = (ROOT / 'docs' / 'node.md').read_text()
+    assert '**What `world` is.**' in text
+    assert 'static_transform_publisher --frame-id map --child-frame-id world' in text
