@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import yaml
-
-from ..errors import UserError
-from ..files.config import from_mapping
+from ..errors import shown, UserError
+from ..files.config import ConfigError, from_mapping, parse_yaml
 from ..scenes.plane import Plane
 
 _EXAMPLE = '{racket: {point: [0.5, 0, 0.3], normal: [-1, 0, 0]}}'
@@ -37,16 +35,17 @@ def planes_of(text: str) -> dict[str, Plane]:
         UserError: It is no such mapping.
     """
     try:
-        content = yaml.safe_load(text) if text.strip() else {}
-    except yaml.YAMLError as error:
-        where = ' '.join(str(error).split())
-        raise UserError(f'crossing_planes is no YAML: {where}; expected {_EXAMPLE}') from error
+        content = parse_yaml(text) if text.strip() else {}
+    except ConfigError as error:
+        raise UserError(f'crossing_planes: {error}; expected {_EXAMPLE}') from error
     if not isinstance(content, dict):
-        raise UserError(f'crossing_planes is {content!r}, expected names and planes: {_EXAMPLE}')
+        raise UserError(
+            f'crossing_planes is {shown(content)}, expected names and planes: {_EXAMPLE}'
+        )
     planes = {}
     for name, given in content.items():
         if not isinstance(given, dict):
-            raise UserError(f'crossing_planes.{name} is {given!r}, expected {_EXAMPLE}')
+            raise UserError(f'crossing_planes.{name} is {shown(given)}, expected {_EXAMPLE}')
         plane = from_mapping(_Given, given, f'crossing_planes.{name}')
         try:
             planes[str(name)] = Plane(**vars(plane))

@@ -81,8 +81,7 @@ def bodies_of(text: str) -> dict[str, Body]:
     try:
         content = parse_yaml(text) if text.strip() else {}
     except ConfigError as error:
-        where = ' '.join(str(error).split())
-        raise UserError(f'moving_surfaces: {where}; expected {_EXAMPLE}') from error
+        raise UserError(f'moving_surfaces: {error}; expected {_EXAMPLE}') from error
     if not isinstance(content, dict):
         raise UserError(
             f'moving_surfaces is {shown(content)}, expected names and bodies: {_EXAMPLE}'

@@ -28,7 +28,10 @@ def test_planes_are_read_by_name() -> None:
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('{', 'crossing_planes is no YAML'),
+        ('{', 'crossing_planes: not valid YAML: .*, line 1, column 2; expected {racket'),
+        ('a: 2020-99-01', 'crossing_planes: not valid YAML: month'),
+        ('[' * 5000, 'crossing_planes: not valid YAML: it is nested too deeply'),
+        ('a: {normal: [0, 0, 1]}\na: 3', "key 'a' is given twice, line 2, column 1"),
         ('[1, 2]', 'expected names and planes'),
         ('racket: 3', r'crossing_planes\.racket is 3, expected \{racket: \{point'),
         ('racket: {point: [0, 0, 1]}', 'normal'),

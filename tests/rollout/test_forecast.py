@@ -105,6 +105,7 @@ def test_what_the_laws_leave_open_is_in_covariance_and_samples(simulator) -> Non
         ([-0.1, 0.2], 8, 'expected one or more times from 0 s on'),
         ([0.2, 0.2], 8, 'do not rise'),
         ([np.nan], 8, 'expected one or more times from 0 s on'),
+        ([1e300], 8, 'steps is .* at most 1000000000000'),
         ([0.2], 1, 'samples is 1, expected 0, or 2 or more'),
     ],
 )
