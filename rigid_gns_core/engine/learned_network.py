@@ -81,6 +81,18 @@ class LearnedNetwork(NamedTuple):
     out_bias: Single
 
 
+class RangeCounts(NamedTuple):
+    """Contacts that a network was called for, beside the range that it was trained on.
+
+    contacts: how many; faded: the sum of min(d, 1) over them, with d as above, which is how many
+    were left to the laws; farthest: the largest d.
+    """
+
+    contacts: float
+    faded: float
+    farthest: float
+
+
 def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> LearnedNetwork:
     """Network of the weights of a file, whose matrices have outputs first.
 
@@ -130,8 +142,11 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
 
 
 @compiled
-def fade(network: LearnedNetwork, contacts_out: LearnedContacts) -> None:
-    """Multiply the scale of each contact by the share of the network that it trusts."""
+def fade(network: LearnedNetwork, contacts_out: LearnedContacts, range_out: Array) -> None:
+    """Multiply the scale of contacts by the share of the network that it trusts.
+
+    Counts of `RangeCounts` are added to `range_out`.
+    """
     contacts = contacts_out
     for c in range(len(contacts.a)):
         far = 0.0
@@ -140,7 +155,11 @@ def fade(network: LearnedNetwork, contacts_out: LearnedContacts) -> None:
                 value = contacts.features[c, side, f]
                 beyond = max(network.low[f] - value, value - network.high[f])
                 far = max(far, beyond / network.deviation[f])
-        contacts.scale[c] *= network.strength[0] * max(0.0, 1.0 - far)
+        share = max(0.0, 1.0 - far)
+        contacts.scale[c] *= network.strength[0] * share
+        range_out[0] += 1.0
+        range_out[1] += 1.0 - share
+        range_out[2] = max(range_out[2], far)
 
 
 @compiled

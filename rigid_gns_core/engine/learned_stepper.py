@@ -13,7 +13,7 @@ from .frame import advance
 from .learned_contacts import find_learned_contacts, LearnedContacts, no_learned_contacts
 from .learned_guard import limit_energy_of_soft, stores
 from .learned_impulses import correct
-from .learned_network import fade, LearnedNetwork
+from .learned_network import fade, LearnedNetwork, RangeCounts
 from .motion import Settings
 from .separation import separate
 from .sleep import put_to_sleep, Sleepers
@@ -55,6 +55,7 @@ def _frame(
     sleeps: bool,
     is_start: bool,
     stored_out: Array,
+    range_out: Array,
     sleepers_out: Sleepers,
 ) -> LearnedFrame:
     if is_start:
@@ -70,7 +71,7 @@ def _frame(
     if network.strength[0] > 0:
         contacts = find_learned_contacts(world, before, after, dt, sleepers_out.asleep, is_start)
         stiffness = float(network.stiffness[0])
-        fade(network, contacts)
+        fade(network, contacts, range_out)
         correct(world, network, contacts, dt, after, islands)
     if is_start:  # nobody knows more of what its overlaps hold
         stored_out[:] = stores(world, seen, contacts, stiffness)
@@ -97,6 +98,7 @@ def learned_frame(
     sleeps: bool,
     is_start: bool,
     stored_out: Array,
+    range_out: Array,
     sleepers_out: Sleepers,
 ) -> LearnedFrame:
     """One frame, with what the network saw, for its training.
@@ -105,7 +107,7 @@ def learned_frame(
     """
     return _frame(
         world, network, seen, spheres, dt, warm_start, settings, guards, sleeps, is_start,
-        stored_out, sleepers_out,
+        stored_out, range_out, sleepers_out,
     )  # fmt: skip
 
 
@@ -122,6 +124,7 @@ def _advance_learned(
     sleeps: bool,
     is_start: bool,
     stored_out: Array,
+    range_out: Array,
     sleepers_out: Sleepers,
     frames_out: Spheres,
 ) -> tuple[int, WarmStart, int, float]:
@@ -130,7 +133,7 @@ def _advance_learned(
     for frame in range(len(frames_out.positions)):
         one = _frame(
             world, network, seen, spheres, dt, warm_start, settings, guards, sleeps,
-            is_start and frame == 0, stored_out, sleepers_out,
+            is_start and frame == 0, stored_out, range_out, sleepers_out,
         )  # fmt: skip
         warm_start, spheres = one.warm_start, one.after
         seen = spheres.positions
@@ -167,7 +170,12 @@ class LearnedStepper(EngineStepper):
     ) -> None:
         super().__init__(scene, state, dt, **options)
         self.network, self.seen, self.observed = network, self.spheres.positions, observed
-        self.stored = np.zeros(len(state))
+        self.stored, self._range = np.zeros(len(state)), np.zeros(len(RangeCounts._fields))
+
+    @property
+    def range_counts(self) -> RangeCounts:
+        """How far the contacts of all frames so far were outside of the range of training."""
+        return RangeCounts(*map(float, self._range))
 
     def advance(self, steps: int) -> Advance:
         """Advance by several dt; see `Stepper`."""
@@ -195,6 +203,7 @@ class LearnedStepper(EngineStepper):
             'sleeps': self.sleeps,
             'is_start': self.frames == 0 and self.observed,
             'stored_out': self.stored,
+            'range_out': self._range,
             'sleepers_out': self.sleepers,
         }
 

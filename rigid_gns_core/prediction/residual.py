@@ -6,18 +6,28 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TYPE_CHECKING
+import warnings
+
+import numpy as np
 
 from .laws import UNITS
 from ..engine.options import LawsOptions, ResidualConfig
 from ..errors import UserError
 from ..files.checkpoint import CheckpointError, Tensors
 from ..files.config import from_mapping
+from ..rollout.rollout import Rollout
 from ..rollout.simulator import Simulator
 from ..rollout.stepper import Stepper
 from ..scenes.scene import Scene
 from ..scenes.similarity import ModelUnits
 from ..scenes.state import State
+
+if TYPE_CHECKING:
+    from ..engine.learned_network import RangeCounts
+
+# difference of a material from that of the laws in training that is warned of
+_SAME = 1e-3
 
 
 class ResidualSimulator(Simulator):
@@ -52,13 +62,26 @@ class ResidualSimulator(Simulator):
                 f'{name}: weights and card do not belong together: {error}'
             ) from error
 
-    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:  # noqa: ARG002
-        """Refuse surfaces that move, of which no network has learned."""
+    @property
+    def strength(self) -> float:
+        """Share of the network's outputs that acts, as held-out tracks have chosen; 0: none."""
+        return float(self.network.strength[0])
+
+    def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
+        """Refuse surfaces that move, of which no network has learned; warn of other materials."""
         if any(plane.moves for plane in scene.surfaces):
             raise UserError(
                 f'the scene has surfaces that move, which model {self.name!r} does not know; use '
                 'the laws'
             )
+        for name, trained in self.card.get('materials', {}).items():
+            own = float(np.mean(scene.per_sphere(name, count))) if count else trained
+            if abs(own - trained) > _SAME:
+                warnings.warn(
+                    f'{name} of the scene is {own:.4g} in the mean, but model {self.name!r} '
+                    f'corrects laws with {trained:.4g}; give the scene that it was trained with',
+                    stacklevel=stacklevel,
+                )
 
     def warm_up(self) -> None:
         """Compile the engine, or read it from the disk."""
@@ -71,3 +94,11 @@ class ResidualSimulator(Simulator):
         from ..engine.learned_stepper import LearnedStepper
 
         return LearnedStepper(self.network, scene, state, self.units.dt, **asdict(self.options))
+
+
+def range_counts(rollout: Rollout) -> RangeCounts | None:
+    """How far contacts of a rollout so far are from those in training; None: of another model."""
+    from ..engine.learned_stepper import LearnedStepper
+
+    stepper = rollout.stepper
+    return stepper.range_counts if isinstance(stepper, LearnedStepper) else None

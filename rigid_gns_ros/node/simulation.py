@@ -30,6 +30,7 @@ from .learning import Learning
 from .markers import MarkerPublisher
 from .moving_surfaces import Bodies
 from .odd_parameters import odd_parameters
+from .residual_range import ResidualRange
 from .silence import Silence, too_slow
 from .throttle import Warner
 from .topics import NodeTopics
@@ -83,6 +84,7 @@ class Simulation:
         )
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
+        self.residual = ResidualRange(model, self.predictor)
         self.paused = False
         self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
         self._reason: Reason = 'first'  # of the next start from an empty window
@@ -252,6 +254,7 @@ class Simulation:
 
     def _report_steps(self, step_times: Sequence[float]) -> None:
         self.diagnostics.stepped(step_times)
+        self.residual.note()
         for step_time in step_times:
             self.topics.send(self.topics.step_time, encode_float64(step_time))
 
@@ -364,7 +367,11 @@ class Simulation:
             heard=self.futures.heard,
             bag=bag,
             size=size,
-            others=[*self._bodies.status(self.window.stamp_ns), *self.learning.status()],
+            others=[
+                *self._bodies.status(self.window.stamp_ns),
+                *self.learning.status(),
+                *self.residual.status(),
+            ],
         )
         cdr = encode_diagnostics(self._now(), statuses)
         self.topics.send(self.topics.diagnostics, cdr)
