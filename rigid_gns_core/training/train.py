@@ -11,6 +11,7 @@ from dataclasses import replace
 import json
 import math
 from pathlib import Path
+import sys
 import time
 from typing import Any, TypeAlias
 import warnings
@@ -22,8 +23,9 @@ import yaml
 from .fine_tune import StartingPoint
 from .gns.learner import GNSLearner, GNSTrainConfig
 from .recipes import load_recipe
-from .residual.gate import Comparison, keep_what_wins
+from .residual.gate import Comparison, held_out, keep_what_wins
 from .residual.learner import ResidualLearner, ResidualTrainConfig
+from .residual.shortcomings import shortcomings
 from .residual.validation import rollout_error
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
@@ -259,11 +261,23 @@ def run(arguments: argparse.Namespace) -> int:
         records, validation = (
             [replace(record, scene=scene) for record in some] for some in (records, validation)
         )
+    if isinstance(config, ResidualTrainConfig) and not validation:
+        records, validation = held_out(records, config.validation_rollouts)
+        if validation:
+            count = len(records) + len(validation)
+            print(
+                f'note: {len(validation)} of {count} trajectories are held out to choose the '
+                'weights and their strength; name others by --validation',
+                file=sys.stderr,
+            )
     origin = ' '.join(folder.name for folder in arguments.data)
     if start := StartingPoint.of(arguments.start) if arguments.start else None:
         records, validation = start.records(records), start.records(validation)
         origin += f' from {start.name}'
     trainer = Trainer(config, records, validation, arguments.out, origin, device, start)
+    if isinstance(trainer.learner, ResidualLearner):
+        for text in shortcomings(trainer.learner.tracks, arguments.data):
+            print(f'note: {text}', file=sys.stderr)
     best = trainer.run()
     score = f'best validation {best:.4g}' if validation else 'no validation set: last weights'
     print(f'{score}; weights: {arguments.out / "best.safetensors"}')

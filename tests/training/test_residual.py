@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.options import ResidualConfig
 from rigid_gns_core.errors import UserError
@@ -17,7 +18,8 @@ from rigid_gns_core.scenes.state import State
 from rigid_gns_core.training.recipes import load_recipe
 from rigid_gns_core.training.residual.blows import states_after_blows
 from rigid_gns_core.training.residual.frames import Track
-from rigid_gns_core.training.residual.learner import ResidualTrainConfig
+from rigid_gns_core.training.residual.gate import held_out
+from rigid_gns_core.training.residual.learner import ResidualLearner, ResidualTrainConfig
 from rigid_gns_core.training.residual.smoothing import smoothed_states
 from rigid_gns_core.training.residual.stiffness import stiffness_of
 from rigid_gns_core.training.train import Trainer
@@ -92,6 +94,66 @@ def test_without_held_out_tracks_it_is_switched_off(tmp_path):
     assert 'fewer than 3 held-out tracks' in str(trainer.comparison)
 
 
+def test_held_out_records_are_spread_and_leave_something_to_learn_from():
+    train, rest = held_out(list(range(30)), 10)
+    assert len(rest) == 6 and rest[0] == 0 and rest[-1] == 29
+    assert sorted(train + rest) == list(range(30))
+    assert [len(part) for part in held_out(list(range(200)), 10)] == [190, 10]
+    assert [len(part) for part in held_out(list(range(5)), 10)] == [2, 3]
+    assert [len(part) for part in held_out(list(range(3)), 10)] == [3, 0]
+
+
+def bounces_in_csv(path, tracks=6, parts=4):
+    """A ball that falls on the ground and leaves with half its speed, `parts` samples a frame."""
+    lines = ['track,sphere,time,x,y,z']
+    for k in range(tracks):
+        time, height = np.arange(12 * parts + 1) * 0.1 / parts, 1.5 + 0.2 * k
+        met = np.sqrt(2 * (height - 1.0) / 9.81)
+        later = time - met
+        z = np.where(
+            later < 0, height - 4.905 * time**2, 1.0 + 4.905 * met * later - 4.905 * later**2
+        )
+        z = np.maximum(z, 1.0)
+        lines += [
+            f'{k},ball,{t:.5f},{0.7 * t:.5f},0,{x:.5f}' for t, x in zip(time, z, strict=True)
+        ]
+    path.write_text('\n'.join(lines) + '\n')
+
+
+def test_command_trains_on_imported_tracks_and_says_what_they_lack(tmp_path, capsys):
+    """Positions alone, at four times the rate of frames, and no validation set."""
+    bounces_in_csv(tmp_path / 'lab.csv')
+    scene = tmp_path / 'lab.yaml'
+    scene.write_text('scene: {surfaces: [{}], radius: 1.0, restitution: 0.9}\n')
+    given = ['import', str(tmp_path / 'lab.csv'), '--scene', str(scene), '--out']
+    assert main([*given, str(tmp_path / 'data')]) == 0
+    train = ['train', '--config', 'residual', '--scene', str(scene), '--steps', '2']
+    run = [*train, '--data', str(tmp_path / 'data'), '--out', str(tmp_path / 'run')]
+    capsys.readouterr()
+    assert main(run) == 0
+    said = capsys.readouterr()
+    assert '3 of 6 trajectories are held out' in said.err
+    assert 'import them again with --dt 0.025' in said.err
+    assert 'the rotations of 3 of 3 spheres were not tracked' in said.err
+    assert 'of the error of the laws on held-out tracks' in said.out
+    assert main([*given, str(tmp_path / 'fine'), '--dt', '0.025']) == 0
+    finer = [*train, '--data', str(tmp_path / 'fine'), '--out', str(tmp_path / 'finer')]
+    assert main(finer) == 0
+    assert 'import them again' not in capsys.readouterr().err
+
+
+def test_spins_that_nobody_saw_are_left_to_the_laws():
+    """Rotations that never change are unknown: no error of a spin is learned from them."""
+    seen = replace(RECORDS[0], teacher={'engine': 'tracker'})
+    poses = seen.trajectory
+    still = replace(poses, quaternions=np.tile([0.0, 0, 0, 1], (*poses.positions.shape[:2], 1)))
+    found = {}
+    for name, record in {'turning': seen, 'unknown': replace(seen, trajectory=still)}.items():
+        learner = ResidualLearner.of(replace(CONFIG, pushforward_frames=0), [record])
+        found[name] = np.concatenate([frame.errors[:, 6:] for frame in learner._frames])
+    assert np.abs(found['turning']).max() > 0.1 and not found['unknown'].any()
+
+
 def test_resumed_run_gives_the_same_bytes(tmp_path):
     Trainer(CONFIG, RECORDS[:2], HELD_OUT, tmp_path / 'whole').run()
     for stop in (5, 9, None):
@@ -130,7 +192,7 @@ def test_stiffness_of_springs_is_found():
     height = (1.0 - deep)[:, None, None] * [0.0, 0.0, 1.0]
     bounces = State.unchecked(height, height, height, height)
     known = np.ones((13, 1), bool)
-    track = Track(Scene(surfaces=(Plane(),)), bounces, 40, bounces, known)
+    track = Track(Scene(surfaces=(Plane(),)), bounces, 40, bounces, known, known[0])
     assert stiffness_of([track] * 6) == pytest.approx(k, rel=0.04)
     assert stiffness_of([Track.of(RECORDS[0])]) == 0.0  # hard contacts do not overlap
 

@@ -15,6 +15,7 @@ from torch import Tensor
 from .blows import states_after_blows
 from .smoothing import smoothed_states
 from ...data.records import Record
+from ...data.tracks import known_rotations
 from ...engine.learned_contacts import LearnedContacts
 from ...engine.learned_network import LearnedNetwork
 from ...engine.learned_stepper import LearnedStepper
@@ -36,7 +37,8 @@ _SAME_STEP = 1e-3
 class Track:
     """A record in the model's units: states at all samples, so many of them in a frame.
 
-    completed: the states with blows completed; known: where those are, shape (m, n).
+    completed: the states with blows completed; known: where those are, shape (m, n); turns:
+    spheres whose rotation was tracked, shape (n,).
     """
 
     scene: Scene
@@ -44,6 +46,7 @@ class Track:
     samples: int
     completed: State
     known: Flags
+    turns: Flags
 
     @classmethod
     def of(cls, record: Record) -> Track:
@@ -69,10 +72,11 @@ class Track:
             )
         states = stacked([similarity.to_model(state) for state in record.trajectory])
         units = similarity.scene(scene)
-        h = UNITS.dt / samples
+        h, turns = UNITS.dt / samples, np.ones(states.positions.shape[1], dtype=bool)
         if record.teacher.get('engine') == 'tracker':
             states = smoothed_states(units, states.positions, states.quaternions, h)
-        return cls(units, states, samples, *states_after_blows(units, states, h))
+            turns = _are_tracked(record.trajectory.quaternions)
+        return cls(units, states, samples, *states_after_blows(units, states, h), turns)
 
     def at(self, sample: int) -> State:
         """State at a sample."""
@@ -91,13 +95,23 @@ class Track:
 class Frame:
     """Contacts of a frame, properties of its bodies, and how the laws were off.
 
-    errors: of positions, velocities and spins, shape (n, 9); known: where they are, shape (n,).
+    errors: of positions, velocities and spins, shape (n, 9), those of spins that nobody saw being
+    0; known: where they are, shape (n,).
     """
 
     contacts: LearnedContacts
     bodies: Array
     errors: Array
     known: Flags
+
+
+def _are_tracked(quaternions: Array) -> Flags:
+    """Spheres whose rotation is not the same throughout, shape (n,)."""
+    known = known_rotations(quaternions)
+    if known is None:
+        return np.zeros(quaternions.shape[1], dtype=bool)
+    found: Flags = np.isfinite(known).all(axis=(0, 2))
+    return found
 
 
 def frames_from(
@@ -134,6 +148,7 @@ def frames_from(
             ],
             axis=1,
         )
+        errors[~track.turns, 6:] = 0.0  # left as the laws have them
         made.append(Frame(one.contacts, bodies, errors, track.known[end]))
     return made
 

@@ -59,6 +59,22 @@ class Comparison:
         return f'{said}, with strength {self.strength:g}'
 
 
+def held_out(records: Sequence[Record], most: int) -> tuple[list[Record], list[Record]]:
+    """Records to learn from, and a fifth of them, evenly spread, to compare with the laws.
+
+    At least as many as tell a standard error, and at most `most`; none of so few that nothing
+    would be left to learn from.
+    """
+    count = min(max(_TRACKS, len(records) // 5), most)
+    if len(records) <= count:
+        return list(records), []
+    chosen = set(np.linspace(0, len(records) - 1, count).round().astype(int).tolist())
+    parts: tuple[list[Record], list[Record]] = [], []
+    for k, record in enumerate(records):
+        parts[k in chosen].append(record)
+    return parts
+
+
 def compare(
     tensors: Tensors, model: ResidualConfig, tracks: Sequence[Track], steps: int
 ) -> Comparison:
