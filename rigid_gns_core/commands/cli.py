@@ -58,11 +58,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     'experiment': (
         'rigid_gns_core.commands.experiment',
-        "the thesis' experiments: train variants, score them, tables and figures",
-    ),
-    'worlds': (
-        'rigid_gns_core.commands.worlds',
-        'teach a residual network worlds that the laws do not know',
+        "the thesis' experiments, and worlds to learn: train, score, tables and figures",
     ),
     'closed-forms': (
         'rigid_gns_core.commands.closed_forms',

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rigid-gns experiment`: runs experiments of the thesis and writes their tables and figures."""
+"""`rigid-gns experiment`: runs experiments and writes their tables and figures.
+
+Those of the thesis, and `worlds`, which is no study of variants and has a module of its own.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import argparse
 from pathlib import Path
 import sys
 
+from . import worlds
 from .arguments import add_worker_arguments, chosen_workers, completes, configs
 from ..errors import UserError
 from ..files.config import ConfigError
@@ -23,11 +27,16 @@ from ..studies.thesis.metrics import METRICS
 from ..studies.thesis.runner import Folders, run_cells
 from ..studies.thesis.tables import format_table, write_page
 
+RUNS, OUT = Path('runs/thesis'), Path('docs/thesis')
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `rigid-gns experiment`."""
     names = parser.add_argument(
-        'names', nargs='*', metavar='NAME', help='experiments: shipped names or YAML files; or all'
+        'names',
+        nargs='*',
+        metavar='NAME',
+        help='experiments of the thesis: shipped names, YAML files, or all; or worlds',
     )
     parser.add_argument('--list', action='store_true', help='list all experiments and stop')
     budget = parser.add_argument(
@@ -36,19 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='NAME',
         help='cpu (default), smoke, full, or a YAML file',
     )
-    completes(names, lambda: [*configs('experiments')(), 'all'])
+    completes(names, lambda: [*configs('experiments')(), 'all', worlds.NAME])
     completes(budget, configs('budgets'))
     parser.add_argument('--seeds', type=int, nargs='+', help="seeds instead of the budget's")
-    parser.add_argument('--only', nargs='+', metavar='VARIANT', help='only these variants')
+    parser.add_argument(
+        '--only', nargs='+', metavar='VARIANT', help='only these variants, or worlds'
+    )
     parser.add_argument(
         '--data', type=Path, default=Path('data'), help='data sets, generated if absent (data)'
     )
-    parser.add_argument(
-        '--runs', type=Path, default=Path('runs/thesis'), help='checkpoints (runs/thesis)'
-    )
-    parser.add_argument(
-        '--out', type=Path, default=Path('docs/thesis'), help='results (docs/thesis)'
-    )
+    parser.add_argument('--runs', type=Path, help=f'checkpoints ({RUNS}, of worlds {worlds.RUNS})')
+    parser.add_argument('--out', type=Path, help=f'results ({OUT}, of worlds {worlds.OUT})')
     parser.add_argument(
         '--no-run', action='store_true', help='only write tables and figures, of finished cells'
     )
@@ -66,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '  rigid-gns experiment --list\n'
         '  rigid-gns experiment history --budget smoke --out smoke\n'
         '  rigid-gns experiment ablation --only base no_noise --workers 2\n'
+        '  rigid-gns experiment worlds --only soft --seeds 0\n'
         '  rigid-gns experiment all --backend dask --scheduler tcp://host:8786\n\n'
         'A run that was stopped resumes when the same command is given again. A variant of '
         'several\nexperiments is trained once.'
@@ -77,9 +85,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.list:
         for name, experiment in shipped_experiments().items():
             print(f'{name:16} {experiment.title} ({experiment.source})')
+        print(f'{worlds.NAME:16} {worlds.TITLE}')
         return 0
+    if worlds.NAME in arguments.names:
+        if arguments.names != [worlds.NAME]:
+            raise UserError(f'{worlds.NAME} has a budget and a table of its own; run it alone')
+        return worlds.run_worlds(arguments)
     budget = load_budget(arguments.budget)
-    out = arguments.out / budget.name
+    out = (arguments.out or OUT) / budget.name
     if arguments.page is not None:
         write_page(arguments.page, out)
         print(f'page: {arguments.page}')
@@ -95,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
     }
     # all variants with the first seed before any with the next
     order = sorted(cells.values(), key=lambda cell: (cell.kind != 'teacher', cell.seed))
-    folders = Folders(arguments.data, arguments.runs, out)
+    folders = Folders(arguments.data, arguments.runs or RUNS, out)
     store = Store(out / 'cells')
     failed = [] if arguments.no_run else _run_cells(order, budget, folders, store, arguments)
     for experiment in experiments:
@@ -138,7 +151,7 @@ def _run_cells(
 
 def _chosen(names: list[str]) -> list[Experiment]:
     if not names:
-        known = ', '.join(shipped_experiments())
+        known = ', '.join([*shipped_experiments(), worlds.NAME])
         raise UserError(f'name an experiment, or all; allowed: {known}')
     if names == ['all']:
         return list(shipped_experiments().values())

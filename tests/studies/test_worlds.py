@@ -58,15 +58,34 @@ def test_tracks_follow_from_seed_and_index():
 
 def test_study_from_tracks_to_table(tmp_path, capsys):
     pytest.importorskip('mujoco')
-    file = tmp_path / 'worlds.json'
-    arguments = ['worlds', 'soft', '--budget', 'smoke', '--runs', str(tmp_path / 'runs')]
-    assert main([*arguments, '--json', str(file)]) == 0
-    (found,) = json.loads(file.read_text())
-    assert set(found['errors']) == {'laws given', 'laws fitted', 'residual', 'world moved by 1 mm'}
-    for errors in found['errors'].values():
-        assert set(errors) == {'0.1', '0.3', '1', '3'} and np.isfinite(list(errors.values())).all()
+    arguments = ['experiment', 'worlds', '--only', 'soft', '--budget', 'smoke']
+    folders = ['--runs', str(tmp_path / 'runs'), '--out', str(tmp_path / 'out')]
+    assert main([*arguments, *folders]) == 0
+    (found,) = json.loads((tmp_path / 'out/worlds.json').read_text())
+    rivals = ('laws given', 'laws fitted', 'laws fitted + residual', 'GNS', 'world moved by 1 mm')
+    assert tuple(found['errors']) == tuple(found['frames_per_second']) == rivals
+    for name, errors in found['errors'].items():
+        assert set(errors) == {'0.1', '0.3', '1', '3'}
+        # a GNS of three steps may diverge, which is None
+        assert name == 'GNS' or np.isfinite(list(errors.values())).all()
     # from a start that is off by 1.6 mm in the mean, in a tenth of a second
     assert (
         0.001 < found['errors']['world moved by 1 mm']['0.1'] < found['errors']['laws given']['1']
     )
     assert 'laws fitted' in capsys.readouterr().out
+    assert (tmp_path / 'out/world_soft.png').stat().st_size > 10_000
+    told = main([*arguments, *folders, '--no-run'])
+    assert told == 0 and 'seeds 0' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        (['worlds', 'history'], 'worlds has a budget and a table of its own; run it alone'),
+        (['worlds', '--only', 'mars'], "no world 'mars', allowed: soft, granular, bullet"),
+        (['worlds', '--no-run'], "no results of world 'soft'; leave --no-run out"),
+    ],
+)
+def test_study_says_what_is_wrong(given, said, tmp_path, capsys):
+    assert main(['experiment', *given, '--out', str(tmp_path)]) == 2
+    assert said in capsys.readouterr().err
