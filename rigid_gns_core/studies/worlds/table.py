@@ -23,6 +23,8 @@ _STYLES = {
     'world moved by 1 mm': ('#8c8c8c', 'x'),
 }
 _FITTED = 'laws fitted'
+# ratios beyond are not drawn; the other panel has them
+_LARGEST = 2.4
 
 
 def format_world(world: str, results: Sequence[dict[str, Any]]) -> str:
@@ -75,7 +77,8 @@ def draw_world(world: str, results: Sequence[dict[str, Any]], path: Path) -> Non
                 times, shown.mean(axis=1), color=colour, marker=marker, ms=5, lw=1.6, label=name
             )
     errors.set(ylabel='mean position error [cm]', title=f'world {world}', yscale='log')
-    ratios.set(ylabel='over the error of the fitted laws', ylim=(0.0, 1.6))
+    errors.yaxis.set_major_formatter('{x:g}')
+    ratios.set(ylabel='over the error of the fitted laws', ylim=(0.0, _LARGEST))
     for axes in (errors, ratios):
         axes.set(xlabel='predicted ahead [s]', xscale='log')
         axes.set_xticks(times, horizons)

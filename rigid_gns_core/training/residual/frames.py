@@ -110,8 +110,7 @@ def _are_tracked(quaternions: Array) -> Flags:
     known = known_rotations(quaternions)
     if known is None:
         return np.zeros(quaternions.shape[1], dtype=bool)
-    found: Flags = np.isfinite(known).all(axis=(0, 2))
-    return found
+    return np.asarray(np.isfinite(known).all(axis=(0, 2)))
 
 
 def frames_from(
