@@ -177,14 +177,15 @@ def _run_data(data: Path, arguments: argparse.Namespace) -> int:
     with Progress(len(records), 'evaluate', unit='trajectory') as progress:
         for number, record in enumerate(records):
             start = record.trajectory[0]
-            steps = record.trajectory.steps
+            reference = record.at_steps_of(simulator.native_dt(record.scene))
+            steps = reference.steps
             steps = steps if arguments.steps is None else min(arguments.steps, steps)
             predicted = simulator.rollout(record.scene, steps=steps, **vars(start))
             name = record.name if record.name not in reports else ''
             name = name or f'{number:04d}'
             reports[name] = evaluate(
                 predicted,
-                record.trajectory,
+                reference,
                 record.scene,
                 velocities=arguments.velocities or simulator.velocities,
             )
@@ -194,7 +195,7 @@ def _run_data(data: Path, arguments: argparse.Namespace) -> int:
                 write_figure(
                     arguments.figure,
                     predicted,
-                    record.trajectory,
+                    reference,
                     record.scene,
                     title=f'{simulator.name} on {name}: {reports[name]["spheres"]} spheres',
                 )

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import resources
 import json
 from pathlib import Path
@@ -27,6 +27,8 @@ from ..scenes.scene import Scene
 from ..scenes.state import Array, as_unit, Trajectory
 
 FORMAT_VERSION = 1
+SAME_STEP = 1e-3
+"""Relative difference up to which a time step counts as a part of another one."""
 RECIPE_NAME = 'recipe.yaml'
 
 Contents = Literal['full', 'poses']
@@ -65,6 +67,14 @@ class Record:
     name: str = ''
     index: int = 0
     recipe: str = ''
+
+    def at_steps_of(self, dt: float) -> Trajectory:
+        """The trajectory at steps of `dt` [s], where its own are a whole part of that; or all."""
+        part = round(dt / self.trajectory.dt)
+        if not 2 <= part <= self.trajectory.steps:
+            return self.trajectory
+        found = self.trajectory.every(part)
+        return replace(found, dt=dt) if abs(found.dt - dt) <= SAME_STEP * dt else self.trajectory
 
 
 def write_record(path: str | Path, record: Record, contents: Contents = 'full') -> Path:

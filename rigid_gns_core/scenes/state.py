@@ -249,7 +249,13 @@ class Trajectory:
 
     def window(self, start: int, stop: int) -> Trajectory:
         """Steps `start` to `stop`, without `stop`, as a trajectory of its own."""
-        part = slice(start, stop)
+        return self._part(slice(start, stop))
+
+    def every(self, count: int) -> Trajectory:
+        """The first and each `count`-th state after it, as a trajectory of its own."""
+        return replace(self._part(slice(None, None, count)), dt=count * self.dt)
+
+    def _part(self, part: slice) -> Trajectory:
         return replace(
             self,
             positions=self.positions[part],

@@ -4,6 +4,7 @@
 """A residual network learns what the laws lack, resumes to the same bytes, and loads."""
 
 from dataclasses import replace
+import json
 
 import numpy as np
 import pytest
@@ -140,6 +141,10 @@ def test_command_trains_on_imported_tracks_and_says_what_they_lack(tmp_path, cap
     finer = [*train, '--data', str(tmp_path / 'fine'), '--out', str(tmp_path / 'finer')]
     assert main(finer) == 0
     assert 'import them again' not in capsys.readouterr().err
+    score = ['evaluate', '--model', str(tmp_path / 'finer/best'), '--data', str(tmp_path / 'fine')]
+    assert main([*score, '--json', str(tmp_path / 'score.json')]) == 0
+    found = json.loads((tmp_path / 'score.json').read_text())['records']
+    assert {one['dt'] for one in found.values()} == {0.1}
 
 
 def test_spins_that_nobody_saw_are_left_to_the_laws():

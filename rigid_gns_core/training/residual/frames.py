@@ -14,7 +14,7 @@ from torch import Tensor
 
 from .blows import states_after_blows
 from .smoothing import smoothed_states
-from ...data.records import Record
+from ...data.records import Record, SAME_STEP
 from ...data.tracks import known_rotations
 from ...engine.learned_contacts import LearnedContacts
 from ...engine.learned_network import LearnedNetwork
@@ -28,9 +28,6 @@ from ...rollout.stepper import state_at
 from ...scenes.scene import Scene
 from ...scenes.similarity import Similarity
 from ...scenes.state import Array, stacked, State
-
-# relative difference up to which a time step counts as a part of a frame
-_SAME_STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class Track:
         similarity = Similarity.between(scene, UNITS)
         frame = UNITS.dt * similarity.time
         samples = round(frame / record.trajectory.dt)
-        if samples < 1 or abs(samples * record.trajectory.dt - frame) > _SAME_STEP * frame:
+        if samples < 1 or abs(samples * record.trajectory.dt - frame) > SAME_STEP * frame:
             raise UserError(
                 f'record {record.name!r} has a time step of {record.trajectory.dt:.4g} s, but a '
                 f'frame of {frame:.4g} s for its radius and gravity should be one or several of '
