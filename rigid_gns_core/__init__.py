@@ -11,6 +11,7 @@ from typing import Any, TYPE_CHECKING
 from .errors import UserError
 from .scenes.air import Air
 from .scenes.contact_law import ContactLaw, RestitutionCurve
+from .scenes.obstacle import Obstacle
 from .scenes.plane import Plane
 from .scenes.scene import Scene
 from .scenes.scene_file import load_scene
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     'Air',
     'ContactLaw',
+    'Obstacle',
     'Plane',
     'RestitutionCurve',
     'Rollout',

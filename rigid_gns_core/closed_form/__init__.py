@@ -21,6 +21,7 @@ from .enclosed import load_checks, room_checks
 from .joints import joint_checks
 from .many_spheres import collision_checks, pile_checks
 from .moving_surfaces import moving_checks
+from .obstacles import obstacle_checks
 from .one_sphere import bounce_checks, incline_checks, level_checks, oblique_checks
 from .resistance import resistance_checks
 from .seams import seam_checks
@@ -52,6 +53,7 @@ GROUPS: dict[str, Callable[[Simulate, bool], Iterator[Check]]] = {
     'curve': curve_checks,
     'resistance': resistance_checks,
     'moving': moving_checks,
+    'obstacle': obstacle_checks,
 }
 
 

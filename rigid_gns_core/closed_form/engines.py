@@ -80,6 +80,10 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
         larger = replace(
             scene,
             surfaces=tuple(map(surface, scene.surfaces)),
+            obstacles=tuple(
+                replace(obstacle.scaled(length), contact=law(obstacle.contact))
+                for obstacle in scene.obstacles
+            ),
             radius=times(scene.radius, length),
             mass=times(scene.mass, length**3),
             air=air(scene.air),

@@ -12,6 +12,7 @@ import numpy as np
 
 from .flight import reach_in_wind, reach_of
 from .plane_motion import speed_of_plane
+from .solids import is_near_solid, is_solid
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import find_pairs, Flags, Indices
@@ -79,6 +80,11 @@ def _mark_near_plane(
     near_out: Flags,
 ) -> None:
     """Mark spheres that may reach a plane."""
+    if is_solid(world, plane):
+        for i in range(len(positions)):
+            near = is_near_solid(world, plane, row(positions, i), extent[i])
+            near_out[i, plane] = awake[i] and near
+        return
     axes, half = world.axes[plane], world.half[plane]
     point, two_sided = row(world.point, plane), world.two_sided[plane]
     x_axis, y_axis, up = row(axes, 0), row(axes, 1), row(axes, 2)

@@ -32,6 +32,8 @@ from .impacts import (
 from .plane_motion import in_world, moves, path_on_plane
 from .rectangle import first_touch_of_spheres, is_over_face
 from .shielding import is_shielded, offset_from_plane
+from .solid_impact import impact_with_solid
+from .solids import is_near_solid, is_solid
 from .sphere_impact import impact_of_spheres, straight_meeting
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
@@ -117,6 +119,9 @@ def _may_meet(world: World, paths: Paths, candidates: Candidates, k: int, h: flo
         fall += length(row(paths.accelerations, a)) * h * h
         if plane < 0:
             fall += length(row(paths.accelerations, b)) * h * h
+    if is_solid(world, plane):
+        reach = (1.0 + PAD) * world.radius[a] + length(row(paths.velocities, a)) * h + fall
+        return is_near_solid(world, plane, row(paths.positions, a), reach)
     if plane >= 0:
         normal, velocity = row(world.axes[plane], 2), row(paths.velocities, a)
         height = dot(normal, minus(row(paths.positions, a), row(world.point, plane)))
@@ -150,7 +155,20 @@ def _find(
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
     weight = weight_of(world)
     margin, pressed = weight * h**2, weight > 0
-    if plane >= 0:
+    if is_solid(world, plane):
+        impact = impact_with_solid(
+            world=world,
+            plane=plane,
+            radius=world.radius[a],
+            position=row(paths.positions, a),
+            velocity=row(paths.velocities, a),
+            acceleration=row(paths.accelerations, a) if world.in_air else gravity_of(world),
+            h=h,
+            lookback=lookback,
+            margin=margin,
+            pressed=pressed,
+        )
+    elif plane >= 0:
         velocity, acceleration = path_on_plane(
             world, plane, row(paths.positions, a), row(paths.velocities, a),
             row(paths.accelerations, a) if world.in_air else gravity_of(world),

@@ -22,6 +22,7 @@ from .flight import reach_of
 from .plane_motion import carried, moves, velocity_of_plane
 from .rectangle import to_plane
 from .restitution import restitution_on_plane
+from .solids import is_beside, is_solid, nearest_in_world, share_to_solid
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Indices
@@ -30,6 +31,8 @@ from ..scenes.state import Array
 
 # share of its size by which a plane is taken larger, so that planes that meet leave no gap
 _OVERLAP = 1e-9
+# distance [radii] from a solid up to which a centre goes through its surface
+_THROUGH = 1e-6
 
 
 class Cuts(NamedTuple):
@@ -97,6 +100,8 @@ def keep_sides(
         way = minus(row(positions_out, i), start)
         put(positions_out, i, plus(start, times(first[i], way)))
         normal = row(world.axes[p], 2)
+        if is_solid(world, p):
+            _, normal = nearest_in_world(world, p, row(positions_out, i))
         if dot(normal, way) * dot(normal, velocity) > 0:
             e = restitution_on_plane(world, i, p, math.fabs(dot(normal, velocity)))
             turned = times((1.0 + e) * dot(normal, velocity), normal)
@@ -115,8 +120,11 @@ def _cut(
     plane_out: Indices,
 ) -> None:
     """Shorten the way of a sphere where a plane stops it first."""
-    start = carried(world, plane, row(before, i), h)
-    share = _share_of_way(world, plane, i, start, row(after, i))
+    if is_solid(world, plane):
+        share = _share_to_solid(world, plane, i, row(before, i), row(after, i))
+    else:
+        start = carried(world, plane, row(before, i), h)
+        share = _share_of_way(world, plane, i, start, row(after, i))
     if share < share_out[i]:
         share_out[i], plane_out[i] = share, plane
 
@@ -139,3 +147,15 @@ def _share_of_way(world: World, plane: int, i: int, start: Vector, end: Vector) 
         if math.fabs(across) > half[axis] * (1.0 + _OVERLAP):
             return 1.0
     return (height - min(height, world.radius[i])) / (height + depth)
+
+
+@in_place
+def _share_to_solid(world: World, plane: int, i: int, start: Vector, end: Vector) -> float:
+    """As `_share_of_way`, for a solid."""
+    radius = world.radius[i]
+    if is_beside(world.solids[plane]):
+        return 1.0
+    if share_to_solid(world, plane, start, end, _THROUGH * radius) == 1.0:
+        return 1.0
+    share = share_to_solid(world, plane, start, end, radius)
+    return share if share < 1.0 else 0.0  # it begins nearer

@@ -13,6 +13,7 @@ from .islands import Islands
 from .motion import Settings
 from .plane_motion import advance_planes, speed_of_plane
 from .sleep import put_to_sleep, Sleepers
+from .solids import is_near_solid, is_solid
 from .spheres import is_finite, part_of, Spheres, store
 from .warm_start import no_contacts, WarmStart
 from .world import weight_of, World
@@ -156,6 +157,8 @@ def _sag(world: World, before: Spheres, after: Spheres, i: int, dt: float) -> fl
 @in_place
 def _is_clear(world: World, plane: int, p: Vector, q: Vector, margin: float) -> bool:
     """Whether all of the way from p to q is farther than `margin` from a plane."""
+    if is_solid(world, plane):
+        return not is_near_solid(world, plane, p, margin + length(minus(q, p)))
     axes, point = world.axes[plane], row(world.point, plane)
     begin, end = minus(p, point), minus(q, point)
     first, last = dot(row(axes, 2), begin), dot(row(axes, 2), end)

@@ -69,7 +69,8 @@ class Impact(NamedTuple):
 
 
 @in_place
-def _no_impact() -> Impact:
+def no_impact() -> Impact:
+    """None."""
     return Impact(
         found=False,
         edge=False,
@@ -88,7 +89,7 @@ def _no_impact() -> Impact:
 
 
 @in_place
-def _missed_time(gap: float, approach_speed: float, lookback: float) -> float:
+def missed_time(gap: float, approach_speed: float, lookback: float) -> float:
     """Time, 0 or before, at which bodies that overlap by -gap have met."""
     if gap >= 0 or approach_speed <= 0:
         return 0.0
@@ -96,7 +97,7 @@ def _missed_time(gap: float, approach_speed: float, lookback: float) -> float:
 
 
 @in_place
-def _lasts(
+def lasts_in_contact(
     gap: float,
     radius: float,
     pressed: bool,
@@ -168,13 +169,13 @@ def impact_with_plane(
     if not inside:
         normal = times(1.0 / max(distance, 1e-30), start)
     approach_speed = -dot(normal, moving)
-    lasting = lasts or _lasts(gap, radius, pressed, approach_speed, moving, radius, h)
+    lasting = lasts or lasts_in_contact(gap, radius, pressed, approach_speed, moving, radius, h)
     hits = hits and not lasts
     touches = lasting or gap <= TOUCH * radius
     if not (hits or touches or gap <= margin):
-        return _no_impact()
+        return no_impact()
     if not hits:
-        time = _missed_time(gap, approach_speed, lookback)
+        time = missed_time(gap, approach_speed, lookback)
     before = max(time, 0.0)
     normal_time = 0.5 * (before + h) if lasting else before
     at = offset_from_rectangle(position_on_path(local, moving, pulling, normal_time), half)

@@ -11,6 +11,7 @@ import numpy as np
 
 from .contacts import Contacts
 from .rectangle import from_plane, offset_from_rectangle, to_plane
+from .solids import is_solid, nearest_in_world
 from .world import World
 from ..kernels.jit import compiled, in_place
 from ..kernels.vector import add_to, dot, length, minus, put, row, times, Vector
@@ -51,6 +52,9 @@ def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[
     sign, place = 1.0, row(positions, a)
     if plane < 0:
         offset = minus(place, row(positions, b))
+    elif is_solid(world, plane):
+        distance, normal = nearest_in_world(world, plane, place)
+        return distance - world.radius[a], normal
     else:
         axes = world.axes[plane]
         local = to_plane(axes, minus(place, row(world.point, plane)))

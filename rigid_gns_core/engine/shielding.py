@@ -10,6 +10,7 @@ edge that lies on another plane is none if that plane, which is convex, is neare
 from __future__ import annotations
 
 from .rectangle import from_plane, is_over_face, offset_from_rectangle, to_plane
+from .solids import is_solid
 from .world import SLIDE, SLOW, World
 from ..kernels.jit import in_place
 from ..kernels.vector import length, minus, row, Vector
@@ -34,6 +35,8 @@ def is_shielded(world: World, edge_of: int, other: int, centre: Vector) -> bool:
     Of two edges that are one line, as at a crest, only one counts: that of the plane which takes
     less energy, so that the order of the planes does not matter.
     """
+    if is_solid(world, other):
+        return False
     offset = offset_from_plane(world, edge_of, centre)
     closest = minus(centre, from_plane(world.axes[edge_of], offset))
     if length(offset_from_plane(world, other, closest)) > _ON_PLANE:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..kernels.jit import compiled, in_place
 from ..kernels.vector import length, Vector
+from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -30,6 +31,8 @@ THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 # columns of `World.laws`: 1, e_slow, e_fast, u_0, mu, beta, rho, rho', sigma of a contact law; 0,
 # e, 0, 0, mu and zeros of a material
 GIVEN, SLOW, FAST, MIDDLE, SLIDE, GRIP, ROLL, SLOPE, SPIN = range(9)
+# columns of `World.solids`: 1 and a `Profile`, or zeros
+IS_SOLID, INNER, OUTER, HALF, ROUNDING, COSINE, SINE = range(7)
 
 
 class Twists(NamedTuple):
@@ -60,7 +63,8 @@ class World(NamedTuple):
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
     shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
     has_laws: whether there are contact laws; laws: those, or the materials, of the planes and,
-    last, of two spheres, shape (s + 1, 9); moving: whether any plane moves; twists: how.
+    last, of two spheres, shape (s + 1, 9); has_solids: whether planes stand for solids, see
+    `engine.solids`; solids: those, shape (s, 7); moving: whether any plane moves; twists: how.
     """
 
     radius: Array
@@ -78,6 +82,8 @@ class World(NamedTuple):
     two_sided: NDArray[np.bool_]
     has_laws: bool
     laws: Array
+    has_solids: bool
+    solids: Array
     moving: bool
     twists: Twists
 
@@ -91,7 +97,8 @@ def world_of(scene: Scene, count: int) -> World:
     if scene.air is not None:
         flight = np.ascontiguousarray(scene.air.flight(radius, mass, scene.gravity))
         heavy = scene.air.effective_mass(radius, mass)
-    planes, laws = scene.surfaces, _laws_of(scene)
+    planes, solids = _planes_and_solids(scene)
+    laws = _laws_of(scene, planes)
 
     def array(values: object, *shape: int) -> Array:
         return np.array(values, dtype=np.float64).reshape(shape or (-1,))
@@ -112,6 +119,8 @@ def world_of(scene: Scene, count: int) -> World:
         two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
         has_laws=bool(laws[:, GIVEN].any()),
         laws=laws,
+        has_solids=bool(solids.any()),
+        solids=solids,
         moving=any(plane.moves for plane in planes),
         twists=Twists(
             moves=np.array([plane.moves for plane in planes], dtype=bool),
@@ -125,12 +134,22 @@ def world_of(scene: Scene, count: int) -> World:
     )
 
 
-def _laws_of(scene: Scene) -> Array:
-    """Contact laws, or materials, of the surfaces and of two spheres, see `World.laws`."""
-    planes = scene.surfaces
+def _planes_and_solids(scene: Scene) -> tuple[tuple[Plane, ...], Array]:
+    """Surfaces and those of obstacles, s of them; which are solids, see `World.solids`."""
+    parts = [part for obstacle in scene.obstacles for part in obstacle.parts]
+    planes = (*scene.surfaces, *(plane for plane, _ in parts))
+    solids = np.zeros((len(planes), 7))
+    for row, (_, profile) in zip(solids[len(scene.surfaces) :], parts, strict=True):
+        if profile is not None:
+            row[:] = 1.0, *profile
+    return planes, solids
+
+
+def _laws_of(scene: Scene, planes: tuple[Plane, ...]) -> Array:
+    """Contact laws, or materials, of planes and of two spheres, see `World.laws`."""
     laws = np.zeros((len(planes) + 1, 9))
-    laws[:-1, SLOW] = scene.surface_values('restitution')
-    laws[:-1, SLIDE] = scene.surface_values('friction')
+    laws[:-1, SLOW] = scene.values_of('restitution', planes)
+    laws[:-1, SLIDE] = scene.values_of('friction', planes)
     for row, law in zip(
         laws, [*(plane.contact for plane in planes), scene.sphere_contact], strict=True
     ):
@@ -185,6 +204,8 @@ def world_among(world: World, members: NDArray[np.int64], fixed: int) -> World:
         two_sided=world.two_sided,
         has_laws=world.has_laws,
         laws=world.laws,
+        has_solids=world.has_solids,
+        solids=world.solids,
         moving=world.moving,
         twists=world.twists,
     )

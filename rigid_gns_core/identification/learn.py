@@ -105,7 +105,8 @@ def learn(
             all that earn their place.
 
     Raises:
-        UserError: There are too few tracks, or none has enough frames, or a surface changes place.
+        UserError: There are too few tracks, or none has enough frames, a surface changes place, or
+            there are obstacles.
     """
     for k, surface in enumerate(scene.surfaces):
         if surface.changes_place:
@@ -113,6 +114,12 @@ def learn(
                 f'surface {k} of the scene moves, and tracks do not say where it was; fit a scene '
                 'without it, and add it to the result'
             )
+    if scene.obstacles:
+        raise UserError(
+            f'the scene has obstacles ({len(scene.obstacles)}), and no fit knows contacts with '
+            'those; fit a scene without them to tracks that do not meet them, and add them to the '
+            'result'
+        )
     laws = Laws(scene, max(len(labels), 1))
     noise = 1e-3
     for _ in range(2):  # where tracks are cut depends on the noise

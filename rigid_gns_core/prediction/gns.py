@@ -115,6 +115,7 @@ class GNSSimulator(Simulator):
             'a contact law': any(laws),
             'hollow spheres': not solid,
             'surfaces that move': any(surface.moves for surface in scene.surfaces),
+            'obstacles': scene.obstacles,
         }
         for what, given in unknown.items():
             if given:

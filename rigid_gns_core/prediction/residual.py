@@ -68,11 +68,12 @@ class ResidualSimulator(Simulator):
         return float(self.network.strength[0])
 
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
-        """Refuse surfaces that move, of which no network has learned; warn of other materials."""
-        if any(plane.moves for plane in scene.surfaces):
+        """Refuse surfaces that move and obstacles, not learned of; warn of other materials."""
+        moving = any(plane.moves for plane in scene.surfaces)
+        if moving or scene.obstacles:
+            what = 'surfaces that move' if moving else 'obstacles'
             raise UserError(
-                f'the scene has surfaces that move, which model {self.name!r} does not know; use '
-                'the laws'
+                f'the scene has {what}, which model {self.name!r} does not know; use the laws'
             )
         for name, trained in self.card.get('materials', {}).items():
             own = float(np.mean(scene.per_sphere(name, count))) if count else trained

@@ -44,11 +44,11 @@ def touches_of(paths: Paths, scene: Scene, sphere: int) -> list[Touches]:
 
 def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: float) -> list[str]:
     """Name of what each blow at a centre [m], shape (m, 3), came from."""
-    surfaces = scene.surfaces
-    if not surfaces:
+    surfaces, obstacles = scene.surfaces, scene.obstacles
+    if not (surfaces or obstacles):
         return ['sphere'] * len(places)
-    gaps = np.empty((len(places), len(surfaces)))
-    out = np.empty(gaps.shape, dtype=np.bool_)
+    gaps = np.empty((len(places), len(surfaces) + len(obstacles)))
+    out = np.zeros(gaps.shape, dtype=np.bool_)
     for k, plane in enumerate(surfaces):
         # where the plane was at the start
         back = Rotation.from_rotvec(-times[:, None] * plane.angular_velocity)
@@ -61,10 +61,17 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
         gaps[:, k] = np.where(cosines > _COSINE, np.abs(lengths - radius), np.inf)
         along = (centres - plane.point) @ plane.axes[:2].T
         out[:, k] = (np.abs(along) > plane.half_lengths).any(axis=1)
+    for k, obstacle in enumerate(obstacles, len(surfaces)):
+        distance, normal = obstacle.closest(places)
+        cosines = (normal * blows).sum(axis=1)
+        cosines /= np.maximum(np.linalg.norm(blows, axis=1), 1e-300)
+        gaps[:, k] = np.where(cosines > _COSINE, np.abs(distance - radius), np.inf)
     nearest = gaps.argmin(axis=1)
     rows = np.arange(len(places))
     met, beyond = gaps[rows, nearest] <= _NEAR * radius, out[rows, nearest]
+    known = [f'surface {k}' for k in range(len(surfaces))]
+    known += [f'obstacle {k}' for k in range(len(obstacles))]
     return [
-        (f'edge of surface {k}' if past else f'surface {k}') if touch else 'sphere'
+        (f'edge of {known[k]}' if past else known[k]) if touch else 'sphere'
         for k, touch, past in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
     ]

@@ -184,13 +184,15 @@ def _nearest(positions: Array, radii: Array, place: Array, radius: float) -> flo
 
 
 def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:
-    """Gap [m] of spheres to surfaces, negative inside or behind; shape (n, surfaces)."""
-    return np.asarray(distances(scene.surfaces, places) - np.reshape(radii, (-1, 1)))
+    """Gap [m] to surfaces and then obstacles, negative inside or behind; shape (n, bodies)."""
+    obstacles = [obstacle.closest(places)[0] for obstacle in scene.obstacles]
+    apart = np.column_stack([distances(scene.surfaces, places), *obstacles])
+    return np.asarray(apart - np.reshape(radii, (-1, 1)))
 
 
 def _is_clear(scene: Scene, places: Array, radius: float, gap: float, floor: int) -> bool:
-    """Whether spheres keep the gap to all surfaces, but may lie on surface `floor`."""
-    gaps = np.full(len(scene.surfaces), gap)
+    """Whether spheres keep the gap to all bodies, but may lie on surface `floor`."""
+    gaps = np.full(len(scene.fixed_materials), gap)
     gaps[floor] = 0.0
     return bool((_clearance(scene, places, radius) >= gaps - 1e-9 * radius).all())
 

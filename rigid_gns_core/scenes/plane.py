@@ -73,7 +73,8 @@ def checked_vector(name: str, value: ArrayLike) -> Vector:
     return tuple(array.tolist())
 
 
-def _unit(name: str, value: ArrayLike) -> Vector:
+def checked_unit(name: str, value: ArrayLike) -> Vector:
+    """Vector of length 1 along one of three numbers; UserError for anything else, and for 0."""
     vector = np.asarray(checked_vector(name, value))
     if np.linalg.norm(vector) < 1e-9:
         raise UserError(f'{name} is {value}, expected a vector that is not zero')
@@ -128,19 +129,19 @@ class Plane:
             value = checked_vector(f'{name} of a plane', getattr(self, name))
             set_field(self, name, value)
         set_field(self, 'point', checked_vector('point of a plane', self.point))
-        set_field(self, 'normal', _unit('normal of a plane', self.normal))
+        set_field(self, 'normal', checked_unit('normal of a plane', self.normal))
         normal = np.asarray(self.normal)
         direction = self.direction
         if direction is None:
             direction = np.eye(3)[int(np.argmin(np.abs(normal)))]
-        direction = np.asarray(_unit('direction of a plane', direction))
+        direction = np.asarray(checked_unit('direction of a plane', direction))
         while abs(along := direction @ normal) > UNIT:  # else the same bits again, see `as_unit`
             direction = direction - along * normal
             if np.linalg.norm(direction) < 1e-6:
                 raise UserError(
                     'direction of a plane is parallel to its normal; choose one across it'
                 )
-            direction = np.asarray(_unit('direction of a plane', direction))
+            direction = np.asarray(checked_unit('direction of a plane', direction))
         set_field(self, 'direction', tuple(direction.tolist()))
         for name in ('length_x', 'length_y'):
             length = float(getattr(self, name))

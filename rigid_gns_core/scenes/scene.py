@@ -13,6 +13,7 @@ import numpy as np
 
 from .air import Air
 from .contact_law import checked_law, ContactLaw
+from .obstacle import Obstacle
 from .plane import (
     checked_floats,
     checked_property,
@@ -61,6 +62,7 @@ class Scene:
         sphere_contact: Law of the contacts of two spheres, instead of products; None: these.
         tracker: What was learned of the tracker that watches the scene, and of its balls' spins;
             None: nothing. It has no part in motions.
+        obstacles: Bodies at rest that are no planes.
 
     Restitution and friction of a pair are the product of the two values, as in Bullet: two spheres
     of restitution 0.6 collide with 0.36. A plane without a value of its own has the scene's (the
@@ -82,6 +84,7 @@ class Scene:
     air: Air | None = None
     sphere_contact: ContactLaw | None = None
     tracker: Tracker | None = None
+    obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
         planes = self.surfaces
@@ -92,6 +95,14 @@ class Scene:
             if not isinstance(surface, Plane):
                 raise UserError(f'surfaces holds {shown(surface)}, expected planes only')
         object.__setattr__(self, 'surfaces', surfaces)
+        obstacles = self.obstacles
+        obstacles = (obstacles,) if isinstance(obstacles, Obstacle) else obstacles
+        if not isinstance(obstacles, (list, tuple)):
+            raise UserError(f'obstacles is {shown(obstacles)}, expected obstacles; () for none')
+        for obstacle in obstacles:
+            if not isinstance(obstacle, Obstacle):
+                raise UserError(f'obstacles holds {shown(obstacle)}, expected obstacles only')
+        object.__setattr__(self, 'obstacles', tuple(obstacles))
         for name in RANGES:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
         gravity = self.gravity
@@ -133,7 +144,11 @@ class Scene:
         return np.array(value, dtype=np.float64)
 
     def surface_values(self, name: str) -> Array:
-        """`restitution` or `friction` of each surface, shape (surfaces,).
+        """`restitution` or `friction` of each surface, shape (surfaces,); see `values_of`."""
+        return self.values_of(name, self.surfaces)
+
+    def values_of(self, name: str, planes: tuple[Plane, ...]) -> Array:
+        """`restitution` or `friction` of planes in this scene, shape (planes,).
 
         Of one with a contact law: what makes the product with the mean of the spheres that of the
         law, a curve at high speed.
@@ -141,7 +156,7 @@ class Scene:
         default, values = getattr(self, name), []
         if isinstance(default, tuple):
             default = float(np.mean(default))
-        for surface in self.surfaces:
+        for surface in planes:
             value, law = getattr(surface, name), surface.contact
             if law is not None:
                 value = law.curve.fast if name == 'restitution' else getattr(law, name)
@@ -150,9 +165,22 @@ class Scene:
         return np.array(values)
 
     def of_fixed_surfaces(self) -> Scene:
-        """Scene without the surfaces whose place changes: belts stay, rackets do not."""
+        """Scene without the surfaces whose place changes: belts stay, rackets do not.
+
+        The plates of boxes are among its surfaces; other obstacles stay obstacles.
+        """
         fixed = tuple(surface for surface in self.surfaces if not surface.changes_place)
-        return self if len(fixed) == len(self.surfaces) else replace(self, surfaces=fixed)
+        boxes = [obstacle for obstacle in self.obstacles if obstacle.shape == 'box']
+        if len(fixed) == len(self.surfaces) and not boxes:
+            return self
+        plates = (plate for box in boxes for plate, _ in box.parts)
+        others = tuple(obstacle for obstacle in self.obstacles if obstacle not in boxes)
+        return replace(self, surfaces=(*fixed, *plates), obstacles=others)
+
+    @property
+    def fixed_materials(self) -> tuple[Plane, ...]:
+        """Planes with the materials and laws of the surfaces and, after them, the obstacles."""
+        return (*self.surfaces, *(obstacle.parts[0][0] for obstacle in self.obstacles))
 
     @property
     def up(self) -> Array:
@@ -205,6 +233,8 @@ class Scene:
             mapping['air'] = to_mapping(self.air)
         if self.tracker is not None:
             mapping['tracker'] = _tracker_mapping(self.tracker)
+        if self.obstacles:
+            mapping['obstacles'] = [_obstacle_mapping(obstacle) for obstacle in self.obstacles]
         for surface in mapping['surfaces']:
             for name in ('length_x', 'length_y'):
                 if np.isinf(surface[name]):
@@ -240,6 +270,11 @@ class Scene:
             size = float(checked_floats(f'{where}.gravity', mapping['gravity']))
             mapping['gravity'] = [0.0, 0.0, -size]
         return from_mapping(cls, mapping, where)
+
+
+def _obstacle_mapping(obstacle: Obstacle) -> dict[str, Any]:
+    given = {name: v for name, v in to_mapping(obstacle).items() if v is not None}
+    return given | ({'contact': to_mapping(obstacle.contact)} if obstacle.contact else {})
 
 
 def _tracker_mapping(tracker: Tracker) -> dict[str, Any]:

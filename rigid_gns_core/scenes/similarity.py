@@ -23,6 +23,7 @@ import numpy as np
 
 from .air import Air
 from .contact_law import ContactLaw
+from .obstacle import Obstacle
 from .plane import Vector
 from .scene import Plane, Scene
 from .state import Array, as_unit, LARGEST, quaternion_multiply, State
@@ -93,9 +94,20 @@ class Similarity:
             surfaces=tuple[Plane, ...](surfaces),
             gravity=tuple(self.rotation @ gravity),
             radius=_divide(scene.radius, self.length),
+            obstacles=tuple(self._obstacle(obstacle) for obstacle in scene.obstacles),
             air=None if scene.air is None else self._air(scene.air),
             sphere_contact=self._law(scene.sphere_contact),
             tracker=None,  # of the world, and of no part in motions
+        )
+
+    def _obstacle(self, obstacle: Obstacle) -> Obstacle:
+        near = obstacle.scaled(1.0 / self.length)
+        return replace(
+            near,
+            point=self._turned(near.point, 1.0),
+            axis=self._turned(near.axis, 1.0),
+            direction=near.direction and self._turned(near.direction, 1.0),
+            contact=self._law(near.contact),
         )
 
     def _velocity(self, velocity: Vector) -> Vector:

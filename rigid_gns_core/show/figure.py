@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from .obstacles import quads_of
 from ..errors import UserError
 from ..files.atomic_file import whole_file
 from ..scenes.scene import Plane, Scene
@@ -182,7 +183,11 @@ def _draw_view(
 
 def _draw_surfaces(axes: Axes, scene: Scene, view: Array, pick: list[int]) -> None:
     seen_from = ({0, 1, 2} - set(pick)).pop()
-    for plane in scene.of_fixed_surfaces().surfaces:
+    fixed = scene.of_fixed_surfaces()
+    for obstacle in fixed.obstacles:
+        for corners in quads_of(obstacle):
+            axes.fill(*(corners @ view.T)[:, pick].T, facecolor=SURFACE, zorder=1)
+    for plane in fixed.surfaces:
         facing = abs(float(np.asarray(plane.normal) @ view[seen_from]))
         bounded = np.isfinite(plane.length_x) and np.isfinite(plane.length_y)
         if facing > 0.99 and not bounded:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .obstacles import quads_of
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, Trajectory
@@ -21,7 +22,7 @@ START_HEIGHT = 3.0
 
 @dataclass(frozen=True)
 class Quad:
-    """A rectangle.
+    """A rectangle, or another flat quadrangle.
 
     Args:
         corners: Corners, counter-clockwise seen from the front [m], shape (4, 3).
@@ -57,13 +58,14 @@ def focus(trajectories: list[Trajectory], scene: Scene) -> tuple[Array, Array]:
 
 
 def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
-    """Rectangles of all surfaces but those that change place.
+    """Rectangles of all surfaces but those that change place, and quadrangles of obstacles.
 
     Infinite sides are cut at the box from `low` to `high` [m], shape (3,), and the finite
     surfaces; upwards, `WALL_HEIGHT` above the lowest point.
     """
     scene = scene.of_fixed_surfaces()
     corners = [c for plane in scene.surfaces for c in _sure_corners(plane)]
+    corners += [c for obstacle in scene.obstacles for c in quads_of(obstacle).reshape(-1, 3)]
     points = np.array([low, high, *corners])
     heights = points @ scene.up
     across = points - np.outer(heights, scene.up)
@@ -72,7 +74,9 @@ def visible_quads(scene: Scene, low: Array, high: Array) -> list[Quad]:
     # a margin of the ground, so that no sphere stands on its edge
     margin = 0.04 * float(sides.max())
     box = np.array([points.min(axis=0), points.max(axis=0)])
-    return [_quad(plane, box, margin, scene.up, top) for plane in scene.surfaces]
+    quads = [_quad(plane, box, margin, scene.up, top) for plane in scene.surfaces]
+    solids = [four for obstacle in scene.obstacles for four in quads_of(obstacle)]
+    return quads + [Quad(corners, endless=False) for corners in solids]
 
 
 def _sure_corners(plane: Plane) -> list[Array]:

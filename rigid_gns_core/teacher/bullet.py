@@ -21,6 +21,7 @@ import numpy as np
 from .rolling import RollingFriction
 from .settings import TeacherError, TeacherSettings
 from ..installation.extras import missing
+from ..scenes.obstacle import Obstacle
 from ..scenes.plane import Plane, seen_from_behind, SOLID
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State, Trajectory
@@ -61,8 +62,8 @@ class Teacher:
         settings: How Bullet is run.
 
     Raises:
-        UserError: There is no sphere, a value does not fit the scene, or the scene has air or a
-            contact law, which Bullet has not.
+        UserError: There is no sphere, a value does not fit the scene, or the scene has air, a
+            contact law, a ring or a tube, which Bullet has not.
         ModuleNotFoundError: pybullet is not installed.
     """
 
@@ -77,11 +78,13 @@ class Teacher:
             raise TeacherError('the start has no sphere; the teacher needs at least one')
         if not (np.isfinite(dt) and dt > 0):
             raise TeacherError(f'dt is {dt}, expected a positive number of seconds')
-        laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
+        laws = [scene.sphere_contact, *(fixed.contact for fixed in scene.fixed_materials)]
         moving = any(surface.moves for surface in scene.surfaces)
-        if scene.air is not None or any(laws) or moving:
+        hollow = [o.shape for o in scene.obstacles if o.shape in ('ring', 'tube')]
+        if scene.air is not None or any(laws) or moving or hollow:
             what = 'air' if scene.air is not None else 'a contact law'
             what = 'a surface that moves' if moving else what
+            what = f'a {hollow[0]}' if hollow else what
             raise TeacherError(
                 f'the scene has {what}, which this teacher has not; simulate it by the laws: '
                 "load_simulator('laws')"
@@ -198,11 +201,15 @@ class Teacher:
         return body
 
     def _add_surfaces(self, start: State) -> None:
-        restitution = self.scene.surface_values('restitution')
-        friction = self.scene.surface_values('friction')
+        fixed = self.scene.fixed_materials
+        restitution = self.scene.values_of('restitution', fixed)
+        friction = self.scene.values_of('friction', fixed)
         sheets = seen_from_behind(self.scene.surfaces, start.positions)
         for index, plane in enumerate(self.scene.surfaces):
             body = self._add_surface(plane, bool(sheets[index]))
+            self._material(body, restitution[index], friction[index], 0.0)
+        for index, obstacle in enumerate(self.scene.obstacles, len(self.scene.surfaces)):
+            body = self._add_obstacle(obstacle)
             self._material(body, restitution[index], friction[index], 0.0)
 
     def _add_surface(self, plane: Plane, sheet: bool) -> int:
@@ -223,6 +230,21 @@ class Teacher:
         return self._add_body(
             shape, 0.0, point - half[2] * np.asarray(plane.normal), _rotation(plane.axes)
         )
+
+    def _add_obstacle(self, obstacle: Obstacle) -> int:
+        bullet, client, axes = self._bullet, self._client, obstacle.axes
+        sizes = {name: getattr(obstacle, name) for name in ('radius', 'length', 'size')}
+        scaled = {name: np.divide(v, self._length) for name, v in sizes.items() if v is not None}
+        if obstacle.shape == 'box':
+            kind, given = bullet.GEOM_BOX, {'halfExtents': (scaled['size'] / 2).tolist()}
+        elif obstacle.shape == 'sphere':
+            kind, given = bullet.GEOM_SPHERE, {'radius': float(scaled['radius'])}
+        else:
+            kind = bullet.GEOM_CYLINDER
+            given = {'radius': float(scaled['radius']), 'height': float(scaled['length'])}
+        shape = bullet.createCollisionShape(kind, **given, physicsClientId=client)
+        point = np.asarray(obstacle.point) / self._length
+        return self._add_body(shape, 0.0, point, _rotation(axes))
 
     def _add_spheres(self, start: State) -> tuple[list[int], RollingFriction | None]:
         scene, bullet, client = self.scene, self._bullet, self._client

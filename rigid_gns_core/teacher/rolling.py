@@ -94,7 +94,7 @@ def resist_rolling(
 
 
 class RollingFriction:
-    """Rolling friction in a Bullet world whose first bodies are the surfaces of `scene`.
+    """Rolling friction in a Bullet world whose first bodies are those of `scene` that are fixed.
 
     Spheres at rest are held by Bullet's own rolling friction, since updates at intervals cannot
     hold them. They are released once they roll, and before an impact, because Bullet's own acts
@@ -124,11 +124,11 @@ class RollingFriction:
     ) -> None:
         count = len(radius)
         self._bullet, self._client, self._bodies = bullet, client, bodies
-        self._surfaces = len(scene.surfaces)
+        self._surfaces = len(scene.fixed_materials)
         self._radius, self._mass, self._substep = radius, mass, substep
         self._friction = scene.per_sphere('friction', count)
         self._inertia = scene.per_sphere('inertia_factor', count)
-        self._surface_friction = scene.surface_values('friction')
+        self._surface_friction = scene.values_of('friction', scene.fixed_materials)
         fall = float(np.linalg.norm(gravity)) * substep
         self._slip_tolerance = 1e-3 * fall
         self._blow = 10.0 * fall

@@ -106,13 +106,24 @@ KINDS = {
         'circles on a turntable',
         'rolls off a tray that tilts, place [r]',
     ],
+    'obstacle': [
+        'off an obstacle, velocity',
+        'off an obstacle, spin',
+        'on a flat end as on a plane [r]',
+        'over a summit, speed [m/s]',
+        'off a summit, speed across [m/s]',
+        'swings in a pipe, energy',
+        'swings in a pipe, off the wall [r]',
+        'lies in a ring, place [r]',
+        'through a hoop [r]',
+    ],
     'resistance': ['sliding to rolling, speed', 'rolling to rest, speed', 'spinning to rest'],
 }
 
 
 def wrong(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
-    """Free flight, kicked sideways by each surface and turning ever faster."""
-    gravity, count = np.asarray(scene.gravity), len(scene.surfaces)
+    """Free flight, kicked sideways by each surface or obstacle and turning ever faster."""
+    gravity, count = np.asarray(scene.gravity), len(scene.surfaces) - len(scene.obstacles)
     t = (np.arange(steps + 1) * dt)[:, None, None]
     velocities = start.velocities + 0.1 * count + t * gravity
     positions = start.positions + t * (start.velocities + 0.1 * count) + 0.5 * t**2 * gravity

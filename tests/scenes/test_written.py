@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rigid_gns_core import Air, ContactLaw, Plane, RestitutionCurve, Scene, State
+from rigid_gns_core import Air, ContactLaw, Obstacle, Plane, RestitutionCurve, Scene, State
 from rigid_gns_core.data.records import read_record, Record, write_record
 from rigid_gns_core.scenes.plane import MOTIONS, RANGES
 from rigid_gns_core.scenes.sampling import sample_start
@@ -45,6 +45,20 @@ def random_law(rng: np.random.Generator) -> ContactLaw:
     return ContactLaw(curve, *rng.random(5) * 10.0 ** rng.uniform(-9.0, 0.0, 5))
 
 
+def random_obstacle(rng: np.random.Generator, k: int) -> Obstacle:
+    """An obstacle of each shape in turn, with materials or a law."""
+    radius, length, *size = (10.0 ** rng.uniform(-3.0, 3.0, 5)).tolist()
+    shape, lengths = (
+        ('sphere', {'radius': radius}),
+        ('box', {'size': tuple(size), 'direction': tuple(rng.normal(size=3))}),
+        ('cylinder', {'radius': radius, 'length': length}),
+        ('ring', {'radius': radius, 'thickness': radius * rng.random()}),
+        ('tube', {'radius': radius, 'length': length}),
+    )[k % 5]
+    own = {'contact': random_law(rng)} if k % 2 else {'restitution': float(rng.random())}
+    return Obstacle(shape, tuple(rng.normal(size=3)), tuple(rng.normal(size=3)), **lengths, **own)
+
+
 @pytest.fixture(scope='module')
 def scene() -> Scene:
     rng = np.random.default_rng(0)
@@ -57,6 +71,7 @@ def scene() -> Scene:
         inertia_factor=tuple(rng.uniform(0.1, 0.6, 3)),
         air=Air(*rng.random(5), tuple(rng.normal(size=3)), 1e-7 * rng.random()),
         sphere_contact=ContactLaw(RestitutionCurve(*rng.random(3)), *rng.random(2)),
+        obstacles=tuple(random_obstacle(rng, k) for k in range(200)),
     )
 
 

@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 import pytest
-from rigid_gns_core import Air, ContactLaw
+from rigid_gns_core import Air, ContactLaw, load_simulator, Obstacle
 from rigid_gns_core.data.records import demo_record
 from rigid_gns_core.scenes.plane import seen_from_behind
 from rigid_gns_core.scenes.scene import Plane, Scene
@@ -307,3 +307,31 @@ def test_the_shipped_record_was_made_with_the_default_settings():
     made_with = demo_record().teacher
     defaults = asdict(TeacherSettings())
     assert {name: made_with[name] for name in defaults} == defaults
+
+
+@pytest.mark.parametrize(
+    ('obstacle', 'place'),
+    [
+        (Obstacle('sphere', (0.3, 0.0, 1.0), radius=2.0), (0.9, 0.2, 5.0)),
+        (Obstacle('box', (0.3, 0.0, 1.0), (0.4, 0.1, 1.0), size=(3.0, 4.0, 2.0)), (0.5, 0.2, 5.0)),
+        (
+            Obstacle('cylinder', (0.3, 0.0, 1.0), (0.0, 1.0, 0.2), radius=2.0, length=6.0),
+            (0.9, 0.2, 5.0),
+        ),
+    ],
+    ids=lambda of: getattr(of, 'shape', ''),
+)
+def test_obstacles_are_those_of_the_laws(bullet, obstacle, place) -> None:
+    scene = Scene(surfaces=(), obstacles=(obstacle,), restitution=0.8, rolling_friction=0.0)
+    start, settings = spheres([place]), TeacherSettings(substeps=960)
+    run = simulate(scene, start, 12, settings=settings)
+    laws = load_simulator('laws').rollout(scene, steps=12, **vars(start))
+    assert np.abs(laws.velocities[-1, 0, :2]).max() > 0.5  # it was struck aside
+    # Bullet finds an impact up to a substep late: 0.1 ms at 5 m/s
+    np.testing.assert_allclose(run.positions, laws.positions, atol=5e-3)
+
+
+def test_rings_are_refused(bullet) -> None:
+    scene = Scene(obstacles=(Obstacle('ring', radius=1.0),))
+    with pytest.raises(TeacherError, match='the scene has a ring, which this teacher has not'):
+        Teacher(scene, spheres([(0, 0, 2)]))

@@ -146,10 +146,10 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
     laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
     solid = not np.any(scene.per_sphere('inertia_factor', count) - SOLID)
     moving = any(surface.moves for surface in scene.surfaces)
-    if scene.air is not None or any(laws) or not solid or moving:
+    if scene.air is not None or any(laws) or not solid or moving or scene.obstacles:
         raise UserError(
-            'the scene has air, a contact law, spheres that are not solid or surfaces that move; '
-            'the MuJoCo peer takes solid spheres in a vacuum, with materials'
+            'the scene has air, a contact law, obstacles, spheres that are not solid or surfaces '
+            'that move; the MuJoCo peer takes solid spheres in a vacuum, with materials'
         )
     values = {}
     for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction'):
