@@ -85,7 +85,7 @@ def _blow_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
 
 def _top_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     """On the flat end of a box or a cylinder a sphere moves as on a plane."""
-    ends = {'box': {'size': (30.0, 30.0, 2.0)}, 'cylinder': {'radius': 15.0, 'length': 2.0}}
+    ends: dict[str, dict[str, Any]] = {'box': {'size': (30.0, 30.0, 2.0)}, 'cylinder': {'radius': 15.0, 'length': 2.0}}
     for shape, e in product(ends, (0.8,) if quick else (0.8, 0.0)):
         motion: dict[str, Any] = {
             'positions': [(0.4, -0.3, 2.5)],
@@ -104,7 +104,7 @@ def _top_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
 
 def _summit_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     """A sphere leaves a fixed one, or a lying cylinder, at the angle of `leaving_angle`."""
-    shapes = {
+    shapes: dict[str, dict[str, Any]] = {
         'sphere': {'radius': 3.0},
         'cylinder': {'radius': 3.0, 'length': 8.0, 'axis': (0.0, 1.0, 0.0)},
     }
