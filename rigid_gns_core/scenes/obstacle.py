@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .contact_law import ContactLaw
-from .plane import checked_floats, checked_unit, checked_vector, LARGEST, Plane, Vector
-from .state import Array
+from .plane import checked_floats, checked_unit, checked_vector, Plane, Vector
+from .state import Array, LARGEST
 from ..errors import UserError
 
 # angles about the axis, from the half plane of a sphere, in which it may touch a shape with a hole
