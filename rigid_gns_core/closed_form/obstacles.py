@@ -85,7 +85,10 @@ def _blow_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
 
 def _top_checks(simulate: Simulate, quick: bool) -> Iterator[Check]:
     """On the flat end of a box or a cylinder a sphere moves as on a plane."""
-    ends: dict[str, dict[str, Any]] = {'box': {'size': (30.0, 30.0, 2.0)}, 'cylinder': {'radius': 15.0, 'length': 2.0}}
+    ends: dict[str, dict[str, Any]] = {
+        'box': {'size': (30.0, 30.0, 2.0)},
+        'cylinder': {'radius': 15.0, 'length': 2.0},
+    }
     for shape, e in product(ends, (0.8,) if quick else (0.8, 0.0)):
         motion: dict[str, Any] = {
             'positions': [(0.4, -0.3, 2.5)],
