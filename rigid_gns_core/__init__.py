@@ -9,18 +9,18 @@ import importlib
 from typing import Any, TYPE_CHECKING
 
 from .errors import UserError
-from .scenes.air import Air
-from .scenes.contact_law import ContactLaw, RestitutionCurve
-from .scenes.obstacle import Obstacle
-from .scenes.plane import Plane
-from .scenes.scene import Scene
-from .scenes.scene_file import load_scene
-from .scenes.state import State, Trajectory
 
 if TYPE_CHECKING:
     from .prediction.load import load_simulator
     from .rollout.rollout import Rollout
     from .rollout.simulator import Simulator
+    from .scenes.air import Air
+    from .scenes.contact_law import ContactLaw, RestitutionCurve
+    from .scenes.obstacle import Obstacle
+    from .scenes.plane import Plane
+    from .scenes.scene import Scene
+    from .scenes.scene_file import load_scene
+    from .scenes.state import State, Trajectory
 
 __all__ = [
     'Air',
@@ -38,10 +38,19 @@ __all__ = [
     'load_simulator',
 ]
 
-# Imported when first asked for (PEP 562): models take longer to load than a scene.
+# Imported when first asked for (PEP 562): commands answer Ctrl-C before anything heavy is loaded.
 _LAZY = {
+    'Air': '.scenes.air',
+    'ContactLaw': '.scenes.contact_law',
+    'Obstacle': '.scenes.obstacle',
+    'Plane': '.scenes.plane',
+    'RestitutionCurve': '.scenes.contact_law',
     'Rollout': '.rollout.rollout',
+    'Scene': '.scenes.scene',
     'Simulator': '.rollout.simulator',
+    'State': '.scenes.state',
+    'Trajectory': '.scenes.state',
+    'load_scene': '.scenes.scene_file',
     'load_simulator': '.prediction.load',
 }
 

@@ -59,6 +59,15 @@ print({'torch', 'pybullet', 'matplotlib', 'rclpy'} & set(sys.modules))
     assert output.split('\n')[:2] == ['True', 'set()']
 
 
+def test_a_command_can_be_interrupted_before_anything_heavy_is_loaded() -> None:
+    """What is imported before `main` has its handlers ends with a traceback by Ctrl-C."""
+    output = run("""
+import rigid_gns_core.commands.cli
+print({'numpy', 'yaml', 'numba'} & set(sys.modules))
+""")
+    assert output == 'set()\n'
+
+
 def test_public_names_exist() -> None:
     import rigid_gns_core
 
