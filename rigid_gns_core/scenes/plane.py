@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -190,6 +190,10 @@ class Plane:
     def changes_place(self) -> bool:
         """Whether it moves, other than as a belt."""
         return self.velocity != _STILL or self.angular_velocity != _STILL
+
+    def at_rest(self) -> Plane:
+        """This plane where it is now, without its motion."""
+        return replace(self, **dict.fromkeys(MOTIONS, _STILL)) if self.moves else self
 
     @property
     def is_half_space(self) -> bool:

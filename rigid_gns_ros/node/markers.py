@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from rigid_gns_core.messages.markers import (
     sphere_markers,
     surface_markers,
 )
+from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array
 from rigid_gns_core.show.surfaces import visible_quads
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from rigid_gns_core.forecasts.forecaster import Forecaster
     from rigid_gns_core.forecasts.horizon import Future
     from rigid_gns_core.forecasts.spread import Spread
-    from rigid_gns_core.scenes.scene import Scene
+    from rigid_gns_core.scenes.plane import Plane
     from rigid_gns_core.tracking.window import TrackingWindow
 
 
@@ -43,12 +44,16 @@ LIFETIME = 3.0  # [periods]; at least half a second and the longest gap of the t
 
 
 def encode_surfaces(scene: Scene, frame_id: str) -> bytes:
-    """CDR bytes of markers of all surfaces, which stay; endless ones are cut."""
+    """CDR bytes of markers of all surfaces and obstacles, which stay; endless ones are cut."""
+    return encode_markers(0, frame_id, 0, _markers_of('surfaces', scene))
+
+
+def _markers_of(namespace: str, scene: Scene) -> list[Marker]:
+    """Markers of what does not change place in a scene."""
     points = np.array([plane.point for plane in scene.surfaces] or np.zeros((1, 3)))
     reach = REACH * float(np.max(scene.radius))
     quads = visible_quads(scene, points.min(axis=0) - reach, points.max(axis=0) + reach)
-    markers = surface_markers('surfaces', [quad.corners for quad in quads], SURFACE)
-    return encode_markers(0, frame_id, 0, markers)
+    return surface_markers(namespace, [quad.corners for quad in quads], SURFACE)
 
 
 class MarkerPublisher:
@@ -74,6 +79,13 @@ class MarkerPublisher:
     def predicted(self, stamp_ns: int, positions: Array, ids: Sequence[int]) -> None:
         """Publish predicted spheres at their centres [m], shape (n, 3)."""
         self._spheres('predicted', stamp_ns, positions, ids, PREDICTED)
+
+    def carried(self, stamp_ns: int, surfaces: Mapping[int, Plane]) -> None:
+        """Publish surfaces that bodies carry, by their indices in the scene, where they are."""
+        if self.watched and surfaces:
+            planes = tuple(plane.at_rest() for plane in surfaces.values())
+            scene = Scene(surfaces=planes, radius=self._model.radius)
+            self._send(stamp_ns, _markers_of('carried', scene))
 
     def future(self, future: Future) -> None:
         """Publish the paths of a predicted trajectory."""

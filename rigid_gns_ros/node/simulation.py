@@ -191,6 +191,8 @@ class Simulation:
             self._markers.tracked(stamp_ns, state.positions, window.ids)
         if not self._bodies.ready(window.stamp_ns or 0):
             return
+        if self._markers.watched and window.stamp_ns:
+            self._markers.carried(window.stamp_ns, self.surfaces.at(window.stamp_ns))
         if predictor.forecast is None:
             self._start(now)
         elif self.paused:

@@ -28,6 +28,7 @@ from rigid_gns_ros.node.simulator import SimulatorNode
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+from visualization_msgs.msg import MarkerArray
 import yaml
 
 T0 = 1_000_123_456_789  # [ns], as in conftest.py
@@ -198,6 +199,26 @@ def test_a_racket_followed_by_its_poses_strikes_a_ball_and_the_bag_reproduces(
     result = reproduce(bag, find_topics(bag))
     assert result.predictions >= 2 and result.starts >= 2
     assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result
+
+
+def test_markers_show_the_plate_where_it_is(simulated: Callable[..., Any], tmp_path: Path) -> None:
+    stroke = Stroke(simulated, tmp_path, 'pose: racket/pose')
+    bench, drawn = stroke.setup.bench, []
+    bench.tester.create_subscription(MarkerArray, '/predicted_markers', drawn.append, 100)
+    bench.until(stroke.setup.node.simulation.topics.markers.get_subscription_count, 'a listener')
+    stroke.run(stroke.racket)
+    last = T0 + (FRAMES - 1) * FRAME
+
+    def plates() -> list[Any]:
+        shown = [m for array in drawn for m in array.markers if m.ns == 'carried']
+        return [m for m in shown if m.header.stamp.nanosec == last % 10**9]
+
+    bench.until(plates, 'the plate at the last frame')
+    corners = np.array([[p.x, p.y, p.z] for p in plates()[-1].points])
+    x = RACKET + RACKET_SPEED * (FRAMES - 1) * FRAME * 1e-9
+    np.testing.assert_allclose(corners[:, 0], x, atol=1e-9)
+    np.testing.assert_allclose(np.abs(corners[:, 1:] - [0.0, 1.0]), 1.0, atol=1e-9)
+    assert len(drawn[-1].markers) and plates()[-1].header.frame_id == 'world'
 
 
 def test_twists_that_are_sent_hold(simulated: Callable[..., Any], tmp_path: Path) -> None:
