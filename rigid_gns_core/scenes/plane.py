@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -193,7 +194,8 @@ class Plane:
 
     def at_rest(self) -> Plane:
         """This plane where it is now, without its motion."""
-        return replace(self, **dict.fromkeys(MOTIONS, _STILL)) if self.moves else self
+        still: dict[str, Any] = dict.fromkeys(MOTIONS, _STILL)
+        return replace(self, **still) if self.moves else self
 
     @property
     def is_half_space(self) -> bool:
