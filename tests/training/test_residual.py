@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -175,6 +176,16 @@ def test_card_and_weights_must_belong_together(tmp_path):
     card.write_text(card.read_text().replace('"width": 8', '"width": 9'))
     with pytest.raises(CheckpointError, match='do not belong together'):
         load_simulator(tmp_path / 'best')
+
+
+def test_other_materials_than_in_training_are_warned_of(tmp_path):
+    Trainer(replace(CONFIG, steps=1), RECORDS[:1], [], tmp_path).run()
+    simulator = load_simulator(tmp_path / 'best')
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        simulator.check(LAWS, 6)
+    with pytest.warns(UserWarning, match='restitution of the scene is 0.5 .* laws with 0.9'):
+        simulator.check(replace(LAWS, restitution=0.5), 6)
 
 
 def test_shipped_recipe():
