@@ -183,6 +183,7 @@ setup(
     package_data={
         '': ['py.typed', 'weights/*', 'data/*', 'schemas/*', '*.xml', '*.yaml', '*.json', '*.msg'],
         'rigid_gns_core.show.report': ['static/*', 'static/vendor/*'],
+        'rigid_gns_core.studies.benchmark': ['*.js'],
     },
     data_files=shared_files(),
     install_requires=CORE,

@@ -23,7 +23,16 @@ from ..studies.benchmark.interleaved import BLOCK, run_interleaved, timing
 from ..studies.benchmark.peers import all_peers, BULLET_ITERATIONS, NOTES, PeerSet, warm_up
 from ..studies.benchmark.scaling import COUNTS, measure_scaling, QUICK_COUNTS
 from ..studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
-from ..studies.benchmark.tables import COMPARED, format_processes, format_scaling, format_scene
+from ..studies.benchmark.settling import settle
+from ..studies.benchmark.tables import (
+    COMPARED,
+    format_processes,
+    format_scaling,
+    format_scene,
+    format_settling,
+    format_what_ifs,
+)
+from ..studies.benchmark.what_ifs import measure_what_ifs
 from ..studies.chaos_floor import References
 from ..teacher.bullet import load_pybullet
 from ..teacher.settings import TeacherSettings
@@ -60,6 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--cache', type=Path, metavar='DIR', help='cache references in this folder'
+    )
+    parser.add_argument(
+        '--no-what-ifs', action='store_true', help='no rollouts of many starts of one ball'
     )
     parser.add_argument('--no-scaling', action='store_true', help='no scaling to 100 000 spheres')
     parser.add_argument(
@@ -113,8 +125,13 @@ def run(arguments: argparse.Namespace) -> int:
             entry = _run_scene(scene, peer_set, references, repeats)
             report['scenes'].append(entry)
             print(f'{format_scene(entry, report["reference"])}\n', flush=True)
+            if scene.settles:
+                print(f'{format_settling(entry)}\n', flush=True)
             if arguments.figures is not None:
                 _draw(arguments.figures, entry, report['reference'])
+        if not arguments.no_what_ifs:
+            report['what_ifs'] = measure_what_ifs(repeats, quick=quick)
+            print(f'{format_what_ifs(report["what_ifs"])}\n', flush=True)
         if not arguments.no_scaling:
             report['scaling'] = _run_scaling(repeats, quick)
             print(f'{format_scaling(report["scaling"])}\n', flush=True)
@@ -151,6 +168,7 @@ def _head(arguments: argparse.Namespace, peer_set: PeerSet, repeats: int) -> dic
         'notes': peer_set.notes,
         'peers': {peer.name: peer.settings for peer in peer_set.peers},
         'scenes': [],
+        'what_ifs': None,
         'scaling': None,
         'processes': None,
     }
@@ -179,7 +197,8 @@ def _run_scene(
         runs = None if references is None else scene.references(references)
         progress.update()
         records = run_interleaved(scene, peer_set.peers, repeats, progress.update)
-    reference = None if runs is None else runs[0].positions
+    first = None if runs is None else runs[0]
+    reference = None if first is None else first.positions
     timings = {record.peer.name: timing(record) for record in records}
     own = timings.get(COMPARED)
     peers = []
@@ -194,6 +213,7 @@ def _run_scene(
                 'family': record.peer.family,
                 'label': record.peer.label,
                 **assess(scene, record, reference),
+                'settling': settle(scene, record, first) if scene.settles and times else None,
                 'timing': times,
                 # speed of the shipped model relative to this peer's
                 'compared': ratio,

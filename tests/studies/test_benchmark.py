@@ -16,13 +16,15 @@ from rigid_gns_core.commands.cli import main
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.strict_json import read_json
 from rigid_gns_core.scenes.scene import Scene
-from rigid_gns_core.scenes.state import Array, State
+from rigid_gns_core.scenes.state import Array, State, Trajectory
 from rigid_gns_core.studies.benchmark import fresh_process
 from rigid_gns_core.studies.benchmark.accuracy import energy_rise, faults, position_errors
 from rigid_gns_core.studies.benchmark.interleaved import PeerRecord, run_interleaved, timing
 from rigid_gns_core.studies.benchmark.peers import all_peers, NOTES, Peer, Run
 from rigid_gns_core.studies.benchmark.scaling import bouncing_box, fitted_exponent
 from rigid_gns_core.studies.benchmark.scenes import bench_scenes, BenchScene, FRAME, SCENES
+from rigid_gns_core.studies.benchmark.settling import frame_error, settle
+from rigid_gns_core.studies.benchmark.what_ifs import height_after
 
 
 def test_scenes_match_their_descriptions() -> None:
@@ -173,6 +175,43 @@ def test_bouncing_boxes_hold_their_spheres(spheres: int) -> None:
     assert np.abs(start.positions[:, :2]).max() <= np.sqrt(area) / 2 - 1.0
 
 
+def test_height_of_a_thrown_ball_is_that_of_its_parabolas() -> None:
+    assert height_after(6.0, 3.0, 1.0, 10.0) == pytest.approx(4.0)  # 6 + 3 - 5
+    # falls 5 m in 1 s, and rises for 0.8 s to 0.64 of that
+    assert height_after(6.0, 0.0, 1.8, 10.0) == pytest.approx(1.0 + 3.2)
+    assert height_after(6.0, 0.0, 2.6 + 0.64, 10.0) == pytest.approx(1.0 + 5.0 * 0.64**2)
+
+
+def test_a_pile_that_lies_still_has_settled() -> None:
+    """Three spheres in a row, two of which touch; the third rolls away."""
+    places = np.array([[0.0, 0.0, 1.0], [2.01, 0.0, 1.0], [9.0, 0.0, 1.0]])
+    frames = [places + [[0.0] * 3, [0.0] * 3, [0.3 * min(k, 4), 0.0, 0.0]] for k in range(12)]
+    scene = replace(STILL, start=State(positions=places + [0.0, 0.0, 1.0]))
+    record = PeerRecord(scripted('p', frames), positions=frames)
+    found = settle(scene, record, None)
+    assert found['at_rest'] == 1.0 and found['frame_error'] is None
+    assert found['rest_time'] == pytest.approx(4 * FRAME)
+    assert found['height'] == pytest.approx(1.0)
+    assert found['neighbours'] == pytest.approx(2.0 / 3.0)
+
+
+def test_one_frame_is_taken_from_true_states() -> None:
+    steps = np.arange(100.0)[:, None, None]
+    places = np.zeros((100, 1, 3)) + [0.0, 0.0, 5.0] + 0.1 * steps * [1.0, 0.0, 0.0]
+    truth = Trajectory(
+        positions=places,
+        quaternions=np.tile([0.0, 0.0, 0.0, 1.0], (100, 1, 1)),
+        velocities=np.zeros((100, 1, 3)) + [1.0, 0.0, 0.0],
+        angular_velocities=np.zeros((100, 1, 3)),
+        dt=FRAME,
+    )
+
+    def start(scene: Scene, state: State) -> Run:
+        return Script([state.positions + FRAME * state.velocities + [0.0, 0.0, 0.25]])
+
+    assert frame_error(STILL, Peer('p', 'p', '', start), truth) == pytest.approx(0.25)
+
+
 def test_a_failed_process_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fresh_process, '__name__', 'rigid_gns_core.no_such')
     with pytest.raises(OSError, match='a process to measure failed'):
@@ -200,13 +239,22 @@ def test_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert peers['laws 8']['status'] == peers['Bullet 6']['status'] == 'ok'
         assert peers['laws 8']['compared'] == 1.0
         for peer in peers.values():
+            if peer['status'] == 'refused':
+                continue
             times = peer['timing']['seconds_per_frame']
             assert 0 < times['p10'] <= times['median'] <= times['p90']
         for suffix in ('png', 'svg'):
             assert (tmp_path / 'figures' / f'benchmark_{name}.{suffix}').stat().st_size > 10_000
     for peer in scenes['flight']['peers']:
-        if peer['family'] != 'GNS':
+        if peer['family'] not in ('GNS', 'LAMMPS', 'Rapier'):
             assert peer['errors']['position_error_30'] < 1e-9
+    settled = {peer['name']: peer['settling'] for peer in scenes['pile']['peers']}
+    assert settled['laws 8']['frame_error'] < 0.1
+    assert 0.9 < settled['laws 8']['height'] < 3.0
+    assert scenes['box']['peers'][0]['settling'] is None
+    what_ifs = {(row['peer'], row['threads']): row for row in report['what_ifs']['rows']}
+    assert what_ifs['laws 8', 1]['height_error'] < 1e-6
+    assert what_ifs['MuJoCo 24', 1]['height_error'] < 3.0
     assert [row['spheres'] for row in report['scaling']['rows']] == [1, 10, 40]
     assert report['scaling']['exponent'] is None  # none of 1000 spheres
     assert report['processes']['first_prediction']['seconds']['median'] > 0

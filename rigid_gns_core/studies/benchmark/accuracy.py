@@ -76,11 +76,24 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
         scene: Gravity, masses and the start with its velocities.
         positions: Centres [m], shape (frames + 1, n, 3).
     """
+    energy = energies(scene, positions)
+    count = len(scene.start)
+    gravity = float(np.linalg.norm(scene.scene.gravity))
+    weight = scene.scene.per_sphere('mass', count) * gravity
+    # plus m g r of all spheres: spheres that rest on the ground from the start have no energy
+    scale = energy[0] + (weight * scene.scene.per_sphere('radius', count)).sum()
+    return max(0.0, float((energy.max() - energy[0]) / scale))
+
+
+def energies(scene: BenchScene, positions: Array) -> Array:
+    """Energy of the start, and that between each two frames by `energy_rise` [J].
+
+    That of spheres that lie on the ground is 0. Arguments as there; shape (frames + 1,).
+    """
     count = len(scene.start)
     mass = scene.scene.per_sphere('mass', count)
     up, gravity = scene.scene.up, float(np.linalg.norm(scene.scene.gravity))
-    ground = _ground(scene.scene)
-    height = positions @ up - ground
+    height = positions @ up - _ground(scene.scene)
     radius = scene.scene.per_sphere('radius', count)
     potential = (mass * gravity * (height - radius)).sum(axis=1)
     moves = np.linalg.norm(np.diff(positions, axis=0), axis=2) / FRAME
@@ -89,10 +102,8 @@ def energy_rise(scene: BenchScene, positions: Array) -> float:
     speed = np.linalg.norm(scene.start.velocities, axis=1)
     inertia = scene.scene.per_sphere('inertia_factor', count)
     begin = 0.5 * (mass * (speed**2 + inertia * (radius * spin) ** 2)).sum() + potential[0]
-    # plus m g r of all spheres: spheres that rest on the ground from the start have no energy
-    scale = begin + (mass * gravity * radius).sum()
-    energy = moving + 0.5 * (potential[1:] + potential[:-1])
-    return max(0.0, float((energy.max() - begin) / scale))
+    found: Array = np.append(begin, moving + 0.5 * (potential[1:] + potential[:-1]))
+    return found
 
 
 def floor_of(runs: Sequence[Trajectory] | None) -> dict[str, float | None] | None:

@@ -25,11 +25,15 @@ STYLES = {
     'laws': ('#0072b2', '^'),
     'Bullet': ('#e69f00', 'o'),
     'MuJoCo': ('#009e73', 's'),
+    'Rapier': ('#d55e00', 'v'),
+    'LAMMPS': ('#56b4e9', 'P'),
     'GNS': ('#cc79a7', 'D'),
 }
 LEGEND = {
     'Bullet': 'Bullet, by substeps',
     'MuJoCo': 'MuJoCo, by substeps',
+    'Rapier': 'Rapier, by substeps',
+    'LAMMPS': 'LAMMPS granular',
     'GNS': "thesis' network",
     'laws': 'laws, by substeps',
 }

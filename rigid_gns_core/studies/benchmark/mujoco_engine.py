@@ -78,16 +78,19 @@ class MujocoSpheres:
         self._mujoco = load_mujoco()
         self._substeps = settings.substeps
         text = _model(scene, start, dt / settings.substeps, settings)
-        model = self._mujoco.MjModel.from_xml_string(text)
-        data = self._mujoco.MjData(model)
+        self._model = self._mujoco.MjModel.from_xml_string(text)
+        self._data = self._mujoco.MjData(self._model)
+        self.place(start)
+
+    def place(self, state: State) -> None:
+        """Put the spheres where they are in a state."""
         # v += g h; x += v h is exact in flight if v is that of half a substep before x
-        early = start.velocities - 0.5 * dt / settings.substeps * np.asarray(scene.gravity)
-        poses = np.concatenate([start.positions, np.roll(start.quaternions, 1, axis=1)], axis=1)
-        data.qpos[:] = poses.ravel()
+        early = state.velocities - 0.5 * self._model.opt.timestep * self._model.opt.gravity
+        poses = np.concatenate([state.positions, np.roll(state.quaternions, 1, axis=1)], axis=1)
+        self._data.qpos[:] = poses.ravel()
         # MuJoCo takes the spin in the body frame
-        spins = _unturned(start.quaternions, start.angular_velocities)
-        data.qvel[:] = np.concatenate([early, spins], axis=1).ravel()
-        self._model, self._data = model, data
+        spins = _unturned(state.quaternions, state.angular_velocities)
+        self._data.qvel[:] = np.concatenate([early, spins], axis=1).ravel()
 
     def advance(self) -> Array:
         """Advance by a frame; the centres after it [m], shape (n, 3).
@@ -121,6 +124,48 @@ class MujocoSpheres:
     def close(self) -> None:
         """Free MuJoCo's memory."""
         del self._model, self._data
+
+
+class MujocoSamples:
+    """Many starts of one scene, rolled out at once by `mujoco.rollout`.
+
+    Args:
+        scene: As of `MujocoSpheres`.
+        starts: Fields of shape (s, n, k).
+        dt: Length of a frame [s].
+        settings: Settings of MuJoCo.
+        threads: Threads, each with data of its own.
+    """
+
+    def __init__(
+        self, scene: Scene, starts: State, dt: float, settings: MujocoSettings, threads: int
+    ) -> None:
+        mujoco, self._substeps = load_mujoco(), settings.substeps
+        states = [
+            State(**{name: values[i] for name, values in vars(starts).items()})
+            for i in range(len(starts.positions))
+        ]
+        one, kind = (
+            MujocoSpheres(scene, states[0], dt, settings),
+            mujoco.mjtState.mjSTATE_FULLPHYSICS,
+        )
+        self._model = one._model
+        self._starts = np.empty((len(states), mujoco.mj_stateSize(self._model, kind)))
+        for state, values in zip(states, self._starts, strict=True):
+            one.place(state)
+            mujoco.mj_getState(self._model, one._data, values, kind)
+        self._data = [mujoco.MjData(self._model) for _ in range(threads)]
+
+    def roll(self, frames: int) -> Array:
+        """Centres of the first sphere after so many frames [m], shape (s, 3)."""
+        from mujoco.rollout import rollout
+
+        states, _ = rollout(
+            self._model, self._data, self._starts, nstep=frames * self._substeps,
+            persistent_pool=True,
+        )  # fmt: skip
+        places: Array = states[:, -1, 1:4]  # after the time
+        return places
 
 
 def describe(settings: MujocoSettings) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The peers that are compared: Bullet, MuJoCo, the thesis' GNS and the laws."""
+"""The peers that are compared: Bullet, MuJoCo, Rapier, LAMMPS, the thesis' GNS and the laws."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ import warnings
 import numpy as np
 
 from .bullet_engine import BulletSpheres
+from .lammps_engine import describe as describe_lammps
+from .lammps_engine import LammpsSpheres, load_lammps
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
+from .rapier_engine import describe as describe_rapier
+from .rapier_engine import load_rapier, RapierSettings, RapierSpheres
 from .scenes import FRAME
 from ...errors import UserError
 from ...files.checkpoint import LAWS
@@ -27,6 +31,7 @@ from ...teacher.settings import TeacherSettings
 
 BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
 MUJOCO_SUBSTEPS = (6, 12, 24, 48)
+RAPIER_SUBSTEPS = (1, 2, 6, 12, 24)
 LAWS_SUBSTEPS = (1, 2, 4, 8, 16)
 BULLET_ITERATIONS = 10
 """Iterations of Bullet's solver: errors as with the teacher's 50, and up to twice as fast."""
@@ -87,6 +92,9 @@ NOTES = {
     'otherwise the settings of the teacher',
     'MuJoCo': 'has no coefficient of restitution: the damping ratio of its contacts is set to the '
     'closed form for the restitution of each pair; its planes are infinite',
+    'Rapier': 'a game engine, in a process of its own; it has no rolling friction here',
+    'LAMMPS': 'granular spheres as springs, of finite stiffness; boxes of one material, without '
+    'rolling friction; not made for few spheres',
     'GNS': "the thesis' network; trained on one material, not on those of the other scenes",
     'laws': 'the laws of contact; the number is their substeps K, by default 8',
 }
@@ -111,6 +119,8 @@ def all_peers(
     makers: dict[str, Callable[[], list[Peer]]] = {
         'Bullet': lambda: _bullet((2, 6) if quick else BULLET_SUBSTEPS, bullet_iterations),
         'MuJoCo': lambda: _mujoco((12,) if quick else MUJOCO_SUBSTEPS),
+        'Rapier': lambda: _rapier((6,) if quick else RAPIER_SUBSTEPS),
+        'LAMMPS': _lammps,
         'GNS': _gns,
         'laws': lambda: _laws((8,) if quick else LAWS_SUBSTEPS),
     }
@@ -163,6 +173,29 @@ def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
 
         peers.append(Peer(f'MuJoCo {count}', 'MuJoCo', str(count), start, describe(settings)))
     return peers
+
+
+def _rapier(substeps: tuple[int, ...]) -> list[Peer]:
+    load_rapier()
+    peers = []
+    for count in substeps:
+        settings = RapierSettings(count)
+
+        def start(scene: Scene, state: State, settings: RapierSettings = settings) -> Run:
+            return RapierSpheres(scene, state, FRAME, settings)
+
+        described = describe_rapier(settings)
+        peers.append(Peer(f'Rapier {count}', 'Rapier', str(count), start, described))
+    return peers
+
+
+def _lammps() -> list[Peer]:
+    load_lammps()
+
+    def start(scene: Scene, state: State) -> Run:
+        return LammpsSpheres(scene, state, FRAME)
+
+    return [Peer('LAMMPS', 'LAMMPS', '', start, describe_lammps())]
 
 
 class OwnSpheres:

@@ -36,6 +36,7 @@ class BenchScene:
         scene: Surfaces, sphere properties, materials and gravity; spheres of radius 1 m.
         start: State at time 0.
         frames: Number of frames of `FRAME` seconds.
+        settles: Whether it ends in a pile, which is measured, too.
     """
 
     name: str
@@ -43,6 +44,7 @@ class BenchScene:
     scene: Scene
     start: State
     frames: int = FRAMES
+    settles: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.frames <= FRAMES:
@@ -121,7 +123,7 @@ def _pile(quick: bool) -> BenchScene:
         surfaces=Plane.box(side, side), restitution=0.6325, friction=0.5, rolling_friction=0.03
     )
     places = lattice((columns, columns), count, 3.0, 1.8, 0.3)
-    return _named('pile', scene, State(positions=places))
+    return replace(_named('pile', scene, State(positions=places)), settles=True)
 
 
 def _billiards(quick: bool) -> BenchScene:

@@ -34,6 +34,44 @@ def format_scene(scene: Mapping[str, Any], reference: str | None) -> str:
     return '\n'.join(lines)
 
 
+def format_settling(scene: Mapping[str, Any]) -> str:
+    """Table of what chaos does not drown in a pile, see `settling`."""
+    measured = [(peer['name'], peer['settling']) for peer in scene['peers'] if peer['settling']]
+    frames = list(measured[0][1]['energy']) if measured else []
+    head = ['peer', 'one frame [m]', *(f'energy {frame} [%]' for frame in frames)]
+    head += ['at rest [%]', 'since [s]', 'height [m]', 'neighbours']
+    rows = [
+        [
+            name,
+            _known(own['frame_error']),
+            *(f'{100.0 * own["energy"][frame]:.2f}' for frame in frames if frame in own['energy']),
+            f'{100.0 * own["at_rest"]:.1f}',
+            _known(own['rest_time']),
+            f'{own["height"]:.3f}',
+            f'{own["neighbours"]:.2f}',
+        ]
+        for name, own in measured
+    ]
+    return f'{scene["name"]}, how it settles\n\n{format_rows(head, rows)}'
+
+
+def format_what_ifs(measured: Mapping[str, Any]) -> str:
+    """Table of rollouts a second of many starts of one ball."""
+    rows = [
+        [
+            row['peer'],
+            str(row['threads']),
+            number(1e3 * row['seconds']),
+            number(row['rollouts_per_second']),
+            number(row['height_error']),
+        ]
+        for row in measured['rows']
+    ]
+    head = ['peer', 'threads', 'ms', 'rollouts/s', 'error of the height at the end [m]']
+    title = f'what-ifs of one ball: {measured["samples"]} starts, {measured["frames"]} frames'
+    return f'{title}\n\n{format_rows(head, rows)}'
+
+
 def format_scaling(scaling: Mapping[str, Any]) -> str:
     """Table of the time per step against the number of spheres, with the fitted exponent."""
     rows = [
@@ -108,6 +146,10 @@ def _remark(peer: Mapping[str, Any]) -> str:
 
 def _spread(seconds: Mapping[str, float]) -> str:
     return f'({number(1e3 * seconds["p10"])}..{number(1e3 * seconds["p90"])})'
+
+
+def _known(value: float | None) -> str:
+    return '' if value is None else number(value)
 
 
 def _megabytes(value: int | None) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .granular import GranularSpheres
+from ..benchmark.lammps_engine import GranularSpheres
 from ..benchmark.mujoco_engine import MujocoSettings, MujocoSpheres
 from ...data.recipe import DataRecipe
 from ...data.records import Record

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""LAMMPS' granular spheres as a world: Hertz contacts with Mindlin friction and damping.
+"""LAMMPS' granular spheres, a world and a peer: Hertz contacts, Mindlin friction and damping.
 
 Contacts that act at once share a blow by their stiffness. Damping is that of Tsuji, Tanaka,
 Ishida (1992) for a restitution, 0.70 where 0.6 is asked for; the tangential spring is Mindlin's.
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import UserError
 from ...installation.extras import needed
 from ...kernels.neighbours import Indices
 from ...scenes.scene import Scene
@@ -26,7 +27,7 @@ from ...scenes.state import Array, quaternion_multiply, State
 # spheres that meet at 5 m/s touch for 14 ms, a seventh of a frame
 YOUNG, POISSON = 4e5, 0.3
 # length of a step [s]
-_STEP = 1.25e-4
+STEP = 1.25e-4
 
 
 def load_lammps() -> ModuleType:
@@ -38,7 +39,7 @@ def load_lammps() -> ModuleType:
     for file in metadata.files('mpich') or () if _is_installed('mpich') else ():
         if file.name == 'libmpi.so.12':
             ctypes.CDLL(str(Path(str(file.locate())).resolve()), mode=ctypes.RTLD_GLOBAL)
-    module: ModuleType = needed('lammps', 'the world of granular spheres')
+    module: ModuleType = needed('lammps', 'granular spheres')
     return module
 
 
@@ -62,7 +63,7 @@ class GranularSpheres:
     def __init__(self, scene: Scene, start: State, dt: float) -> None:
         module: Any = load_lammps()
         self._lammps = module.lammps(cmdargs=['-screen', 'none', '-log', 'none'])
-        self._steps = round(dt / _STEP)
+        self._steps = round(dt / STEP)
         self._turn = start.quaternions.copy()
         count, radius = len(start), float(np.mean(scene.radius))
         density = float(np.mean(scene.mass)) / (4.0 / 3.0 * np.pi * radius**3)
@@ -97,7 +98,7 @@ class GranularSpheres:
             f'pair_coeff * * {law}',
             'fix move all nve/sphere',
             f'fix fall all gravity {float(np.linalg.norm(scene.gravity))!r} vector 0 0 -1',
-            f'timestep {_STEP!r}',
+            f'timestep {STEP!r}',
             'thermo 1000000',
         ]
         for index, plane in enumerate(scene.surfaces):
@@ -124,7 +125,7 @@ class GranularSpheres:
         before = self.state().angular_velocities
         self._lammps.command(f'run {self._steps} pre no post no')
         after = self.state().angular_velocities
-        mean = 0.5 * (before + after) * self._steps * _STEP
+        mean = 0.5 * (before + after) * self._steps * STEP
         self._turn = _turned(self._turn, mean)
         return self.state()
 
@@ -141,6 +142,66 @@ class GranularSpheres:
         tags = self._lammps.numpy.extract_atom('id')[:count]
         order: Indices = np.argsort(tags).astype(np.int64)
         return order
+
+
+class LammpsSpheres(GranularSpheres):
+    """A live LAMMPS scene that is advanced frame by frame.
+
+    Args:
+        scene: Half spaces along the axes, with the material of the spheres.
+        start: State at time 0.
+        dt: Length of a frame [s].
+
+    Raises:
+        UserError: LAMMPS cannot express the scene, or spheres leave its room.
+        ModuleNotFoundError: lammps is not installed.
+    """
+
+    def __init__(self, scene: Scene, start: State, dt: float) -> None:
+        _check(scene, start)
+        super().__init__(scene, start, dt)
+
+    def advance(self) -> Array:  # type: ignore[override]
+        """Advance by a frame; the centres after it [m], shape (n, 3).
+
+        Raises:
+            FloatingPointError: LAMMPS lost a sphere.
+        """
+        try:
+            return super().advance().positions
+        except Exception as error:  # of a class that the module makes
+            raise FloatingPointError(f'LAMMPS gave up: {error}') from error
+
+
+def describe() -> dict[str, Any]:
+    """Settings for the report."""
+    return {
+        'engine': 'lammps',
+        'version': metadata.version('lammps'),
+        'law': 'granular, hertz/material, tangential mindlin, damping tsuji',
+        'young': YOUNG,
+        'poisson': POISSON,
+        'step': STEP,
+    }
+
+
+def _check(scene: Scene, start: State) -> None:
+    count = len(start)
+    materials = {'restitution': scene.surface_values('restitution')}
+    materials['friction'] = scene.surface_values('friction')
+    for name, of_planes in materials.items():
+        values = np.append(of_planes, scene.per_sphere(name, count))
+        if np.ptp(values) > 1e-9:
+            raise UserError(f'{name} differs between bodies; the LAMMPS peer takes one for all')
+    if scene.air is not None or scene.obstacles or any(p.contact for p in scene.surfaces):
+        raise UserError(
+            'the scene has air, obstacles or contact laws; the LAMMPS peer takes materials'
+        )
+    normals = np.array([plane.normal for plane in scene.surfaces])
+    if not (np.abs(normals).max(axis=1) > 1.0 - 1e-9).all() or scene.up[2] < 1.0 - 1e-9:
+        raise UserError('the LAMMPS peer takes surfaces and gravity along the axes')
+    if start.velocities[:, 2].max() > 20.0:
+        raise UserError('spheres fly up; the LAMMPS peer has a lid 20 m above the highest')
 
 
 def _turned(quaternions: Array, vectors: Array) -> Array:
