@@ -150,9 +150,14 @@ def _fly_in_air(world: World, before: Spheres, i: int, time: float, spheres_out:
     put(spheres_out.angular_velocities, i, spin_after(w, flight, time))
     for part in range(4):
         spheres_out.quaternions[i, part] = before.quaternions[i, part]
-    turned = flight.spin_decay * time
-    share = -math.expm1(-turned) / turned if turned > 0 else 1.0
-    turn(spheres_out.quaternions, i, times(share, w), time)
+    turn(spheres_out.quaternions, i, times(share_of_spin(flight.spin_decay, time), w), time)
+
+
+@in_place
+def share_of_spin(decay: float, time: float) -> float:
+    """Mean of a spin that air slows down over a time, as a share of that at its start."""
+    turned = decay * time
+    return -math.expm1(-turned) / turned if turned > 0 else 1.0
 
 
 @in_place

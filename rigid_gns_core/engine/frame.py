@@ -94,7 +94,7 @@ def advance(
             )
             set_clock(world, clock)
         start, reach, done = motion.positions.copy(), _reaches(members_world, motion, dt), started
-        while done < settings.substeps and not _outrun(
+        while done < settings.substeps and not outrun(
             members_world, motion, start, reach, dt - done * h
         ):
             substep(
@@ -112,9 +112,9 @@ def advance(
             for i in range(len(quaternions)):
                 turn(quaternions, i, row(motion.angular_velocities, i), h)
             done += 1
-        outran = _outrun(members_world, motion, start, reach, dt - done * h)
+        outran = outrun(members_world, motion, start, reach, dt - done * h)
         for _ in range(0 if outran else _CORRECTIONS):
-            missed, deep = _find_missed(members_world, motion, local, h, work)
+            missed, deep = find_missed(members_world, motion, local, h, work)
             if not (missed or deep):
                 break
             if missed:
@@ -188,7 +188,7 @@ def _reaches(world: World, motion: Motion, dt: float) -> Array:
 
 
 @in_place
-def _outrun(world: World, motion: Motion, start: Array, reach: Array, left: float) -> bool:
+def outrun(world: World, motion: Motion, start: Array, reach: Array, left: float) -> bool:
     """Whether a sphere that was struck may leave its reach in the time `left` of the frame."""
     for i in range(len(reach)):
         gone = length(minus(row(motion.positions, i), row(start, i)))
@@ -201,7 +201,7 @@ def _outrun(world: World, motion: Motion, start: Array, reach: Array, left: floa
 
 
 @in_place
-def _find_missed(
+def find_missed(
     world: World, motion: Motion, candidates: Candidates, h: float, work_out: Workspace
 ) -> tuple[bool, bool]:
     """Mark candidates of bodies that overlap and approach, since contacts bent their paths.

@@ -43,7 +43,7 @@ from ..kernels.vector import (
 from ..scenes.state import Array
 
 # gains below this share of the island's energy are rounding
-_ROUNDING = 1e-13
+ROUNDING = 1e-13
 
 
 class _RigidMotion(NamedTuple):
@@ -98,6 +98,22 @@ def _from_wind(world: World, before: Spheres, after: Spheres, i: int, dt: float)
     return force * length(flight.wind) * dt / world.inverse_mass[i]
 
 
+@in_place
+def gain_of(
+    world: World, before: Spheres, after: Spheres, i: int, dt: float
+) -> tuple[float, float, float]:
+    """Kinetic energy of a sphere after a frame, what it gained, and the size of what changed.
+
+    Without what wind may have given it.
+    """
+    kinetic, potential = energy_of(world, after, i)
+    kinetic_before, potential_before = energy_of(world, before, i)
+    gain = kinetic + potential - kinetic_before - potential_before
+    if world.in_air:
+        gain -= _from_wind(world, before, after, i, dt)
+    return kinetic, gain, kinetic + kinetic_before + math.fabs(potential - potential_before)
+
+
 @compiled
 def limit_energy(
     world: World, before: Spheres, islands: Islands, dt: float, after_out: Spheres
@@ -142,15 +158,11 @@ def limit_energy_beyond(
             _restore_momenta(world, before, members, dt, after)
         moving, gain, size = 0.0, 0.0, 0.0
         for i in members:
-            kinetic, potential = energy_of(world, after, i)
-            kinetic_before, potential_before = energy_of(world, before, i)
+            kinetic, more, own = gain_of(world, before, after, i, dt)
             moving += kinetic
-            gain += kinetic + potential - kinetic_before - potential_before
-            size += kinetic + kinetic_before + math.fabs(potential - potential_before)
-            gain -= islands.work[i] + allowance[i]
-            if world.in_air:
-                gain -= _from_wind(world, before, after, i, dt)
-        if gain <= _ROUNDING * size:
+            gain += more - islands.work[i] - allowance[i]
+            size += own
+        if gain <= ROUNDING * size:
             continue
         acted += 1
         removed += gain

@@ -13,7 +13,7 @@ from .broad_phase import Candidates, find_candidates
 from .islands import groups_of, Islands
 from .spheres import Spheres
 from .world import World
-from ..kernels.jit import compiled
+from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import length, minus, put, row
 from ..scenes.state import Array
@@ -53,6 +53,16 @@ def all_awake(radius: Array, gravity: float) -> Sleepers:
         threshold=_THRESHOLD * np.sqrt(gravity * radius),
         islands=np.zeros(1, np.int64),
     )
+
+
+@in_place
+def wake_all(sleepers_out: Sleepers) -> None:
+    """Make them those of a start."""
+    for i in range(len(sleepers_out.asleep)):
+        sleepers_out.asleep[i] = False
+        sleepers_out.island[i] = -1
+        sleepers_out.quiet[i] = 0
+    sleepers_out.islands[0] = 0
 
 
 @compiled

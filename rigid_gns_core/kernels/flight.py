@@ -16,6 +16,7 @@ import math
 from typing import NamedTuple
 
 from .jit import entry, in_place
+from .lanes import choose, Mask
 from .vector import cross, dot, length, minus, plus, times, Vector
 from ..scenes.state import Array
 
@@ -60,17 +61,20 @@ def flight_at(rows: Array, i: int) -> Flight:
 
 @in_place
 def acceleration(velocity: Vector, spin: Vector, flight: Flight) -> Vector:
-    """Acceleration of a sphere that flies with a velocity and an angular velocity."""
+    """Acceleration of a sphere that flies with a velocity and an angular velocity.
+
+    Of one, or of eight of the same parameters as lanes.
+    """
     u = minus(velocity, flight.wind)
     square = dot(u, u)
-    if square == 0:
-        return flight.pull
     speed, turning = math.sqrt(square), cross(spin, u)
     twist = flight.radius * length(turning)
     drag = flight.load * (flight.drag * speed + flight.drag_slope * twist / speed)
     lift = flight.load * flight.lift * flight.radius * square
-    lift /= twist + flight.lift_half_ratio * square
-    return plus(flight.pull, minus(times(lift, turning), times(drag, u)))
+    lift = lift / (twist + flight.lift_half_ratio * square)
+    push, still = minus(times(lift, turning), times(drag, u)), square <= 0.0
+    push = choose(still, 0.0, push[0]), choose(still, 0.0, push[1]), choose(still, 0.0, push[2])
+    return plus(flight.pull, push)
 
 
 @entry
@@ -100,15 +104,16 @@ def mean_accelerations(
 
     In pieces so short that air changes the velocity by at most `_LARGEST_CHANGE` in each.
     """
-    there = minus(velocity, flight.wind)
-    push = minus(acceleration(velocity, spin, flight), flight.pull)
-    parts = _LARGEST_CHANGE * length(there)
-    parts = min(math.ceil(time * length(push) / parts), _MOST_PIECES) if parts > 0 else 1
-    if parts <= 1:
-        return _mean_accelerations(velocity, spin, flight, time)
+    first = acceleration(velocity, spin, flight)
+    pieces = _pieces(velocity, first, flight, time)
+    if not pieces > 1.0:
+        return _mean_accelerations(velocity, spin, first, flight, time)
+    parts = math.ceil(min(pieces, float(_MOST_PIECES)))
     way, change, piece = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), time / parts
     for _ in range(parts):
-        path, mean = _mean_accelerations(plus(velocity, change), spin, flight, piece)
+        now = plus(velocity, change)
+        first = acceleration(now, spin, flight)
+        path, mean = _mean_accelerations(now, spin, first, flight, piece)
         way = plus(way, times(piece, plus(change, times(0.5 * piece, path))))
         change = plus(change, times(piece, mean))
         spin = spin_after(spin, flight, piece)
@@ -116,16 +121,35 @@ def mean_accelerations(
 
 
 @in_place
-def _mean_accelerations(
+def mean_accelerations_in_lanes(
     velocity: Vector, spin: Vector, flight: Flight, time: float
+) -> tuple[Mask, Vector, Vector]:
+    """As `mean_accelerations`, of eight spheres as lanes; and whether one piece is enough.
+
+    Where it is not, the accelerations are not those.
+    """
+    first = acceleration(velocity, spin, flight)
+    path, mean = _mean_accelerations(velocity, spin, first, flight, time)
+    return _pieces(velocity, first, flight, time) <= 1.0, path, mean
+
+
+@in_place
+def _pieces(velocity: Vector, first: Vector, flight: Flight, time: float) -> float:
+    """How many pieces a flight is to have, not rounded; not a number without relative wind."""
+    push = minus(first, flight.pull)
+    return time * length(push) / (_LARGEST_CHANGE * length(minus(velocity, flight.wind)))
+
+
+@in_place
+def _mean_accelerations(
+    velocity: Vector, spin: Vector, first: Vector, flight: Flight, time: float
 ) -> tuple[Vector, Vector]:
     """Step of the classical Runge-Kutta method, of fourth order in t.
 
-    With the accelerations k of its stages, a_p = (k1 + k2 + k3) / 3 and
+    With the accelerations k of its stages, the first given, a_p = (k1 + k2 + k3) / 3 and
     a_v = (k1 + 2 k2 + 2 k3 + k4) / 6.
     """
     half = spin_after(spin, flight, 0.5 * time)
-    first = acceleration(velocity, spin, flight)
     second = acceleration(plus(velocity, times(0.5 * time, first)), half, flight)
     third = acceleration(plus(velocity, times(0.5 * time, second)), half, flight)
     last = spin_after(spin, flight, time)

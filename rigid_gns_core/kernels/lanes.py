@@ -122,6 +122,30 @@ _define_own(operator.or_, lambda b, x, y: b.or_(x, y), MASK, 2)
 _define_own(operator.invert, lambda b, x: b.not_(x), MASK, 1)
 
 
+def _define_by_lane(function: Any) -> None:
+    """Let a function of one number take lanes, each by the function itself: the same bits."""
+
+    class _Template(ConcreteTemplate):
+        cases = [signature(LANES, LANES)]  # noqa: RUF012
+
+    infer_global(function)(_Template)
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        own = signature(types.float64, types.float64)
+        call, value = context.get_function(function, own), ir.Constant(_NUMBERS, ir.Undefined)
+        for lane in range(WIDTH):
+            one = builder.extract_element(args[0], ir.Constant(_SHUFFLE, lane))
+            found = call(builder, (one,))
+            value = builder.insert_element(value, found, ir.Constant(_SHUFFLE, lane))
+        return value
+
+    lower_builtin(function, LANES)(lower)
+
+
+_define_by_lane(math.sin)
+_define_by_lane(math.cos)
+
+
 def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
     """Pointer to a number of a contiguous array."""
     data = context.make_array(kind)(context, builder, array).data

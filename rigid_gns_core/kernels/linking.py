@@ -149,9 +149,22 @@ def _stand_in(library: Any, fndesc: Any, environment: Any) -> Any:
 
 
 def _linked(module: Any, others: Iterable[Any]) -> Any:
-    """The module, with others in it."""
-    for other in others:
-        module.link_in(other, preserve=True)
+    """The module, with others in it; in pairs, since a link looks through all it goes into."""
+    parts = [_kept(other.clone()) for other in others]
+    while len(parts) > 1:
+        for one, other in zip(parts[::2], parts[1::2], strict=False):
+            one.link_in(other)
+        parts = parts[::2]
+    for part in parts:
+        module.link_in(part)
+    return module
+
+
+def _kept(module: Any) -> Any:
+    """Let a module keep what it defines, though what calls it is in another one."""
+    for function in _defined(module):
+        if function.linkage in (llvm.Linkage.linkonce_any, llvm.Linkage.linkonce_odr):
+            function.linkage = 'weak_odr'
     return module
 
 

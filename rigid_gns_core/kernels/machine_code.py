@@ -214,8 +214,9 @@ class _Cache(caching.NullCache):
 
 
 def _general(kind: Any) -> Any:
-    """Type of an argument: a constant integer would make a function of its own of each callee."""
-    return types.unliteral(kind) if isinstance(kind, types.IntegerLiteral) else kind
+    """Type of an argument: a constant would make a function of its own of each callee."""
+    constant = isinstance(kind, types.IntegerLiteral | types.BooleanLiteral)
+    return types.unliteral(kind) if constant else kind
 
 
 def _users_folder() -> list[Path]:

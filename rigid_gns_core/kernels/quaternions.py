@@ -11,6 +11,8 @@ from .jit import in_place
 from .vector import cross, dot, length, plus, times, Vector
 from ..scenes.state import Array
 
+Quaternion = tuple[float, float, float, float]
+
 
 @in_place
 def turn(quaternions: Array, i: int, spin: Vector, time: float) -> None:
@@ -19,13 +21,18 @@ def turn(quaternions: Array, i: int, spin: Vector, time: float) -> None:
     if speed == 0:
         return
     half = 0.5 * speed * time
-    cosine, sine = math.cos(half), math.sin(half)
-    axis = times(sine / speed, spin)
-    old = (quaternions[i, 0], quaternions[i, 1], quaternions[i, 2])
-    scalar = quaternions[i, 3]
+    cosine, axis = math.cos(half), times(math.sin(half) / speed, spin)
+    q = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
+    new = turned_by(q, cosine, axis)
+    for k in range(4):
+        quaternions[i, k] = new[k]
+
+
+@in_place
+def turned_by(q: Quaternion, cosine: float, axis: Vector) -> Quaternion:
+    """Unit quaternion of (axis, cosine) q; of one, or of eight as lanes."""
+    old, scalar = (q[0], q[1], q[2]), q[3]
     new = plus(plus(times(cosine, old), times(scalar, axis)), cross(axis, old))
     real = cosine * scalar - dot(axis, old)
     norm = math.sqrt(dot(new, new) + real * real)
-    for k in range(3):
-        quaternions[i, k] = new[k] / norm
-    quaternions[i, 3] = real / norm
+    return new[0] / norm, new[1] / norm, new[2] / norm, real / norm

@@ -116,11 +116,28 @@ class Paths:
         if (np.abs(times - nearest * self.dt) < 1e-9 * self.dt).all():
             return self.positions[:, nearest], self.velocities[:, nearest]
         step = np.clip(np.floor(times / self.dt + 1e-9).astype(int), 0, max(self.steps - 1, 0))
-        t = (times - step * self.dt)[:, None]
-        found, split = self.pieces((slice(None), step))
-        late = (t > split)[..., None, None]
-        chosen = np.where(late, found[..., 1, :, :], found[..., 0, :, :])
-        return value(chosen, t), slope(chosen, t)
+        t, where = (times - step * self.dt)[:, None, None], (slice(None), step)
+        p, v, square, cube = self._smooth(where)
+        places = p + t * (v + t * (square + t * cube))
+        speeds = v + t * (2 * square + 3 * t * cube)
+        # few steps have a blow, and both of their pieces take as long as many without
+        struck = np.nonzero(self.struck[where])
+        t = t[struck[1], 0, 0]
+        found, split = self.pieces((struck[0], step[struck[1]], struck[2]))
+        chosen = np.where((t > split)[:, None, None], found[:, 1], found[:, 0])
+        places[struck], speeds[struck] = value(chosen, t), slope(chosen, t)
+        return places, speeds
+
+    def _smooth(self, where: tuple[Any, ...]) -> tuple[Array, Array, Array, Array]:
+        """Coefficients of 1, t, t^2, t^3 in steps without a blow; index as of `pieces`."""
+        after = (where[0], np.asarray(where[1]) + 1, *where[2:])
+        p, v, h = self.positions[where], self.velocities[where], self.dt
+        q, w = self.positions[after], self.velocities[after]
+        if not self.exact:
+            zero = np.zeros(p.shape)
+            return p, (q - p) / h, zero, zero
+        square = 3 * (q - p) / h**2 - (2 * v + w) / h
+        return p, v, square, 2 * (p - q) / h**3 + (v + w) / h**2
 
     def pieces(self, where: tuple[Any, ...]) -> Pieces:
         """Polynomials in the steps that are chosen by an index of (sample, step, sphere)."""
@@ -128,13 +145,9 @@ class Paths:
         p, v, a = self.positions[where], self.velocities[where], self.flights[where]
         q, w, b = self.positions[after], self.velocities[after], self.flights[after]
         h, blow = self.dt, self.blows[where]
-        zero = np.zeros(p.shape)
+        zero, smooth = np.zeros(p.shape), np.stack(self._smooth(where), axis=-2)
         if not self.exact:
-            line = np.stack([p, (q - p) / h, zero, zero], axis=-2)
-            return Pieces(np.stack([line, line], axis=-3), np.full(p.shape[:-1], h))
-        square = 3 * (q - p) / h**2 - (2 * v + w) / h
-        cube = 2 * (p - q) / h**3 + (v + w) / h**2
-        smooth = np.stack([p, v, square, cube], axis=-2)
+            return Pieces(np.stack([smooth, smooth], axis=-3), np.full(p.shape[:-1], h))
         before = np.stack([p, v, 0.5 * a, zero], axis=-2)
         then = np.stack([q - w * h + 0.5 * b * h**2, w - b * h, 0.5 * b, zero], axis=-2)
         split, gap = np.zeros(p.shape[:-1]), before - then

@@ -206,13 +206,16 @@ class Simulator(ABC):
         paths = Paths.of(scene, states, dt, exact=self.velocities == 'given')
         return forecast_of(scene, estimate, paths, times, samples, seed)
 
-    def rollout_samples(self, scene: Scene, starts: State, steps: int) -> State:
+    def rollout_samples(
+        self, scene: Scene, starts: State, steps: int, *, workers: int | None = None
+    ) -> State:
         """Predict many starts of one scene: as `rollout_batch`, in arrays instead of a list.
 
         Args:
             scene: One for all starts.
             starts: States that are known to be valid, fields of shape (s, n, k).
             steps: Steps of `native_dt`.
+            workers: Most threads; None: one per usable core, where that pays.
 
         Returns:
             Fields of shape (s, steps + 1, n, k), NaN from where a rollout diverged.
@@ -223,7 +226,7 @@ class Simulator(ABC):
                 scene,
                 [state_at(starts, index) for index in range(len(starts.positions))],
                 steps,
-                workers=1,
+                workers=workers or 1,
             )
         names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
         return State.unchecked(*(np.stack([getattr(run, name) for run in runs]) for name in names))

@@ -29,7 +29,7 @@ def arithmetic(a, b, out):
         x + y, x - y, x * y, x / y, -x, math.sqrt(x * x), larger(x, y), smaller(x, y),
         choose((x < y) & ~(x <= 0.0), x, y), choose((x > 1.0) | (y >= 1.0), x, same(7.0)),
         2.0 * x, x * 2.0, 1.0 / x, x - 1.0, dot((x, y, x), (y, y, x)),
-        cross((x, y, x), (y, y, x))[1],
+        cross((x, y, x), (y, y, x))[1], math.sin(9.0 * x), math.cos(9.0 * x),
     )  # fmt: skip
     for i in range(len(results)):
         store(out, 8 * i, results[i])
@@ -38,15 +38,16 @@ def arithmetic(a, b, out):
 
 def test_arithmetic_is_that_of_single_numbers():
     rng = np.random.default_rng(0)
-    a, b, out = rng.normal(size=11), rng.normal(size=8), np.empty(16 * 8)
+    a, b, out = rng.normal(size=11), rng.normal(size=8), np.empty(18 * 8)
     mask = arithmetic(a, b, out)
     x, y = a[3:], b
     expected = [
         x + y, x - y, x * y, x / y, -x, np.sqrt(x * x), np.maximum(x, y), np.minimum(x, y),
         np.where((x < y) & (x > 0), x, y), np.where((x > 1) | (y >= 1), x, 7.0),
         2 * x, 2 * x, 1 / x, x - 1, x * y + y * y + x * x, x * y - x * x,
+        [math.sin(9.0 * one) for one in x], [math.cos(9.0 * one) for one in x],
     ]  # fmt: skip
-    np.testing.assert_array_equal(out.reshape(16, 8), expected)
+    np.testing.assert_array_equal(out.reshape(18, 8), expected)
     assert mask == sum(1 << lane for lane in range(8) if x[lane] < y[lane])
 
 

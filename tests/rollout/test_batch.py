@@ -207,10 +207,12 @@ def test_samples_are_rollouts_to_the_bit(simulator):
 
 
 def test_a_sample_that_diverges_is_nan_from_there_on(simulator):
+    # states that are checked take numbers of up to 1e100
+    speed = 1.7e308 if simulator.name == 'laws' else 9e99
     stack = State.unchecked(
         np.array([[[0.0, 0.0, 2.0]], [[0.0, 0.0, 1e99]]]),
         np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1)),
-        np.array([[[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.7e308]]]),
+        np.array([[[0.0, 0.0, 0.0]], [[0.0, 0.0, speed]]]),
         np.zeros((2, 1, 3)),
     )
     with np.errstate(all='ignore'):
