@@ -65,7 +65,6 @@ class Future:
         took: Time of the computation [s].
         error: Why it ends early; empty: it does not.
         spread: How sure it is; None: that was not asked for.
-        spent: Processor time of the computation [s].
     """
 
     job: Job
@@ -74,7 +73,6 @@ class Future:
     took: float
     error: str
     spread: Spread | None = None
-    spent: float = 0.0
 
 
 class Horizon:
@@ -94,7 +92,7 @@ class Horizon:
         self._waiting: Callable[[], Job | None] | None = None
         self._running: Result[Future | None] | None = None
         self._cancelled = threading.Event()
-        # spheres, steps and processor time [s] of the last job
+        # spheres, steps and time [s] of the last job
         self._last: tuple[int, int, float] | None = None
         self._begun = 0.0  # when a job was begun last [s]
 
@@ -128,7 +126,7 @@ class Horizon:
         self._begin()
         future = running.result()
         if future is not None:
-            self._last = len(future.job.ids), future.job.steps, future.spent
+            self._last = len(future.job.ids), future.job.steps, future.took
         return future
 
     def cancel(self) -> None:
@@ -177,7 +175,7 @@ class Horizon:
 
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Result of a job; None where it was cancelled."""
-    begun, spent = time.perf_counter(), time.thread_time()
+    begun = time.perf_counter()
     rollout, points, error = job.rollout, 1, ''
     # rows of the message
     poses = np.empty((job.steps + 1, len(job.ids), 7))
@@ -197,8 +195,8 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     spread = None
     if job.spread is not None:
         spread = spread_of_future(job.spread, points, rollout.dt)
-    took, spent = time.perf_counter() - begun, time.thread_time() - spent
-    return Future(job, cdr, poses[..., :3], took, error, spread, spent)
+    took = time.perf_counter() - begun
+    return Future(job, cdr, poses[..., :3], took, error, spread)
 
 
 def _fill(poses_out: Array, twists_out: Array, states: State) -> None:

@@ -10,6 +10,7 @@ at one sphere with each frame, so that no frame waits for it.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -49,12 +50,12 @@ class LiveUnits:
         self._speeds: deque[float] = deque(maxlen=_KEPT)
         self._fits = False
 
-    def take(self, frame: PoseArrayFrame, noise: float) -> str:
+    def take(self, frame: PoseArrayFrame, noise: Callable[[], float]) -> str:
         """Look at the next frame that was accepted.
 
         Args:
             frame: The frame.
-            noise: Standard deviation of each coordinate [m].
+            noise: Gives the standard deviation of each coordinate [m].
 
         Returns:
             What does not fit the scene, and the remedy; empty: nothing is known to.
@@ -68,7 +69,7 @@ class LiveUnits:
             frames.append(frame)
         if len(frames) >= _FRAMES and frame.stamp_ns - frames[0].stamp_ns >= _BLOCK * 1e9:
             self._begin_block()
-        return self._look(*self._left.pop(), noise) if self._left else ''
+        return self._look(*self._left.pop(), noise()) if self._left else ''
 
     def _begin_block(self) -> None:
         frames, self._frames = self._frames, []

@@ -12,7 +12,7 @@ from typing import Self
 from .known_laws import KnownLaws, MOST_BALLS, most_balls, state_by_laws
 from .motion_models import Motion
 from .pose_noise import rotating
-from .stamp_noise import noise_with_stamps
+from .stamp_jitter import newest_noise
 from .state_estimate import motion_covariance, StateEstimate
 from .tracks import TrackerSettings, Tracks
 from ..scenes.scene import Scene
@@ -57,7 +57,7 @@ class SceneLaws:
         def otherwise() -> tuple[Motion, Array]:
             if laws.learned or len(tracks.ids) > MOST_BALLS:
                 return by_window(tracks, settings)
-            own = noise_with_stamps(times, places, tracks.seen, noise)
+            own = newest_noise(times, places, tracks.seen, noise)
             return by_window(tracks, replace(settings, noise=own))
 
         state, covariance = state_by_laws(

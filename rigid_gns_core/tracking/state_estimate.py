@@ -17,7 +17,7 @@ from .known_laws import KnownLaws, most_balls, state_by_laws
 from .motion_models import Motion, ROLLING
 from .noise_estimate import NOISE_FRAMES, third_differences
 from .pose_noise import normal_spread, rotating
-from .stamp_noise import noise_with_stamps
+from .stamp_jitter import newest_noise
 from .usable_frames import MAX_DISTANCE
 from .velocity import estimate_motion
 from ..errors import shown, UserError
@@ -107,7 +107,7 @@ def estimate_state(
     with compiling():
         laws, own = _laws_of(scene, centres.shape[1]), noise
         if noise is not None and not laws.learned:
-            own = noise_with_stamps(stamps, centres, seen, noise)
+            own = newest_noise(stamps, centres, seen, noise)
         state, covariance = state_by_laws(
             laws,
             stamps,

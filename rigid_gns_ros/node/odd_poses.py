@@ -38,7 +38,7 @@ class OddPoses:
 
     def take(self, frame: PoseArrayFrame) -> None:
         """Look at the next frame that was accepted."""
-        if misfit := self._units.take(frame, self._window.noise):
+        if misfit := self._units.take(frame, lambda: self._window.noise):
             self._warn('units', misfit)
         self._trackless = 0 if self._window.count else self._trackless + 1
         if self._trackless > TRACKLESS:

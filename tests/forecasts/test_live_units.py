@@ -37,7 +37,7 @@ def frames(places: np.ndarray, rate: float) -> list[PoseArrayFrame]:
 
 def said(scene: Scene, places: np.ndarray, rate: float, noise: float = 1e-4) -> set[str]:
     units = LiveUnits(scene, matched=False)
-    return {units.take(frame, noise) for frame in frames(places, rate)} - {''}
+    return {units.take(frame, lambda: noise) for frame in frames(places, rate)} - {''}
 
 
 @pytest.mark.parametrize('rate', [30.0, 120.0, 240.0])
@@ -86,8 +86,9 @@ def test_the_search_ends_where_everything_fits() -> None:
     units = LiveUnits(BALL, matched=False)
     times = np.arange(5000) / 240.0
     for frame in frames(bouncing(times), 240.0):
-        assert units.take(frame, 1e-4) == ''
+        assert units.take(frame, lambda: 1e-4) == ''
     for frame in frames(1000.0 * bouncing(times[:500]), 240.0):
-        assert units.take(frame, 0.1) == ''  # of a tracker that changes its units nobody knows
+        # of a tracker that changes its units nobody knows
+        assert units.take(frame, lambda: 0.1) == ''
     units.clear()
-    assert any(units.take(frame, 0.1) for frame in frames(1000.0 * bouncing(times), 240.0))
+    assert any(units.take(frame, lambda: 0.1) for frame in frames(1000.0 * bouncing(times), 240.0))
