@@ -51,7 +51,7 @@ def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
     Raises:
             BagError: The file is not MCAP.
     """
-    with _open(file) as stream:
+    with _open(file, warnings) as stream:
         size = stream.seek(0, 2)
         stream.seek(0)
         magic = stream.read(len(_MAGIC))
@@ -92,13 +92,26 @@ def read_records(file: Path, warnings: list[str]) -> Iterator[Record]:
                 yield from records
 
 
-def _open(file: Path) -> BinaryIO:
+def _open(file: Path, warnings: list[str]) -> BinaryIO:
     if file.suffix != '.zstd':
         return open(file, 'rb')
-    try:  # `ros2 bag record --compression-mode file`
-        return BytesIO(zstd_decompress(file.read_bytes()))
+    import zstandard
+
+    content, rest, whole = b'', file.read_bytes(), True
+    try:  # `ros2 bag record --compression-mode file`; a file may hold several frames
+        while rest and whole:
+            frame = zstandard.ZstdDecompressor().decompressobj()
+            content += frame.decompress(rest)
+            rest, whole = frame.unused_data, frame.eof
     except Exception as error:
         raise BagError(f'{file}: cannot be decompressed: {error}') from error
+    if not (whole or content):
+        raise BagError(
+            f'{file}: is cut short, and nothing of it can be decompressed'
+        )
+    if not whole:
+        warnings.append(f'{file}: is cut short; what can be decompressed is read')
+    return BytesIO(content)
 
 
 def _parse(opcode: int, content: bytes) -> list[Record]:

@@ -226,3 +226,19 @@ def test_what_is_no_bag_says_what_is_read(tmp_path):
     (tmp_path / 'tracks.txt').write_text('track,sphere,time,x,y,z')
     with pytest.raises(BagError, match=r'txt: does not start as an MCAP file; expected .*\.csv$'):
         read_bag(tmp_path / 'tracks.txt')
+
+
+def test_a_compressed_file_is_read_to_its_end_or_said_to_be_cut(tmp_path):
+    write_mcap(tmp_path / 'a.mcap', numbers(300))
+    whole = (tmp_path / 'a.mcap').read_bytes()
+    path = tmp_path / 'b.mcap.zstd'
+    path.write_bytes(zstandard.compress(whole[:4000]) + zstandard.compress(whole[4000:]))
+    bag = read_bag(path)
+    assert len(bag.topics['/a']) == 300 and not bag.warnings
+    path.write_bytes(path.read_bytes()[:-9])
+    bag = read_bag(path)
+    assert 'is cut short; what can be decompressed is read' in bag.warnings[0]
+    assert len(bag.topics['/a']) < 300
+    path.write_bytes(zstandard.compress(whole)[:-9])
+    with pytest.raises(BagError, match='is cut short, and nothing of it can be decompressed'):
+        read_bag(path)
