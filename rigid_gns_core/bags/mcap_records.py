@@ -106,9 +106,7 @@ def _open(file: Path, warnings: list[str]) -> BinaryIO:
     except Exception as error:
         raise BagError(f'{file}: cannot be decompressed: {error}') from error
     if not (whole or content):
-        raise BagError(
-            f'{file}: is cut short, and nothing of it can be decompressed'
-        )
+        raise BagError(f'{file}: is cut short, and nothing of it can be decompressed')
     if not whole:
         warnings.append(f'{file}: is cut short; what can be decompressed is read')
     return BytesIO(content)
