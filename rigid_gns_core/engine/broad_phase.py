@@ -111,7 +111,8 @@ def _merged(first: Indices, second: Indices, near: Flags) -> Candidates:
     size, k = pairs + near.sum(), pairs
     a, b = np.empty(size, np.int64), np.full(size, count)
     plane, key = np.full(size, -1), np.empty(size, np.int64)
-    a[:pairs], b[:pairs], key[:pairs] = first, second, first * count + second
+    for j in range(pairs):  # an assignment of slices would compile its errors, for two seconds
+        a[j], b[j], key[j] = first[j], second[j], first[j] * count + second[j]
     for i in range(count):
         for surface in range(planes):
             if near[i, surface]:

@@ -65,7 +65,8 @@ def advance_samples(
     while left:
         for first in range(0, left, WIDTH):
             size = min(WIDTH, left - first)
-            formation.samples[:size] = going[first : first + size]
+            for lane in range(size):
+                formation.samples[lane] = going[first + lane]
             fly_together(
                 world=world,
                 dt=dt,

@@ -187,7 +187,8 @@ def weight_of(world: World) -> float:
 def world_among(world: World, members: NDArray[np.int64], fixed: int) -> World:
     """World of these spheres alone, and so many fixed bodies."""
     bodies = np.full(len(members) + fixed, len(world.restitution))
-    bodies[: len(members)] = members
+    for m in range(len(members)):
+        bodies[m] = members[m]
     return World(
         radius=world.radius[bodies],
         inverse_mass=world.inverse_mass[bodies],

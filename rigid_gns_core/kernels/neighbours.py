@@ -150,7 +150,8 @@ def _with_room(pairs: Indices, size: int) -> Indices:
     if size <= len(pairs):
         return pairs
     longer = np.empty((2 * size, 2), np.int64)
-    longer[: len(pairs)] = pairs
+    for k in range(len(pairs)):
+        longer[k, 0], longer[k, 1] = pairs[k, 0], pairs[k, 1]
     return longer
 
 
