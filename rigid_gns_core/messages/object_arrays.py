@@ -83,7 +83,7 @@ OBJECT_ARRAYS: dict[str, Callable[[Reader], Objects]] = {
 
 
 def pose_array_of_objects(cdr: bytes, kind: str, balls: Sequence[str] = ()) -> bytes:
-    """PoseArray of the balls in a message.
+    """Encode the balls in a message as a PoseArray.
 
     Args:
         cdr: The message.

@@ -22,7 +22,7 @@ _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
 def pose_array_of_pose(cdr: bytes) -> bytes:
-    """PoseArray of one ball from a geometry_msgs/PoseStamped.
+    """Encode the ball of a geometry_msgs/PoseStamped as a PoseArray.
 
     Raises:
         MessageError: The bytes are no such message, as of the other functions.
@@ -32,7 +32,7 @@ def pose_array_of_pose(cdr: bytes) -> bytes:
 
 
 def pose_array_of_point(cdr: bytes) -> bytes:
-    """PoseArray of one ball from a geometry_msgs/PointStamped."""
+    """Encode the ball of a geometry_msgs/PointStamped as a PoseArray."""
     reader = Reader(cdr, 'PointStamped')
     stamp, frame_id = reader.stamp(), reader.text('frame_id')
     point = reader.floats(1, 3, 'point')
@@ -41,7 +41,7 @@ def pose_array_of_point(cdr: bytes) -> bytes:
 
 
 def pose_array_of_cloud(cdr: bytes) -> bytes:
-    """PoseArray of a sensor_msgs/PointCloud2 with coordinates x, y, z of float32 or float64."""
+    """Encode a sensor_msgs/PointCloud2 with x, y, z of float32 or float64 as a PoseArray."""
     reader = Reader(cdr, 'PointCloud2')
     stamp, frame_id = reader.stamp(), reader.text('frame_id')
     count = reader.number('I', 'height') * reader.number('I', 'width')

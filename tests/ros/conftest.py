@@ -255,7 +255,7 @@ def run_process(tmp_path: Path) -> Iterator[Callable[..., NodeRun]]:
 
 @pytest.fixture(scope='session')
 def message_package(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Any]:
-    """`message_package('tf2_msgs')`: its module `msg`, see there."""
+    """Return a function of the name of a package, such as tf2_msgs: its module `msg`."""
     pytest.importorskip('rclpy', reason='ROS 2 is not installed')
     import message_packages
 

@@ -244,9 +244,10 @@ def test_blows_are_completed():
 
 
 def test_smoothing_finds_states_in_flight_and_through_a_bounce():
-    """In flight velocities are far better known than by differences, sqrt(2) noise / h = 0.23 m/s,
+    """In flight velocities are far better known than by differences.
 
-    and a bounce between two samples is not smeared over more than a few of them.
+    These have errors of sqrt(2) noise / h = 0.23 m/s. A bounce between two samples is not smeared
+    over more than a few of them.
     """
     h, noise, bounce = 0.0125, 0.002, 0.5
     time = np.arange(80) * h

@@ -9,6 +9,7 @@ How high each ball is at the end is known in closed form, whatever spin and fric
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import time
 from typing import Any
 
@@ -77,7 +78,7 @@ def measure_what_ifs(repeats: int, *, quick: bool = False) -> dict[str, Any]:
         for substeps in MUJOCO_SUBSTEPS:
             for count in threads:
                 batch = MujocoSamples(scene, starts, FRAME, MujocoSettings(substeps), count)
-                rolls[f'MuJoCo {substeps}', count] = lambda batch=batch: batch.roll(FRAMES)  # type: ignore[misc]
+                rolls[f'MuJoCo {substeps}', count] = partial(batch.roll, FRAMES)
     gravity = float(np.linalg.norm(scene.gravity))
     known = [
         height_after(p, v, FRAMES * FRAME, gravity)
