@@ -19,6 +19,8 @@ from ..identification.card import card_of, write_lab
 from ..identification.ladder import Tried
 from ..identification.learn import learn, Learned
 from ..identification.left_out import HORIZONS
+from ..prediction.load import load_simulator
+from ..recordings.scoring.learned_regions import with_regions
 from ..scenes.scene_file import load_scene
 from ..show.learned import draw_learned
 
@@ -41,6 +43,7 @@ def calibrate_tracks(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene) if arguments.scene else sets[0].scene
     print(_header(), file=sys.stderr, flush=True)
     learned = learn(tracks, scene, labels, _say)
+    learned = with_regions(learned, labels, load_simulator())
     card = card_of(learned, _origin(arguments.data, tracks))
     write_lab(arguments.out, learned, card)  # before it is printed, as the reader may leave
     if arguments.json is not None:

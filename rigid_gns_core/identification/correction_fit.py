@@ -94,7 +94,7 @@ def missed_by(
 
 
 class CorrectionFit:
-    """The correction that some starts make, and that without one track.
+    """The correction that some starts make, and that without some tracks.
 
     Args:
         found: What forecasts missed; of more than `_MOST` they are taken evenly.
@@ -131,13 +131,13 @@ class CorrectionFit:
         """The correction by all starts."""
         return self._correction(self._solved)
 
-    def without(self, track: int) -> StartCorrection:
-        """The correction by all tracks but one, of which the fit is not made anew.
+    def without(self, *tracks: int) -> StartCorrection:
+        """The correction by all tracks but some, of which the fit is not made anew.
 
-        With the inverse M of the covariance, out the rows of the track and in the others, the
+        With the inverse M of the covariance, out the rows of these and in the others, the
         solution without them is a_in - M_in,out M_out,out^-1 a_out.
         """
-        out = self.tracks[self._of] == track
+        out = np.isin(self.tracks[self._of], tracks)
         solved = np.where(out, 0.0, self._solved)
         inner = np.linalg.solve(self._inverse[np.ix_(out, out)], self._solved[out])
         solved[~out] -= self._inverse[np.ix_(~out, out)] @ inner

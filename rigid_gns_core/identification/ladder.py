@@ -20,6 +20,7 @@ from .problem import SpinPrior
 from .spins import broad_prior, learned_prior
 from .stretches import Stretch
 from ..running.threads import in_threads, usable_cores
+from ..tracking.start_correction import StartCorrection
 from ..tracking.start_prior import StartPrior
 
 # rounds of parameters and prior in turn, when spins are learned
@@ -114,6 +115,8 @@ class Ladder:
         best: Left-out forecasts of what is kept.
         visited: Setup, folds and forecasts of all that was kept on the way.
         correction: Of starts, where it was worth it.
+        together: Whether the tracks of a fold are of one time, and alike: then none of them is in
+            the correction of another.
     """
 
     laws: Laws
@@ -123,6 +126,7 @@ class Ladder:
     best: list[Forecast] = field(default_factory=list)
     visited: list[tuple[Setup, list[Fold], list[Forecast]]] = field(default_factory=list)
     correction: CorrectionFit | None = None
+    together: bool = False
 
     def begin(self) -> None:
         """Predict with what the scene says."""
@@ -193,7 +197,7 @@ class Ladder:
         """Left-out forecasts of the terms kept.
 
         Args:
-            correction: Of starts: of each track by that of the others.
+            correction: Of starts: of each track by that of the others, or of other folds.
             spacing: Of the windows, see `left_out`.
             samples: Number of states drawn for their covariances; 0: by slopes.
         """
@@ -201,6 +205,10 @@ class Ladder:
         for fold in self.folds:
             assert fold.fitted is not None
             values, noise = fold.fitted.values, np.array(self.setup.noise)
+            own = None if correction is None else correction.without
+            if correction is not None and self.together:
+                others = correction.without(*{one.track for one in fold.outside})
+                own = _of_any(others)
             found += forecasts(
                 self.laws,
                 values,
@@ -209,7 +217,7 @@ class Ladder:
                 self.setup.memory,
                 fold.outside,
                 samples,
-                None if correction is None else correction.without,
+                own,
                 spacing,
             )
         return found
@@ -302,6 +310,10 @@ def fit_setup(
             spin = _without_own(start_prior, tracks)
     assert fitted is not None
     return fitted, start_prior, len(found) - int(known_stretches(fitted).sum())
+
+
+def _of_any(correction: StartCorrection) -> Callable[[int], StartCorrection]:
+    return lambda _: correction
 
 
 def _without_own(prior: StartPrior, tracks: NDArray[np.int64]) -> SpinPrior:

@@ -15,7 +15,7 @@ from .correction_fit import kept
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
-from .joint_fit import Fitted
+from .jackknife import fits_without, groups_of, jackknife_errors, LeftOut
 from .ladder import fit_setup, Fold, Ladder, Setup, Tried
 from .left_out import CLOSE
 from .parameters import Laws
@@ -23,7 +23,6 @@ from .stretches import pieces, Stretch, stretches
 from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
 from ..errors import UserError
-from ..running.threads import in_threads, usable_cores
 from ..scenes.contact_law import ContactLaw
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -76,6 +75,7 @@ class Learned:
             not know.
         notes: What the data do not tell, in words.
         diagnostics: What the fit leaves.
+        left_out: The same by fits without a part of the tracks each.
     """
 
     scene: Scene
@@ -85,6 +85,7 @@ class Learned:
     counts: dict[str, int]
     notes: tuple[str, ...]
     diagnostics: Diagnostics
+    left_out: tuple[LeftOut, ...]
 
 
 def learn(
@@ -120,26 +121,30 @@ def learn(
             'those; fit a scene without them to tracks that do not meet them, and add them to the '
             'result'
         )
+    recorded = tracks
     laws = Laws(scene, max(len(labels), 1))
     noise = 1e-3
     for _ in range(2):  # where tracks are cut depends on the noise
         found = pieces(tracks, scene, labels, laws.models, noise)
         noise = shown_noise(found)
-    if len({one.track for one in found}) < _FEW_TRACKS:  # the flights of a few long recordings
+    few = len({one.track for one in found}) < _FEW_TRACKS
+    if few:  # the flights of a few long recordings, in the order of time
+        found.sort(key=lambda one: (one.track, one.times[0]))
+        tracks = [_track_of(one, labels, k) for k, one in enumerate(found)]
         found = [replace(one, track=k) for k, one in enumerate(found)]
     numbers = sorted({one.track for one in found})
     if len(numbers) < _FEWEST_TRACKS:
         raise UserError(
-            f'{len(tracks)} tracks show {len(numbers)} stretches of a ball of 8 frames or more, '
+            f'the tracks show {len(numbers)} stretches of a ball of 8 frames or more, '
             f'but a fit with left-out tracks takes at least {_FEWEST_TRACKS}; import more tracks'
         )
     every = stretches(found, laws.models, noise)
     met = met_by(laws, every, noise)
     _look(laws, found, met)
-    ladder = _ladder(laws, found, numbers, noise)
+    ladder = _ladder(laws, found, numbers, noise, few)
     _climb(ladder, laws, met, say, terms)
-    learned = _finish(ladder, laws, met, every, len(numbers))
-    return _with_collisions(learned, shown_collisions(tracks, laws.models[0].radius))
+    learned = _finish(ladder, laws, met, every, {k: tracks[k] for k in numbers})
+    return _with_collisions(learned, shown_collisions(recorded, laws.models[0].radius))
 
 
 def _with_collisions(learned: Learned, shown: Array) -> Learned:
@@ -165,16 +170,24 @@ def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
             laws.shown[f'contact {group}.restitution'] = shown
 
 
-def _ladder(laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise: float) -> Ladder:
+def _track_of(one: Stretch, labels: Sequence[str], number: int) -> Track:
+    label = labels[one.sphere] if labels else '0'
+    times = one.times - one.times[0]
+    return Track(f'piece {number}', times, one.positions[:, None], None, (label,))
+
+
+def _ladder(
+    laws: Laws, found: Sequence[Stretch], numbers: Sequence[int], noise: float, together: bool
+) -> Ladder:
     count = _FOLDS if len(numbers) < _MANY else 2
     folds = []
-    for k in range(count):
-        outside = {number for i, number in enumerate(numbers) if i % count == k}
+    for outside in groups_of(numbers, count, together):
         inside = stretches([one for one in found if one.track not in outside], laws.models, noise)
         folds.append(
             Fold(_some(inside, _MOST), _some([o for o in found if o.track in outside], _MOST))
         )
-    return Ladder(laws, folds, Setup((), 'none', np.inf, (noise, _DRIFT, _KICK)))
+    setup = Setup((), 'none', np.inf, (noise, _DRIFT, _KICK))
+    return Ladder(laws, folds, setup, together=together)
 
 
 def _climb(
@@ -211,7 +224,7 @@ def _climb(
 
 
 def _finish(
-    ladder: Ladder, laws: Laws, met: Met, every: Sequence[Stretch], tracks: int
+    ladder: Ladder, laws: Laws, met: Met, every: Sequence[Stretch], tracks: dict[int, Track]
 ) -> Learned:
     setup = ladder.setup
     coverage, held = fit_coverage(
@@ -223,7 +236,9 @@ def _finish(
         )
     chosen = _some(every, _MOST_LAST)
     fitted, prior, unknown = fit_setup(laws, setup, chosen, None)
-    errors = _errors(laws, setup, chosen, fitted)
+    groups = groups_of(list(tracks), min(_GROUPS, len(tracks)), ladder.together)
+    parts = fits_without(laws, setup, chosen, fitted, groups)
+    errors = jackknife_errors(setup, fitted, [values for values, _ in parts])
     told = {
         name: Told(fitted.values[name], errors[name], laws.start_of(name).unit)
         for name in setup.names
@@ -242,7 +257,19 @@ def _finish(
         spins=_spins(setup, prior),
         correction=None if ladder.correction is None else kept(ladder.correction.whole()),
     )
-    counts = {'tracks': tracks, 'stretches': len(chosen), 'unknown': unknown}
+
+    def without(k: int) -> LeftOut:
+        values, prior = parts[k]
+        own = ladder.correction
+        part = replace(
+            tracker,
+            spins=_spins(setup, prior),
+            correction=None if own is None else kept(own.without(*groups[k])),
+        )
+        scene = replace(laws.scene_at(_rounded(values)), tracker=part)
+        return LeftOut(scene, tuple(tracks[number] for number in sorted(groups[k])))
+
+    counts = {'tracks': len(tracks), 'stretches': len(chosen), 'unknown': unknown}
     scene = replace(laws.scene_at(_rounded(fitted.values)), tracker=tracker)
     return Learned(
         scene=scene,
@@ -252,33 +279,8 @@ def _finish(
         counts=counts,
         notes=_notes(laws, ladder, met, told),
         diagnostics=diagnostics_of(laws, fitted, chosen),
+        left_out=tuple(without(k) for k in range(len(groups))),
     )
-
-
-def _errors(
-    laws: Laws, setup: Setup, found: Sequence[Stretch], fitted: Fitted
-) -> dict[str, float]:
-    """Standard errors, the larger of the scores' and of a jackknife of groups of tracks."""
-    numbers = sorted({one.track for one in found})
-    groups = min(_GROUPS, len(numbers))
-
-    def without(k: int) -> list[float]:
-        out = set(numbers[k::groups])
-        kept = np.array([one.track not in out for one in found])
-        before = Fitted(
-            fitted.values,
-            fitted.starts[kept],
-            fitted.losses[kept],
-            fitted.impacts[kept],
-            fitted.spin_covariances[kept],
-        )
-        part = [one for one, stays in zip(found, kept, strict=True) if stays]
-        one, _, _ = fit_setup(laws, setup, part, before)
-        return [one.values[name] for name in setup.names]
-
-    values = in_threads(without, range(groups), usable_cores())
-    spread = np.std(values, axis=0) * np.sqrt(groups - 1) if setup.names else np.zeros(0)
-    return {name: max(fitted.errors[name], float(spread[k])) for k, name in enumerate(setup.names)}
 
 
 def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple[str, ...]:

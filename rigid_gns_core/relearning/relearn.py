@@ -14,6 +14,7 @@ from ..errors import UserError
 from ..forecasts.learned_scene import LearnedScene
 from ..identification.learn import learn
 from ..prediction.load import load_simulator
+from ..recordings.scoring.learned_regions import with_regions
 from ..recordings.scoring.track_errors import Outcome, track_outcomes, Windows
 from ..scenes.scene import Scene
 
@@ -44,7 +45,7 @@ def relearn(tracks: Sequence[Track], given: Scene, present: Scene) -> LearnedSce
     count = max(_LEFT_OUT, round(_PART * len(tracks)))
     inside, outside = tracks[:-count], tracks[-count:]
     labels = sorted_labels(label for track in tracks for label in track.spheres)
-    learned = learn(inside, given, labels)
+    learned = with_regions(learn(inside, given, labels), labels, load_simulator())
     noise = 0.0 if learned.scene.tracker is None else learned.scene.tracker.noise
     long = tuple(one for one in outside if one.times[-1] >= WINDOWS.window + WINDOWS.horizons[0])
     if len(long) < 2:

@@ -18,6 +18,7 @@ from .paths import Paths
 from .touches import Touches, touches_of
 from ..errors import UserError
 from ..scenes.plane import Plane
+from ..scenes.regions import NORMAL
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 
@@ -76,6 +77,26 @@ class Forecast:
     covariance: Array
     samples: Array
     paths: Paths
+
+    def region(self, probability: float) -> Array:
+        """Size of the region about each position that holds what happens with a probability.
+
+        Args:
+            probability: Between 0 and 1.
+
+        Returns:
+            r [deviations] at the lead times, shape (k,): the region is off^T C^-1 off <= r^2 with
+            C of `covariance`. It is as learned from left-out tracks where the scene has a tracker
+            that knows it, or else that of a normal distribution.
+
+        Raises:
+            UserError: The probability is out of range.
+        """
+        if not 0.0 < probability < 1.0:
+            raise UserError(f'probability is {probability}, expected more than 0 and less than 1')
+        tracker = self.scene.tracker
+        regions = NORMAL if tracker is None else tracker.regions or NORMAL
+        return regions.radii(probability, self.lead_times)
 
     @cached_property
     def touches(self) -> tuple[list[Touches], ...]:

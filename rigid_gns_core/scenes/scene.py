@@ -288,4 +288,6 @@ def _tracker_mapping(tracker: Tracker) -> dict[str, Any]:
         windows = [list(row) for row in tracker.correction.windows]
         own = {'windows': windows, 'scales': list(tracker.correction.scales)}
         mapping['correction'] = to_mapping(tracker.correction) | own
+    if tracker.regions is not None:
+        mapping['regions'] = {'rows': [list(row) for row in tracker.regions.rows]}
     return mapping

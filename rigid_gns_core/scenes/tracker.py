@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .correction import Correction
+from .regions import Regions
 from .values import checked_number
 from ..errors import UserError
 
@@ -77,6 +78,8 @@ class Tracker:
             along a forecast [m/s^2]: what laws that are slightly wrong leave.
         correction: Of estimates in flight, learned from what forecasts of other tracks missed;
             None: none was worth it.
+        regions: Factors on the radii of regions of forecasts; None: those of a normal
+            distribution.
 
     Raises:
         UserError: A value is out of range.
@@ -92,6 +95,7 @@ class Tracker:
     spins: Spins | None = None
     forecast_acceleration: float = 0.0
     correction: Correction | None = None
+    regions: Regions | None = None
 
     def __post_init__(self) -> None:
         for name in ('noise', 'spread', 'memory'):

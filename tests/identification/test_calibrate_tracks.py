@@ -44,6 +44,9 @@ def test_a_scene_with_its_card_from_a_csv_file(
     assert first['every']['0.4'][1] > 5 * card['terms'][-1]['every']['0.4'][1]
     # true, or doubled, which makes the window's frames count less
     assert 0.8 < scene.tracker.noise / 0.5e-3 < 2.2
+    # every region is told, and judged by tracks that neither the fit nor the region knew
+    assert scene.tracker.regions is not None
+    assert set(card['coverage']) == {f'{row[0]:g}' for row in scene.tracker.regions.rows}
     # the scene is one for forecasts, too
     evaluate = ['evaluate', '--data', str(tmp_path / 'data'), '--scene', str(out)]
     assert main([*evaluate, '--window', '0.2', '--horizons', '0.3', '--samples', '8']) == 0

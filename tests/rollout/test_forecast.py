@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import importlib.util
 from pathlib import Path
 import sys
@@ -13,9 +14,10 @@ from csv_balls import bounces, RADIUS, RESTITUTION
 import numpy as np
 import pytest
 from rigid_gns_core import load_scene, load_simulator, Plane, Scene, State, UserError
+from rigid_gns_core.scenes.regions import Regions
 from rigid_gns_core.scenes.tracker import Tracker
 from rigid_gns_core.tracking import StateEstimate
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 SCRIPT = Path(__file__).parents[2] / 'benchmarks' / 'tracking' / 'thrown_balls.py'
 SCENE = Scene(
@@ -96,6 +98,19 @@ def test_what_the_laws_leave_open_is_in_covariance_and_samples(simulator) -> Non
     truth = 0.02 * LEADS**3 / 3
     np.testing.assert_allclose(found.covariance[:, 0, 1, 1], truth, rtol=1e-12)
     np.testing.assert_allclose(found.samples.var(axis=0)[:, 0].mean(axis=1), truth, rtol=0.12)
+
+
+def test_regions_are_normal_or_as_learned(simulator) -> None:
+    estimate = StateEstimate(START, spread(1e-3, 0.02))
+    normal = np.sqrt(chi2.ppf(0.9, 3))
+    found = simulator.forecast(SCENE, estimate, [0.2, 0.4], samples=4)
+    np.testing.assert_allclose(found.region(0.9), normal, rtol=1e-12)
+    regions = Regions(((0.2, 1.0, 1.5), (0.4, 1.0, 2.0)))
+    scene = replace(SCENE, tracker=Tracker(noise=1e-3, regions=regions))
+    found = simulator.forecast(scene, estimate, [0.2, 0.4], samples=4)
+    np.testing.assert_allclose(found.region(0.9), normal * np.array([1.5, 2.0]), rtol=1e-12)
+    with pytest.raises(UserError, match='probability is 1.0, expected more than 0'):
+        found.region(1.0)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from rigid_gns_core import load_scene, Scene
 from rigid_gns_core.scenes.correction import Correction
+from rigid_gns_core.scenes.regions import Regions
 from rigid_gns_core.scenes.tracker import Spins, Tracker
 import yaml
 
@@ -31,6 +32,13 @@ def test_a_scene_written_and_read_back_is_the_same(tmp_path: Path, spins: Spins 
 def test_a_correction_written_and_read_back_is_the_same() -> None:
     correction = Correction(((0.1 + 0.2,) * 16, (1 / 3,) * 16), (0.1,) * 10, 0.5, 0.05)
     scene = Scene(tracker=Tracker(noise=1e-3, correction=correction))
+    text = yaml.safe_dump(scene.to_mapping())
+    assert Scene.from_mapping(yaml.safe_load(text)) == scene
+
+
+def test_regions_written_and_read_back_are_the_same() -> None:
+    regions = Regions(((0.2, 1 / 3, 0.1 + 0.2), (1.0, 0.9, 2.1)))
+    scene = Scene(tracker=Tracker(noise=1e-3, regions=regions))
     text = yaml.safe_dump(scene.to_mapping())
     assert Scene.from_mapping(yaml.safe_load(text)) == scene
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .regions import crps, region_probability, REGIONS
+from .regions import crps, region_distance, region_probability, REGIONS
 from .track_contacts import contacts_of, held_times
 from ...data.tracks import Track, TrackSet
 from ...errors import UserError
@@ -84,6 +84,7 @@ class Outcome:
         held: Whether a hand, or something else that the scene has not, held it on the way.
         probability: Of the smallest region about the forecast that holds the sample; None: the
             estimate has no covariance.
+        distance: Of the forecast from the sample [deviations]; None: likewise.
         crps: Continuous ranked probability score [m]; None: likewise.
     """
 
@@ -96,6 +97,7 @@ class Outcome:
     contacts: int
     held: bool
     probability: float | None
+    distance: float | None = None
     crps: float | None = None
 
 
@@ -127,14 +129,7 @@ def track_outcomes(
         )
     outcomes: list[Outcome] = []
     for track in found.tracks:
-        own = scene_of(scene, tuple(labels.index(label) for label in track.spheres))
-        radii = own.per_sphere('radius', len(track.spheres))
-        contacts = contacts_of(track, own, radii, found.noise)
-        hands = held_times(track, own, found.noise)
-        for chosen in _windows(track, windows):
-            outcomes += _from_window(
-                simulator, track, own, chosen, contacts, hands, windows, found.noise
-            )
+        outcomes += outcomes_of_track(simulator, track, scene, labels, windows, found.noise)
         done()
     if not outcomes:
         longest = max((float(track.times[-1]) for track in found.tracks), default=0.0)
@@ -143,6 +138,34 @@ def track_outcomes(
             f'{windows.window:g} s with {_SAMPLES} samples; the longest has {longest:.3g} s: give '
             'a shorter --window or --horizons'
         )
+    return outcomes
+
+
+def outcomes_of_track(
+    simulator: Simulator,
+    track: Track,
+    scene: Scene,
+    labels: Sequence[str],
+    windows: Windows,
+    noise: float,
+) -> list[Outcome]:
+    """Forecast from windows of one track, and compare.
+
+    Args:
+        simulator: Model that predicts.
+        track: The track.
+        scene: Scene to predict in.
+        labels: Labels of the scene's spheres.
+        windows: Which windows.
+        noise: Standard deviation of a coordinate of a position [m].
+    """
+    own = scene_of(scene, tuple(labels.index(label) for label in track.spheres))
+    radii = own.per_sphere('radius', len(track.spheres))
+    contacts = contacts_of(track, own, radii, noise)
+    hands = held_times(track, own, noise)
+    outcomes: list[Outcome] = []
+    for chosen in _windows(track, windows):
+        outcomes += _from_window(simulator, track, own, chosen, contacts, hands, windows, noise)
     return outcomes
 
 
@@ -241,12 +264,14 @@ def _from_window(
     estimate = estimate_state(own, times, positions, turns, noise=noise)
     leads = np.unique([lead for _, _, lead, _ in compared])
     forecast = simulator.forecast(own, estimate, leads, windows.samples, windows.seed)
+    regions = None if own.tracker is None else own.tracker.regions
     outcomes = []
     for sphere, horizon, lead, place in compared:
         step, column = int(np.searchsorted(leads, lead)), int(np.searchsorted(used, sphere))
         off = forecast.positions[step, column] - place
         error, spread = float(np.linalg.norm(off)), forecast.covariance[step, column]
         between, hand = contacts[sphere], hands[sphere]
+        known = (off, spread, noise) if windows.samples else None
         outcomes.append(
             Outcome(
                 track=track.name,
@@ -257,8 +282,9 @@ def _from_window(
                 error=error if np.isfinite(error) else float('inf'),
                 contacts=int(((between > start) & (between < start + lead)).sum()),
                 held=bool(((hand >= start) & (hand <= start + lead)).any()),
-                probability=region_probability(off, spread, noise) if windows.samples else None,
-                crps=crps(off, spread, noise) if windows.samples else None,
+                probability=known and region_probability(*known, lead, regions),
+                distance=known and region_distance(*known),
+                crps=known and crps(*known),
             )
         )
     return outcomes

@@ -25,6 +25,7 @@ from ...forecasts.forecaster import scene_of
 from ...identification.card import card_of, write_lab
 from ...identification.ladder import Tried
 from ...identification.learn import learn
+from ...recordings.scoring.learned_regions import with_regions
 from ...recordings.scoring.track_errors import Outcome, report_of, track_outcomes, Windows
 from ...rollout.simulator import Simulator
 from ...scenes.scene import Scene
@@ -115,6 +116,7 @@ def judge_set(
             say(f'{name}: {line.name}')
 
         learned = learn(inside.tracks, inside.scene, inside.labels, step, terms)
+        learned = with_regions(learned, inside.labels, simulator)
         card = card_of(learned, {'sha256': report['hashes']['fitted']})
         write_lab(folder / f'{name}.yaml', learned, card)
         scenes[name] = learned.scene
