@@ -159,7 +159,11 @@ def _with_collisions(learned: Learned, shown: Array) -> Learned:
     friction = float(np.mean(scene.friction)) ** 2
     law = replace(scene.sphere_contact or ContactLaw(friction=friction), restitution=value)
     told = learned.parameters | {'balls.restitution': Told(value, error, '')}
-    return replace(learned, scene=replace(scene, sphere_contact=law), parameters=told)
+    left_out = tuple(
+        replace(part, scene=replace(part.scene, sphere_contact=law)) for part in learned.left_out
+    )
+    scene = replace(scene, sphere_contact=law)
+    return replace(learned, scene=scene, parameters=told, left_out=left_out)
 
 
 def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
