@@ -50,15 +50,14 @@ NORMAL, TX, TY, TZ, QX, QY, QZ, NORMAL_0, TX_0, TY_0, TZ_0 = range(29 * WIDTH, 4
 # Of the free motion: separation velocity, slip; and the coupling at the start.
 FREE, FREE_X, FREE_Y, FREE_Z, START = range(40 * WIDTH, 45 * WIDTH, WIDTH)
 # Where the contact alone ends, as in `Target`, but its impulse times impulse_time; its slip there.
+# `HIT` is 0, too, where a gap stays open.
 HIT, BOUNCED, SEPARATION, FLIGHT, IMPULSE, LEVERAGE, REMAINING, SX, SY, SZ = range(
     45 * WIDTH, 55 * WIDTH, WIDTH
 )
-# Of an iteration: coupling that lasts, residual, whether it carries force, its strength, steps by
-# unit residual and by unit slip and rolling, momentum, and square of the change.
-LASTING, RESIDUAL, ACTIVE, STRENGTH, STEP, RUB, ROLL_SPLIT, MOMENTUM, CHANGE = range(
-    55 * WIDTH, 64 * WIDTH, WIDTH
-)
-STRIDE = 64 * WIDTH
+# Of an iteration: coupling that lasts, strength of the force, steps by unit residual and by unit
+# slip and rolling, momentum, and square of the change.
+LASTING, STRENGTH, STEP, RUB, ROLL_SPLIT, MOMENTUM, CHANGE = range(55 * WIDTH, 62 * WIDTH, WIDTH)
+STRIDE = 62 * WIDTH
 
 
 class Blocks(NamedTuple):

@@ -40,9 +40,9 @@ class Candidates(NamedTuple):
 
 @compiled
 def find_candidates(
-    world: World, positions: Array, velocities: Array, dt: float, awake: Flags
+    world: World, positions: Array, velocities: Array, dt: float, awake: Flags, spare: float
 ) -> Candidates:
-    """All pairs that may touch in a frame.
+    """All pairs that may touch in a frame, or a part of one.
 
     A sphere that is struck may outrun its reach: `frame.advance` then looks for pairs again.
 
@@ -50,8 +50,9 @@ def find_candidates(
         world: What does not move.
         positions: Centres, shape (n, 3).
         velocities: Shape (n, 3).
-        dt: Length of the frame.
+        dt: How long it is.
         awake: Spheres that are awake, at least one of a pair; shape (n,).
+        spare: How much farther out pairs are looked for [radii], since blows make spheres faster.
     """
     count, planes = len(positions), len(world.point)
     weight = weight_of(world)
@@ -61,7 +62,7 @@ def find_candidates(
         reach = reach_of(length(row(velocities, i)), pull, dt)
         if world.in_air and awake[i]:
             reach += reach_in_wind(world, i, row(velocities, i), weight, dt)
-        extent[i] = (1.0 + PAD) * world.radius[i] + reach
+        extent[i] = (1.0 + PAD + spare) * world.radius[i] + reach
     first, second = find_pairs(positions, extent, awake)
     near = np.zeros((count, planes), np.bool_)
     for k in range(planes):
@@ -120,6 +121,12 @@ def _merged(first: Indices, second: Indices, near: Flags) -> Candidates:
                 key[k] = count * count + i * planes + surface
                 k += 1
     return Candidates(a=a, b=b, plane=plane, key=key, pairs=pairs)
+
+
+@in_place
+def with_planes(candidates: Candidates, pairs: Indices) -> int:
+    """Place in some candidates, sorted, from which on those with planes are, or one before it."""
+    return candidates.pairs if len(pairs) == len(candidates.a) else 0
 
 
 @in_place

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .broad_phase import Candidates, PAD
+from .broad_phase import Candidates, PAD, with_planes
 from .flight import reach_of
 from .plane_motion import carried, moves, velocity_of_plane
 from .rectangle import to_plane
@@ -78,7 +78,7 @@ def keep_sides(
     first, plane = cuts_out.share, cuts_out.plane
     for i in members:
         first[i], plane[i] = 1.0, -1
-    for k in pairs:
+    for k in pairs[with_planes(candidates, pairs) :]:
         i, p = candidates.a[k], candidates.plane[k]
         if p >= 0:
             _cut(world, p, i, before, positions_out, h, first, plane)

@@ -11,7 +11,7 @@ from .broad_phase import Candidates, find_candidates, PAD
 from .contacts import find_impacts
 from .flight import fly, Paths, reach_in_wind, reach_of
 from .groups import contacts_by_island
-from .impulses import no_impulses
+from .impulses import Impulses, no_impulses
 from .islands import Islands, join, no_islands
 from .motion import copy_motion, Motion, Settings
 from .plane_bodies import bodies_of_planes
@@ -33,6 +33,9 @@ from ..scenes.state import Array
 _CORRECTIONS = 3
 # overlaps [radii] that are pushed out at the end of a frame, among all candidates
 _DEEP = 2e-3
+# with more candidates of two spheres than this, they are looked for anew after so many substeps,
+# so far out [radii] that few blows lead a sphere beyond: it was after nearly each substep before
+_MANY, _PART, _SPARE = 2000, 2, 0.15
 # iterations of the solver that find the impulses of a start, where there is no warm start
 _COLD_ITERATIONS = 60
 
@@ -64,6 +67,14 @@ def advance(
         fly(world, spheres, islands.touched, awake, dt, after)
         advance_planes(world, dt)
         return after, with_sleepers(no_contacts(), old, awake, len(world.point)), islands
+    # for how long candidates hold, and how much farther out they are
+    part, span, spare = settings.substeps, dt, 0.0
+    if candidates.pairs > _MANY:
+        part, spare = min(_PART, part), _SPARE
+        span = part * h
+        candidates = find_candidates(
+            world, spheres.positions, spheres.velocities, span, awake, spare
+        )
     while True:
         # only spheres that may touch something take part, with indices of their own
         members, local = _members(candidates, len(awake))
@@ -93,27 +104,14 @@ def advance(
                 islands_out=no_islands(len(members)),
             )
             set_clock(world, clock)
-        start, reach, done = motion.positions.copy(), _reaches(members_world, motion, dt), started
-        while done < settings.substeps and not outrun(
-            members_world, motion, start, reach, dt - done * h
-        ):
-            substep(
-                world=members_world,
-                candidates=local,
-                chosen=work.every,
-                h=h,
-                nominal_h=h,
-                iterations=settings.iterations,
-                work_out=work,
-                motion_out=motion,
-                impulses_out=impulses,
-                islands_out=members_islands,
-            )
-            for i in range(len(quaternions)):
-                turn(quaternions, i, row(motion.angular_velocities, i), h)
-            done += 1
-        outran = outrun(members_world, motion, start, reach, dt - done * h)
-        for _ in range(0 if outran else _CORRECTIONS):
+        start, reach = motion.positions.copy(), _reaches(members_world, motion, span, spare)
+        until = min(started + part, settings.substeps)
+        done = _advance_part(
+            members_world, local, start, reach, h, settings, started, until, work, motion,
+            quaternions, impulses, members_islands,
+        )  # fmt: skip
+        again = done < settings.substeps or outrun(members_world, motion, start, reach, 0.0)
+        for _ in range(0 if again else _CORRECTIONS):
             missed, deep = find_missed(members_world, motion, local, h, work)
             if not (missed or deep):
                 break
@@ -132,19 +130,71 @@ def advance(
                 )
             separate_once(members_world, motion.positions, motion.velocities, local, work)
         _scatter(motion, quaternions, members_islands, members, after, islands)
-        if not outran and started == 0:
+        if not again and started == 0:
             break
         fly(world, now, _flags(members, len(awake)), awake, (done - started) * h, after)
-        if not outran:
+        if not again:
             break
         now, after, started = after, copy_spheres(after), done
         warm_start = WarmStart(key=candidates.key, impulses=impulses, known=True)
-        candidates = find_candidates(world, now.positions, now.velocities, dt, awake)
+        candidates = find_candidates(world, now.positions, now.velocities, span, awake, spare)
     set_clock(world, clock + dt)
     # spheres without contact fly in one step from the start of the frame
     fly(world, spheres, islands.touched, awake, dt, after)
     new = active_impulses(candidates.key, impulses)
     return after, with_sleepers(new, old, awake, len(world.point)), islands
+
+
+@in_place
+def _advance_part(
+    world: World,
+    candidates: Candidates,
+    start: Array,
+    reach: Array,
+    h: float,
+    settings: Settings,
+    done: int,
+    until: int,
+    work_out: Workspace,
+    motion_out: Motion,
+    quaternions_out: Array,
+    impulses_out: Impulses,
+    islands_out: Islands,
+) -> int:
+    """Advance the members up to a substep, or until one outruns its reach; returns which is next.
+
+    Args:
+        world: Of the members.
+        candidates: Of theirs.
+        start: Their positions when the candidates were found, shape (m, 3).
+        reach: From there, shape (m,).
+        h: Length of a substep.
+        settings: Substeps and iterations.
+        done: Substeps before.
+        until: Most substeps.
+        work_out: Scratch.
+        motion_out: Advanced.
+        quaternions_out: Advanced, shape (m, 4).
+        impulses_out: Impulses by candidate.
+        islands_out: Contacts are added.
+    """
+    while done < until and not outrun(world, motion_out, start, reach, (until - done) * h):
+        substep(
+            world=world,
+            candidates=candidates,
+            chosen=work_out.every,
+            h=h,
+            nominal_h=h,
+            iterations=settings.iterations,
+            work_out=work_out,
+            motion_out=motion_out,
+            impulses_out=impulses_out,
+            islands_out=islands_out,
+        )
+        for i in range(len(quaternions_out)):
+            turn(quaternions_out, i, row(motion_out.angular_velocities, i), h)
+        done += 1
+    return done
 
 
 @compiled
@@ -176,12 +226,13 @@ def _flags(members: Indices, count: int) -> Flags:
 
 
 @compiled
-def _reaches(world: World, motion: Motion, dt: float) -> Array:
-    """Reach of each sphere, within which its candidates are."""
+def _reaches(world: World, motion: Motion, dt: float, spare: float) -> Array:
+    """Reach of each sphere, within which its candidates are; see `find_candidates`."""
     weight = weight_of(world)
     reach = np.empty(len(motion.awake))
     for i in range(len(reach)):
         reach[i] = reach_of(length(row(motion.velocities, i)), weight, dt)
+        reach[i] += spare * world.radius[i]
         if world.in_air:
             reach[i] += reach_in_wind(world, i, row(motion.velocities, i), weight, dt)
     return reach

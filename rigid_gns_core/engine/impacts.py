@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .broad_phase import Candidates, PAD
+from .broad_phase import Candidates, PAD, with_planes
 from .flight import Paths
 from .sphere_impact import impact_of_spheres, straight_meeting
 from .world import weight_of, World
@@ -160,7 +160,7 @@ def find_impacts_of_spheres(
 def drop_doubles(candidates: Candidates, pairs: Indices, impacts_out: Impacts) -> None:
     """Keep one contact of a sphere over the seam of planes that are one, that of the least gap."""
     impacts = impacts_out
-    for k in pairs:
+    for k in pairs[with_planes(candidates, pairs) :]:
         if not impacts.found[k] or candidates.plane[k] < 0:
             continue
         q = k - 1

@@ -15,7 +15,7 @@ from .blocks import Blocks, CHANGE, fill, NORMAL, NORMAL_0, STRIDE, take, TX, TX
 from .contact_law import Law
 from .contacts import Contacts
 from .impulses import Bodies, Impulses
-from .large_law import displace, find_residuals_of, find_start_coupling, put_vector, vector_at
+from .large_law import displace, find_start_coupling, find_targets_of, put_vector, vector_at
 from .large_steps import begin, press, push, rub
 from .splitting import split_large
 from .world import UNIT_GRAVITY, World
@@ -27,8 +27,9 @@ from ..scenes.state import Array
 # after a blow; they get at most so many more, around bodies whose contacts change by more than
 # that [g h]
 _UNCONVERGED, _EXTRA_ITERATIONS, _CONVERGED = 3.0, 12, 0.3
-# bodies are split anew in the first iterations, and then in every so many
-_FIRST, _EVERY = 3, 4
+# contacts are compared with their law, and bodies split anew, in the first iterations, and then in
+# every so many
+_FIRST, _EVERY = 2, 4
 
 
 @in_place
@@ -73,28 +74,25 @@ def solve_large(
     for iteration in range(iterations):
         if iteration < _FIRST or iteration % _EVERY == 0:
             for q in range(count):
-                find_residuals_of(blocks, q, h, curved)
+                find_targets_of(blocks, q, h, curved)
             split_large(blocks, pairs, count, bodies)
-            for q in range(count):
-                press(blocks, q, pairs)
-        else:
-            for q in range(count):
-                find_residuals_of(blocks, q, h, curved)
-                press(blocks, q, pairs)
+        for q in range(count):
+            press(blocks, q, pairs)
         _end_pass(blocks, bodies)
         for q in range(count):
             rub(blocks, q, pairs, curved)
         _end_pass(blocks, bodies)
     fall = UNIT_GRAVITY * nominal_h
     if _change(blocks, count) > _UNCONVERGED * fall:
-        for _ in range(_EXTRA_ITERATIONS):
+        for extra in range(_EXTRA_ITERATIONS):
             if not _choose_blocks(
                 blocks, count, bodies, len(world.restitution), _CONVERGED * fall
             ):
                 break
             for q in range(count):
                 if blocks.on[q]:
-                    find_residuals_of(blocks, q, h, curved)
+                    if extra % _EVERY == 0:
+                        find_targets_of(blocks, q, h, curved)
                     press(blocks, q, pairs)
             _end_pass_of_blocks(blocks, count)
             for q in range(count):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Residuals of the contacts of a large island from their law, eight at once.
+"""Where the contacts of a large island end by their law, eight at once.
 
 The law is that of `contact_law.target_of`, in the same formulas. Flights that it follows one by
 one, or counts by logarithms, are few: such a contact is left to that function.
@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 
 from .blocks import (
-    ACTIVE,
     APART,
     Blocks,
     BOUNCED,
@@ -32,7 +31,6 @@ from .blocks import (
     PULL,
     REBOUND,
     REMAINING,
-    RESIDUAL,
     SEPARATION,
     SLOW,
     SLOWEST,
@@ -99,8 +97,8 @@ def find_start_coupling(blocks: Blocks, q: int) -> None:
 
 
 @in_place
-def find_residuals_of(blocks: Blocks, q: int, h: float, curved: bool) -> None:
-    """Find residual, strength and slip at the end of the contacts of block q.
+def find_targets_of(blocks: Blocks, q: int, h: float, curved: bool) -> None:
+    """Find where the contacts of block q alone end, their slip there, and their strength.
 
     Args:
         blocks: Written.
@@ -127,15 +125,19 @@ def find_residuals_of(blocks: Blocks, q: int, h: float, curved: bool) -> None:
         share = load(v, at + BOUNCED) * load(v, at + REBOUND)
         slip = minus(slip, times(share, blow))
     put_vector(v, at + SX, slip)
-    residual = load(v, at + SEPARATION) - separation
-    presses = (normal > 0.0) | (residual > load(v, at + SLOWEST))
-    active = (load(v, at + HIT) > 0.0) & presses
     if h > 0:  # a gap that stays open takes a force that presses the bodies together
-        active = active & ~((lasting >= 0.0) & (load(v, at + APART) > 0.0))
-    store(v, at + RESIDUAL, residual)
-    store(v, at + ACTIVE, choose(active, same(1.0), zero))
+        open_still = (lasting >= 0.0) & (load(v, at + APART) > 0.0)
+        store(v, at + HIT, choose(open_still, zero, load(v, at + HIT)))
+    residual = load(v, at + SEPARATION) - separation
     strength = normal * unit + larger(residual, -residual)
-    store(v, at + STRENGTH, choose(active, strength, zero))
+    store(v, at + STRENGTH, choose(acts(v, at, normal, residual), strength, zero))
+
+
+@in_place
+def acts(v: Array, at: int, normal: Lanes, residual: Lanes) -> Mask:
+    """Which contacts of a block carry force, or are to."""
+    presses = (normal > 0.0) | (residual > load(v, at + SLOWEST))
+    return (load(v, at + HIT) > 0.0) & presses
 
 
 @in_place

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 from .blocks import (
-    ACTIVE,
     ALONG,
     ARM_A,
     ARM_B,
@@ -26,10 +25,10 @@ from .blocks import (
     NX,
     ORBIT,
     QX,
-    RESIDUAL,
     ROLL,
     ROLL_SPLIT,
     RUB,
+    SEPARATION,
     SPINNING,
     STEP,
     STRIDE,
@@ -40,7 +39,7 @@ from .blocks import (
     TX_0,
     UNIT,
 )
-from .large_law import put_vector, vector_at, whole_impulse
+from .large_law import acts, put_vector, vector_at, whole_impulse
 from ..kernels.jit import in_place
 from ..kernels.lanes import (
     add_to_rows,
@@ -119,20 +118,23 @@ def begin(blocks_out: Blocks, q: int, pairs: int) -> None:
 @in_place
 def press(blocks_out: Blocks, q: int, pairs: int) -> None:
     """Step normal impulses of block q: they push, and never pull."""
-    v, at, place = blocks_out.values, q * STRIDE, q * WIDTH
-    old = load(v, at + NORMAL)
-    more = load(v, at + MOMENTUM) * (old - load(v, at + NORMAL_0))
-    more = more + load(v, at + RESIDUAL) * load(v, at + STEP)
-    new = larger(old + more, same(0.0)) * load(v, at + ACTIVE)
+    v, at, place, zero = blocks_out.values, q * STRIDE, q * WIDTH, same(0.0)
+    ax, ay, az, mass_a = columns_of(blocks_out.motion, 0, blocks_out.a, place)
+    bx, by, bz, mass_b = columns_of(blocks_out.motion, 0, blocks_out.b, place)
+    old, normal, moving = (
+        load(v, at + NORMAL),
+        vector_at(v, at + NX),
+        minus((ax, ay, az), (bx, by, bz)),
+    )
+    residual = load(v, at + SEPARATION) - (dot(normal, moving) + load(v, at + TURNING))
+    more = load(v, at + MOMENTUM) * (old - load(v, at + NORMAL_0)) + residual * load(v, at + STEP)
+    new = choose(acts(v, at, old, residual), larger(old + more, zero), zero)
     step = new - old
     store(v, at + NORMAL_0, old)
     store(v, at + NORMAL, new)
     change = step * load(v, at + UNIT)
     store(v, at + CHANGE, change * change)
-    mass_a = columns_of(blocks_out.motion, 0, blocks_out.a, place)[3]
-    mass_b = columns_of(blocks_out.motion, 0, blocks_out.b, place)[3]
-    impulse = times(step, vector_at(v, at + NX))
-    push(blocks_out.new_motion, blocks_out, q, impulse, mass_a, mass_b, pairs)
+    push(blocks_out.new_motion, blocks_out, q, times(step, normal), mass_a, mass_b, pairs)
 
 
 @in_place

@@ -96,7 +96,7 @@ def find_learned_contacts(
     """
     count = len(asleep)
     kicks, pushes = _changes(world, before, after, dt)
-    candidates = find_candidates(world, before.positions, before.velocities, dt, ~asleep)
+    candidates = find_candidates(world, before.positions, before.velocities, dt, ~asleep, 0.0)
     size, most = 0, len(candidates.a)
     found = LearnedContacts(
         a=np.empty(most, np.int64),

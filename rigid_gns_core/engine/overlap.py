@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from .rectangle import from_plane, offset_from_rectangle, to_plane
 from .solids import is_solid, nearest_in_world
 from .world import World
 from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
 from ..kernels.vector import add_to, dot, length, minus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -26,14 +28,17 @@ ROUNDING = 1e-12
 class Overlaps(NamedTuple):
     """Scratch of `push_out`; c contacts, b bodies.
 
-    depth: of each contact, shape (c,); normal: its direction now, shape (c, 3); deepest, load: of
-    each body, shape (b,).
+    which: contacts that overlap, shape (c,); depth: of these, shape (c,); normal: their
+    directions now, shape (c, 3); deepest, load: of each body, shape (b,); moved: first sweep
+    after it was moved, shape (b,).
     """
 
+    which: Indices
     depth: Array
     normal: Array
     deepest: Array
     load: Array
+    moved: Indices
 
 
 @compiled
@@ -41,7 +46,12 @@ def new_overlaps(bodies: int, contacts: int) -> Overlaps:
     """Room for so many, to be written."""
     own = np.empty((2, bodies))
     return Overlaps(
-        depth=np.empty(contacts), normal=np.empty((contacts, 3)), deepest=own[0], load=own[1]
+        which=np.empty(contacts, np.int64),
+        depth=np.empty(contacts),
+        normal=np.empty((contacts, 3)),
+        deepest=own[0],
+        load=own[1],
+        moved=np.empty(bodies, np.int64),
     )
 
 
@@ -77,50 +87,54 @@ def push_out(
     with w the inverse masses, and n the number of contacts of a body, weighted by depth.
     """
     positions, fixed = positions_out, len(positions_out)
-    count, inverse = len(contacts.a), world.inverse_mass
+    inverse, which, moved = world.inverse_mass, overlaps_out.which, overlaps_out.moved
     depth, normal = overlaps_out.depth, overlaps_out.normal
     deepest, load = overlaps_out.deepest, overlaps_out.load
-    for _ in range(_SWEEPS):
-        any_deep = False
-        for k in range(count):
-            if _is_apart(world, positions, contacts, k):
-                depth[k] = 0.0
+    for k in range(len(contacts.a)):
+        moved[contacts.a[k]] = moved[contacts.b[k]] = 0
+    for sweep in range(_SWEEPS):
+        size = 0
+        for k in range(len(contacts.a)):
+            a, b = contacts.a[k], contacts.b[k]
+            # contacts of bodies that did not move are as they were: they do not overlap
+            if max(moved[a], moved[b]) < sweep or _is_apart(world, positions, contacts, k):
                 continue
             gap, direction = gap_of(world, positions, contacts, k)
-            deep = gap < -ROUNDING * world.radius[contacts.a[k]]
-            depth[k] = -gap if deep else 0.0
-            if deep:
-                any_deep = True
-                put(normal, k, direction)
-        if not any_deep:
+            if gap < -ROUNDING * world.radius[a]:
+                which[size], depth[size] = k, -gap
+                put(normal, size, direction)
+                deepest[a], load[a], deepest[b], load[b] = 1e-30, 0.0, 1e-30, 0.0
+                size += 1
+        if size == 0:
             return
-        for k in range(count):
-            for body in (contacts.a[k], contacts.b[k]):
-                deepest[body], load[body] = 1e-30, 0.0
-        for k in range(count):
-            a, b = contacts.a[k], contacts.b[k]
-            deepest[a], deepest[b] = max(deepest[a], depth[k]), max(deepest[b], depth[k])
+        for q in range(size):
+            a, b = contacts.a[which[q]], contacts.b[which[q]]
+            deepest[a], deepest[b] = max(deepest[a], depth[q]), max(deepest[b], depth[q])
         # weighted, so that contacts of no depth change nothing
-        for k in range(count):
-            if depth[k] > 0:
-                a, b = contacts.a[k], contacts.b[k]
-                load[a] += depth[k] / deepest[a]
-                load[b] += depth[k] / deepest[b]
-        for k in range(count):
-            if depth[k] > 0:
-                a, b = contacts.a[k], contacts.b[k]
-                push = depth[k] / (load[a] * inverse[a] + load[b] * inverse[b])
-                way = row(normal, k)
-                add_to(positions, a, times(push * inverse[a], way))
-                if b < fixed:
-                    add_to(positions, b, times(-push * inverse[b], way))
+        for q in range(size):
+            a, b = contacts.a[which[q]], contacts.b[which[q]]
+            load[a] += depth[q] / deepest[a]
+            load[b] += depth[q] / deepest[b]
+        for q in range(size):
+            a, b = contacts.a[which[q]], contacts.b[which[q]]
+            push = depth[q] / (load[a] * inverse[a] + load[b] * inverse[b])
+            way = row(normal, q)
+            add_to(positions, a, times(push * inverse[a], way))
+            moved[a] = sweep + 1
+            if b < fixed:
+                add_to(positions, b, times(-push * inverse[b], way))
+                moved[b] = sweep + 1
 
 
 @in_place
 def _is_apart(world: World, positions: Array, contacts: Contacts, k: int) -> bool:
-    """Whether contact k is one of two spheres with a gap, at a glance."""
-    a, b = contacts.a[k], contacts.b[k]
-    if contacts.plane[k] >= 0:
-        return False
+    """Whether there is a gap at contact k, at a glance; where in doubt False."""
+    a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
+    if plane >= 0:
+        offset = minus(row(positions, a), row(world.point, plane))
+        height = dot(row(world.axes[plane], 2), offset)
+        if world.two_sided[plane]:
+            height = math.fabs(height)
+        return height > (1.0 + ROUNDING) * world.radius[a]
     offset, reach = minus(row(positions, a), row(positions, b)), world.radius[a] + world.radius[b]
     return dot(offset, offset) > reach * reach

@@ -77,7 +77,7 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
     """
     still, everyone = np.zeros_like(positions_out), np.ones(len(positions_out), np.bool_)
     for _ in range(_PASSES):
-        candidates = find_candidates(world, positions_out, still, dt, everyone)
+        candidates = find_candidates(world, positions_out, still, dt, everyone, 0.0)
         if len(candidates.a) == 0:
             return
         work = new_workspace(

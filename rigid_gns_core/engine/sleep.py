@@ -76,7 +76,7 @@ def wake(
     sleepers = sleepers_out
     while True:
         awake = ~sleepers.asleep
-        candidates = find_candidates(world, positions, velocities, dt, awake)
+        candidates = find_candidates(world, positions, velocities, dt, awake, 0.0)
         woken = np.zeros(sleepers.islands[0], np.bool_)
         for k in range(len(candidates.a)):
             if candidates.plane[k] < 0:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .broad_phase import sphere_of
 from .impulses import copy_impulse, Impulses, no_impulses
-from ..kernels.jit import compiled, entry
+from ..kernels.jit import compiled, entry, in_place
 from ..kernels.neighbours import Flags, Indices
 
 
@@ -39,13 +39,19 @@ def no_contacts() -> WarmStart:
 def impulses_of(warm_start: WarmStart, key: Indices) -> Impulses:
     """Impulses of the candidates of these keys, zero where they are new."""
     impulses = no_impulses(len(key))
+    _copy_known(warm_start, key, impulses)
+    return impulses
+
+
+@in_place
+def _copy_known(warm_start: WarmStart, key: Indices, impulses_out: Impulses) -> None:
+    """Copy the impulses of the candidates of these keys that have any."""
     k = 0
     for i in range(len(key)):
         while k < len(warm_start.key) and warm_start.key[k] < key[i]:
             k += 1
         if k < len(warm_start.key) and warm_start.key[k] == key[i]:
-            copy_impulse(warm_start.impulses, k, impulses, i)
-    return impulses
+            copy_impulse(warm_start.impulses, k, impulses_out, i)
 
 
 @compiled

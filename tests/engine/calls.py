@@ -29,7 +29,7 @@ njit = numba.njit(error_model='numpy')
 @njit
 def candidates(world, positions, velocities, dt, awake):
     """See `find_candidates`."""
-    return find_candidates(world, positions, velocities, dt, awake)
+    return find_candidates(world, positions, velocities, dt, awake, 0.0)
 
 
 @njit
@@ -56,7 +56,7 @@ def taken(found, size):
 def narrow_phase(world, positions, velocities, dt, h, lookback):
     """Workspace with the contacts among all candidates of a frame, and how many there are."""
     everyone = np.ones(len(positions), np.bool_)
-    around = find_candidates(world, positions, velocities, dt, everyone)
+    around = find_candidates(world, positions, velocities, dt, everyone, 0.0)
     work = new_workspace(len(positions), 1, around)
     paths = Paths(positions, velocities, world.flight)
     find_impacts(world, paths, around, work.every_pair, work.every, h, lookback, work.impacts)
