@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -128,13 +127,9 @@ def push_out(
 
 @in_place
 def _is_apart(world: World, positions: Array, contacts: Contacts, k: int) -> bool:
-    """Whether there is a gap at contact k, at a glance; where in doubt False."""
-    a, b, plane = contacts.a[k], contacts.b[k], contacts.plane[k]
-    if plane >= 0:
-        offset = minus(row(positions, a), row(world.point, plane))
-        height = dot(row(world.axes[plane], 2), offset)
-        if world.two_sided[plane]:
-            height = math.fabs(height)
-        return height > (1.0 + ROUNDING) * world.radius[a]
+    """Whether contact k is one of two spheres with a gap, at a glance."""
+    a, b = contacts.a[k], contacts.b[k]
+    if contacts.plane[k] >= 0:
+        return False
     offset, reach = minus(row(positions, a), row(positions, b)), world.radius[a] + world.radius[b]
     return dot(offset, offset) > reach * reach
