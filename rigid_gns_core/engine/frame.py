@@ -21,7 +21,7 @@ from .sleep import Sleepers, wake
 from .spheres import copy_spheres, Spheres
 from .substep import substep
 from .warm_start import active_impulses, impulses_of, no_contacts, WarmStart, with_sleepers
-from .workspace import new_workspace, Workspace
+from .workspace import has_room, new_workspace, Workspace, workspace_among
 from .world import UNIT_GRAVITY, weight_of, World, world_among
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
@@ -75,10 +75,11 @@ def advance(
         candidates = find_candidates(
             world, spheres.positions, spheres.velocities, span, awake, spare
         )
+    members, local = _members(candidates, len(awake))
+    moved = bodies_of_planes(world, local.plane)
+    room = new_workspace(len(members), 1 + moved, local)
     while True:
         # only spheres that may touch something take part, with indices of their own
-        members, local = _members(candidates, len(awake))
-        moved = bodies_of_planes(world, local.plane)
         members_world = world_among(world, members, 1 + moved)
         members_islands = no_islands(len(members))
         motion = Motion(
@@ -89,7 +90,7 @@ def advance(
             work=np.zeros(len(members)),
         )
         impulses, quaternions = impulses_of(warm_start, candidates.key), now.quaternions[members]
-        work = new_workspace(len(members), 1 + moved, local)
+        work = workspace_among(room, len(members), len(local.a))
         if not warm_start.known:  # at a start: a substep of a copy, for its impulses
             substep(
                 world=members_world,
@@ -138,6 +139,10 @@ def advance(
         now, after, started = after, copy_spheres(after), done
         warm_start = WarmStart(key=candidates.key, impulses=impulses, known=True)
         candidates = find_candidates(world, now.positions, now.velocities, span, awake, spare)
+        members, local = _members(candidates, len(awake))
+        moved = bodies_of_planes(world, local.plane)
+        if not has_room(room, len(members), 1 + moved, len(local.a)):
+            room = new_workspace(len(members), 1 + moved, local)
     set_clock(world, clock + dt)
     # spheres without contact fly in one step from the start of the frame
     fly(world, spheres, islands.touched, awake, dt, after)

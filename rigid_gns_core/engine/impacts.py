@@ -25,9 +25,9 @@ PARALLEL = 1e-7
 
 
 class Impacts(NamedTuple):
-    """Impacts of all candidates, shape (m,) and (12, m).
+    """Impacts of all candidates, shape (m,) and (12, m) at least.
 
-    values: those of `Impact`, by the columns below; flat: the same, shape (12 m,); rows: paths of
+    values: those of `Impact`, by the columns below; flat: the same in a row; rows: paths of
     the spheres, see `find_impacts_of_spheres`, shape (8 n,); surface_velocity: of planes that
     move, at the contact, shape (m, 3), or (0, 3) where none does.
     """
@@ -97,7 +97,8 @@ def find_impacts_of_spheres(
         lookback: Bodies that overlap are taken to have met at most so long ago.
         impacts_out: Written.
     """
-    impacts, size, weight = impacts_out, len(candidates.a), weight_of(world)
+    impacts, weight = impacts_out, weight_of(world)
+    size = impacts.values.shape[1]
     fall, pressed, rows = weight * h * h, weight > 0, impacts.rows
     for i in range(len(paths.positions) if count > 0 else 0):
         for axis in range(3):

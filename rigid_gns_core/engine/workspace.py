@@ -19,14 +19,14 @@ from .contact_law import Law, new_law
 from .contacts import Contacts
 from .containment import Cuts, new_cuts
 from .couplings import Couplings, new_couplings
-from .direct import new_pivots, Pivots
+from .direct import MOST_CONTACTS, new_pivots, Pivots
 from .groups import new_contacts, new_order, Order
 from .impacts import Impacts, new_impacts
 from .impulses import Bodies, Impulses, no_impulses
 from .motion import Motion, new_motion
 from .overlap import new_overlaps, Overlaps
 from .residuals import new_state, SolverState
-from ..kernels.jit import compiled
+from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
 from ..scenes.state import Array
 
@@ -132,4 +132,64 @@ def new_workspace(spheres: int, fixed: int, candidates: Candidates) -> Workspace
         sphere_begin=begins[0],
         pair_begin=begins[1],
         place=begins[2],
+    )
+
+
+@in_place
+def has_room(work: Workspace, spheres: int, fixed: int, candidates: int) -> bool:
+    """Whether a workspace has room for so many."""
+    bodies = len(work.bodies.strongest)
+    fits = len(work.everyone) >= spheres and bodies >= spheres + fixed
+    # none was made for large islands, or for bodies that move, where there were none
+    large = candidates <= MOST_CONTACTS or len(work.blocks.own) > 0
+    moving = fixed == 1 or len(work.impacts.surface_velocity) >= candidates
+    return fits and large and moving and len(work.every_pair) >= candidates
+
+
+@compiled
+def workspace_among(work: Workspace, spheres: int, candidates: int) -> Workspace:
+    """View for so many spheres and candidates; what is longer is scratch, and read by index."""
+    order = Order(
+        parent=work.order.parent[: spheres + 1],
+        degree=work.order.degree,
+        number=work.order.number,
+        label=work.order.label,
+        which=work.order.which,
+        begin=work.order.begin,
+        place=work.order.place,
+    )
+    return Workspace(
+        impacts=work.impacts,
+        order=order,
+        contacts=work.contacts,
+        law=work.law,
+        bodies=work.bodies,
+        impulses=work.impulses,
+        start=work.start,
+        state=work.state,
+        couplings=work.couplings,
+        blocks=work.blocks,
+        pivots=work.pivots,
+        overlaps=work.overlaps,
+        cuts=work.cuts,
+        path=work.path,
+        mean=work.mean,
+        positions=work.positions,
+        before=work.before,
+        warm=work.warm,
+        speeds=work.speeds,
+        everyone=work.everyone[:spheres],
+        every_pair=work.every_pair[:candidates],
+        every=work.every,
+        chosen=work.chosen,
+        missed=work.missed,
+        label=work.label,
+        opening=work.opening,
+        inner_label=work.inner_label,
+        inner_opening=work.inner_opening,
+        spheres=work.spheres,
+        pairs=work.pairs,
+        sphere_begin=work.sphere_begin,
+        pair_begin=work.pair_begin,
+        place=work.place,
     )
