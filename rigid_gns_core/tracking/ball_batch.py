@@ -12,6 +12,7 @@ from .jit import compiled, entry
 from .kinks import find_kinks
 from .spin_windows import SpinWindows
 from .stamp_noise import with_stamp_noise
+from .struck import motion_before
 from ..kernels.neighbours import Flags, Indices
 from ..scenes.state import Array
 
@@ -120,7 +121,7 @@ def estimate_balls(
     _last_near(positions, seen, balls[:, 7], begin, near)
     taken = _fastest(times, positions, seen, near, most)
     own_times, places, own_noise = np.zeros(m), np.zeros((m, 3)), noise.copy()
-    kinks = np.zeros(m, dtype=np.int64)
+    kinks, frames, before = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros(4)
     state, covariance = np.zeros(9), np.zeros((9, 9))
     for i in range(n):
         count, last = 0, -1
@@ -131,6 +132,7 @@ def estimate_balls(
             if seen[frame, i]:
                 own_times[count] = times[frame]
                 places[count] = positions[frame, i]
+                frames[count] = frame
                 count, last = count + 1, frame
         if count < fewest:
             continue
@@ -143,6 +145,7 @@ def estimate_balls(
             if worst == np.inf:
                 continue
             first = 0  # a jump may be of stamps that jitter; if not, the newest frames are missed
+        motion_before(times, positions, seen, balls[:, 7], i, frames[first:count], before)
         ends_out[i, 1], loss, _, _ = estimate_window(
             ball,
             planes,
@@ -150,6 +153,7 @@ def estimate_balls(
             own_noise,
             windows,
             True,
+            before,
             own_times[first:count],
             places[first:count],
             state,

@@ -90,6 +90,7 @@ def estimate_ball(
         plain(noise),
         windows,
         prior is not None,
+        np.zeros(4),
         times,
         positions,
         state,

@@ -56,6 +56,29 @@ def _may_touch(ball: Array, planes: Array, positions: Array) -> bool:
     return False
 
 
+@in_place
+def _keep_spin(
+    ball: Array, plane: Array, guess: Array, before: Array, mean: Array, precision: Array
+) -> None:
+    """Prior of the spin along a surface of a ball that had that of rolling before a blow.
+
+    Told as what comes to that of rolling now: n x (v_before - v) / r.
+    """
+    radius, about = ball[0, 7], 0.0
+    for a in range(3):
+        for k in range(3):
+            about += plane[9 + a] * precision[6 + a, 6 + k] * plane[9 + k]
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        slip = plane[9 + b] * (before[c] - guess[3 + c])
+        slip -= plane[9 + c] * (before[b] - guess[3 + b])
+        mean[6 + a] = slip / radius
+        for k in range(3):
+            across = plane[9 + a] * plane[9 + k]
+            along = (1.0 if a == k else 0.0) - across
+            precision[6 + a, 6 + k] = along * (radius / before[3]) ** 2 + across * about
+
+
 @compiled
 def _estimate(
     ball: Array,
@@ -64,6 +87,7 @@ def _estimate(
     noise: Array,
     windows: SpinWindows,
     spinning: bool,
+    before: Array,
     times: Array,
     positions: Array,
     frames: int,
@@ -82,6 +106,8 @@ def _estimate(
     mean, precision = np.zeros(9), np.zeros((9, 9))
     guess_start(ball, planes, times, positions, on, frames, guess)
     prior_of_window(planes, guess, on, spinning, windows, mean, precision)
+    if on != FREE and before[3] > 0.0:
+        _keep_spin(ball, planes[on], guess, before, mean, precision)
     start[:6] = guess
     start[6:] = mean[6:]
     weights = np.ones(len(times))
@@ -146,6 +172,7 @@ def estimate_window(
     noise: Array,
     windows: SpinWindows,
     spinning: bool,
+    before: Array,
     times: Array,
     positions: Array,
     state_out: Array,
@@ -161,6 +188,7 @@ def estimate_window(
         windows: Prior of the spin.
         spinning: Whether the ball may spin; if not, it does not in the air, and rolls on a
             surface.
+        before: Of a ball that was struck before the first frame, see `struck`; 0: it was not.
         times: Rising times of the frames [s], shape (m,), `FEWEST` or more.
         positions: Centres [m], shape (m, 3).
         state_out: State, shape (9,).
@@ -173,7 +201,7 @@ def estimate_window(
     m, best, quality = len(times), -1, math.inf
     on, loss, contacts = FREE, math.inf, 0
     state, covariance = np.zeros(9), np.zeros((9, 9))
-    other, other_covariance = np.zeros(9), np.zeros((9, 9))
+    other, other_covariance, unknown = np.zeros(9), np.zeros((9, 9)), np.zeros(4)
     for part in _PARTS:
         begin = 0
         while times[begin] < times[-1] - part * (times[-1] - times[0]) - 1e-9:
@@ -191,6 +219,7 @@ def estimate_window(
             noise,
             windows,
             spinning,
+            before if begin == 0 else unknown,
             seen,
             places,
             frames,
@@ -208,6 +237,7 @@ def estimate_window(
                 noise,
                 windows,
                 spinning,
+                before if begin == 0 else unknown,
                 seen,
                 places,
                 FEWEST,
