@@ -93,6 +93,8 @@ def quick(words: list[str]) -> list[str]:
         one = '--scene' in words
         rest = ['--substeps', '4'] if one else ['--trajectories', '4', '--workers', '1']
         return ['--steps', '2', *rest]
+    if words[1:3] == ['experiment', 'worlds']:
+        return ['--budget', 'smoke', '--only', 'soft']
     if words[1] == 'experiment' and not {'--page', '--list'} & set(words):
         smoke = 'smoke' in words
         return ['--only', 'base', '--workers', '1'] if smoke else ['--budget', 'smoke', '--no-run']

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--data', type=Path, default=Path('data'), help='data sets, generated if absent (data)'
     )
     parser.add_argument('--runs', type=Path, help=f'checkpoints ({RUNS}, of worlds {worlds.RUNS})')
-    parser.add_argument('--out', type=Path, help=f'results ({OUT}, of worlds {worlds.OUT})')
+    parser.add_argument('--out', type=Path, help=f'results ({OUT}, of worlds --runs)')
     parser.add_argument(
         '--no-run', action='store_true', help='only write tables and figures, of finished cells'
     )

@@ -15,7 +15,7 @@ from ..files.atomic_file import whole_file
 
 NAME, WORLDS = 'worlds', ('soft', 'granular', 'bullet')
 TITLE = 'Laws, residual network and GNS on worlds that the laws do not know (docs/residual.md)'
-RUNS, OUT = Path('runs/worlds'), Path('docs/model')
+RUNS = Path('runs/worlds')
 
 
 def run_worlds(arguments: argparse.Namespace) -> int:
@@ -30,8 +30,9 @@ def run_worlds(arguments: argparse.Namespace) -> int:
         raise UserError(f'there is no world {unknown[0]!r}, allowed: {", ".join(WORLDS)}')
     torch.set_num_threads(1)
     budget = load_worlds_budget(arguments.budget)
-    out = arguments.out or OUT
-    file, runs = out / 'worlds.json', arguments.runs or RUNS
+    runs = (arguments.runs or RUNS) / Path(arguments.budget).stem
+    out = arguments.out or runs
+    file = out / 'worlds.json'
     results: list[dict[str, Any]] = json.loads(file.read_text()) if file.is_file() else []
     out.mkdir(parents=True, exist_ok=True)
     for world in names:

@@ -156,5 +156,5 @@ def test_mujoco_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     ids=lambda given: next(iter(given)),
 )
 def test_mujoco_refuses_what_it_has_not(given: dict) -> None:
-    with pytest.raises(UserError, match='air, a contact law, spheres that are not solid'):
+    with pytest.raises(UserError, match='air, a contact law, obstacles, spheres that'):
         mujoco(Scene(**given), State(positions=np.array([[0.0, 0.0, 2.0]])))

@@ -109,7 +109,7 @@ def test_wrong_names_are_answered_with_the_right_ones(capsys: pytest.CaptureFixt
 def test_the_list_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['experiment', '--list']) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(shipped_experiments())
+    assert [line.split()[0] for line in lines] == [*shipped_experiments(), 'worlds']
     assert lines[0].startswith('ground_truth') and 'table 1' in lines[0]
 
 
