@@ -123,8 +123,11 @@ def case(
         write_bag(folder / f'bag_{index}', scene, trajectory, noise, lab.lost, seed + 10 * index)
         for index, (scene, trajectory) in enumerate(taught)
     ]
-    reports = import_bags(bags, folder / 'data')
-    records = list(Dataset(folder / 'data'))
+    reports, records = [], []
+    for bag in bags:  # the boxes differ, and a data set has one scene
+        data = folder / 'data' / bag.name
+        reports += import_bags([bag], data)
+        records += Dataset(data)
     laws, gns = load_simulator('laws'), load_simulator('gns')
     begin = time.process_time()
     fit = calibrate(laws, records, seed=seed, most=FITTED)
