@@ -158,3 +158,8 @@ def test_mujoco_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_mujoco_refuses_what_it_has_not(given: dict) -> None:
     with pytest.raises(UserError, match='air, a contact law, obstacles, spheres that'):
         mujoco(Scene(**given), State(positions=np.array([[0.0, 0.0, 2.0]])))
+
+
+def test_lammps_refuses_what_it_has_not() -> None:
+    with pytest.raises(UserError, match='air, a contact law, obstacles, spheres that'):
+        lammps(Scene(inertia_factor=2 / 3), State(positions=np.array([[0.0, 0.0, 2.0]])))

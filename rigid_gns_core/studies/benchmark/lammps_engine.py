@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .plain_scene import check_plain
 from ...errors import UserError
 from ...installation.extras import needed
 from ...kernels.neighbours import Indices
@@ -193,10 +194,7 @@ def _check(scene: Scene, start: State) -> None:
         values = np.append(of_planes, scene.per_sphere(name, count))
         if np.ptp(values) > 1e-9:
             raise UserError(f'{name} differs between bodies; the LAMMPS peer takes one for all')
-    if scene.air is not None or scene.obstacles or any(p.contact for p in scene.surfaces):
-        raise UserError(
-            'the scene has air, obstacles or contact laws; the LAMMPS peer takes materials'
-        )
+    check_plain('LAMMPS', scene, start)
     normals = np.array([plane.normal for plane in scene.surfaces])
     if not (np.abs(normals).max(axis=1) > 1.0 - 1e-9).all() or scene.up[2] < 1.0 - 1e-9:
         raise UserError('the LAMMPS peer takes surfaces and gravity along the axes')

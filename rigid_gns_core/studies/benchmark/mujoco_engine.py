@@ -17,9 +17,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import UserError
+from .plain_scene import check_plain, common_values
 from ...installation.extras import needed
-from ...scenes.plane import seen_from_behind, SOLID
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 
@@ -187,21 +186,9 @@ def damping_ratio(restitution: float) -> float:
 
 
 def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings) -> str:
-    count = len(start)
-    laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
-    solid = not np.any(scene.per_sphere('inertia_factor', count) - SOLID)
-    moving = any(surface.moves for surface in scene.surfaces)
-    if scene.air is not None or any(laws) or not solid or moving or scene.obstacles:
-        raise UserError(
-            'the scene has air, a contact law, obstacles, spheres that are not solid or surfaces '
-            'that move; the MuJoCo peer takes solid spheres in a vacuum, with materials'
-        )
-    values = {}
-    for name in ('radius', 'mass', 'restitution', 'friction', 'rolling_friction'):
-        own = scene.per_sphere(name, count)
-        if np.ptp(own) > 0:
-            raise UserError(f'{name} differs between spheres; the MuJoCo peer takes one for all')
-        values[name] = float(own[0])
+    check_plain('MuJoCo', scene, start)
+    names = ('radius', 'mass', 'restitution', 'friction', 'rolling_friction')
+    values = common_values('MuJoCo', scene, len(start), *names)
     radius, rolling = values['radius'], values['rolling_friction'] * values['radius']
     lines = [
         '<mujoco>',
@@ -215,8 +202,6 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
     contact = _contact(values['restitution'] ** 2, substep, settings)
     restitution = scene.surface_values('restitution') * values['restitution']
     friction = scene.surface_values('friction') * values['friction']
-    if seen_from_behind(scene.surfaces, start.positions).any():
-        raise UserError('planes of MuJoCo have no end; the scene has one that spheres see')
     for index, plane in enumerate(scene.surfaces):
         point = ' '.join(map(str, plane.point))
         axis = ' '.join(map(str, plane.normal))
@@ -231,7 +216,7 @@ def _model(scene: Scene, start: State, substep: float, settings: MujocoSettings)
         f'<freejoint/><geom type="sphere" size="{radius}" mass="{values["mass"]}" condim="3"'
         f' friction="{values["friction"] ** 2} 0 0" {contact}/>'
     )
-    lines += [f'<body>{sphere}</body>'] * count
+    lines += [f'<body>{sphere}</body>'] * len(start)
     return '\n'.join([*lines, '</worldbody>', '</mujoco>'])
 
 

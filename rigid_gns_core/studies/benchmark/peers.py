@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 import warnings
 
 import numpy as np
@@ -34,6 +34,8 @@ MUJOCO_SUBSTEPS = (6, 12, 24, 48)
 RAPIER_SUBSTEPS = (1, 2, 6, 12, 24)
 LAWS_SUBSTEPS = (1, 2, 4, 8, 16)
 BULLET_ITERATIONS = 10
+
+_Settings = TypeVar('_Settings')
 """Iterations of Bullet's solver: errors as with the teacher's 50, and up to twice as fast."""
 
 
@@ -150,43 +152,40 @@ def warm_up(peers: Iterable[Peer]) -> None:
 def _bullet(substeps: tuple[int, ...], iterations: int) -> list[Peer]:
     load_pybullet()
     version = metadata.version('pybullet')
-    peers = []
-    for count in substeps:
+
+    def described(settings: TeacherSettings) -> dict[str, Any]:
+        return {'engine': 'pybullet', 'version': version, **asdict(settings)}
+
+    def at(count: int) -> Peer:
         settings = TeacherSettings(substeps=count, solver_iterations=iterations, rolling_updates=0)
+        return _at('Bullet', count, BulletSpheres, settings, described)
 
-        def start(scene: Scene, state: State, settings: TeacherSettings = settings) -> Run:
-            return BulletSpheres(scene, state, FRAME, settings)
-
-        described = {'engine': 'pybullet', 'version': version, **asdict(settings)}
-        peers.append(Peer(f'Bullet {count}', 'Bullet', str(count), start, described))
-    return peers
+    return [at(count) for count in substeps]
 
 
 def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
     load_mujoco()
-    peers = []
-    for count in substeps:
-        settings = MujocoSettings(count)
-
-        def start(scene: Scene, state: State, settings: MujocoSettings = settings) -> Run:
-            return MujocoSpheres(scene, state, FRAME, settings)
-
-        peers.append(Peer(f'MuJoCo {count}', 'MuJoCo', str(count), start, describe(settings)))
-    return peers
+    return [_at('MuJoCo', n, MujocoSpheres, MujocoSettings(n), describe) for n in substeps]
 
 
 def _rapier(substeps: tuple[int, ...]) -> list[Peer]:
     load_rapier()
-    peers = []
-    for count in substeps:
-        settings = RapierSettings(count)
+    return [_at('Rapier', n, RapierSpheres, RapierSettings(n), describe_rapier) for n in substeps]
 
-        def start(scene: Scene, state: State, settings: RapierSettings = settings) -> Run:
-            return RapierSpheres(scene, state, FRAME, settings)
 
-        described = describe_rapier(settings)
-        peers.append(Peer(f'Rapier {count}', 'Rapier', str(count), start, described))
-    return peers
+def _at(
+    family: str,
+    substeps: int,
+    run: Callable[[Scene, State, float, _Settings], Run],
+    settings: _Settings,
+    described: Callable[[_Settings], dict[str, Any]],
+) -> Peer:
+    """A simulator at so many substeps."""
+
+    def start(scene: Scene, state: State) -> Run:
+        return run(scene, state, FRAME, settings)
+
+    return Peer(f'{family} {substeps}', family, str(substeps), start, described(settings))
 
 
 def _lammps() -> list[Peer]:

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import UserError
-from ...scenes.plane import seen_from_behind, SOLID
+from .plain_scene import check_plain, common_values
 from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 
@@ -117,23 +116,9 @@ def describe(settings: RapierSettings) -> dict[str, Any]:
 
 
 def _describe(scene: Scene, start: State, dt: float, settings: RapierSettings) -> dict[str, Any]:
-    count = len(start)
-    laws = [scene.sphere_contact, *(surface.contact for surface in scene.surfaces)]
-    solid = not np.any(scene.per_sphere('inertia_factor', count) - SOLID)
-    moving = any(surface.moves for surface in scene.surfaces)
-    if scene.air is not None or any(laws) or not solid or moving or scene.obstacles:
-        raise UserError(
-            'the scene has air, a contact law, obstacles, spheres that are not solid or surfaces '
-            'that move; the Rapier peer takes solid spheres in a vacuum, with materials'
-        )
-    if seen_from_behind(scene.surfaces, start.positions).any():
-        raise UserError('planes of the Rapier peer have no end; the scene has one seen by spheres')
-    values = {}
-    for name in ('radius', 'mass', 'restitution', 'friction'):
-        own = scene.per_sphere(name, count)
-        if np.ptp(own) > 0:
-            raise UserError(f'{name} differs between spheres; the Rapier peer takes one for all')
-        values[name] = float(own[0])
+    check_plain('Rapier', scene, start)
+    names = ('radius', 'mass', 'restitution', 'friction')
+    values = common_values('Rapier', scene, len(start), *names)
     step = dt / settings.substeps
     # v += g h; x += v h, h that of an iteration, is exact in flight if v is that of h / 2 before x
     h = step / settings.iterations
