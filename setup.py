@@ -58,6 +58,16 @@ EXTRAS = {
         'playwright>=1.40',  # drives a Chromium that is there already
         'colcon-common-extensions',
         'setuptools>=68,<80',
+        # what ament_flake8 runs
+        'flake8>=7',
+        'flake8-blind-except',
+        'flake8-builtins',
+        'flake8-class-newline',
+        'flake8-comprehensions',
+        'flake8-deprecated',
+        'flake8-docstrings',
+        'flake8-import-order',
+        'flake8-quotes',
     ],
     # the site, `make docs`: all MIT or BSD, plain Python; the oldest that were tried together
     'docs': [

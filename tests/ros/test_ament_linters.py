@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from pathlib import Path
 import subprocess
 import sys
@@ -24,10 +23,10 @@ ARGUMENTS = {
 }
 
 
+@pytest.mark.slow
 def test_flake8_with_its_plugins_finds_nothing() -> None:
-    """What ament_flake8 runs, wherever it comes from; the plugins that are there take part."""
-    if importlib.util.find_spec('flake8') is None:
-        pytest.skip('flake8 is not installed')
+    """What ament_flake8 runs, wherever it comes from; with its plugins of the extra `test`."""
+    pytest.importorskip('flake8', reason='of the extra test')
     command = [sys.executable, '-m', 'flake8', '--config', str(ROOT / '.flake8'), *SOURCES]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
