@@ -56,6 +56,8 @@ class Outcome:
         counts: The node's own: published, late, skipped, rejected.
         recorded: The bag.
         memory: Seconds since the start and resident bytes of the simulator, shape (samples, 2).
+        stolen: System time [ns] and time that the host has taken from this machine by then [s],
+            shape (polls, 2).
         processor_share: Of one core, that the simulator used.
         errors: Lines of its log.
         warnings: Number of warnings in its log.
@@ -69,6 +71,7 @@ class Outcome:
     counts: dict[str, int]
     recorded: Recorded
     memory: np.ndarray
+    stolen: np.ndarray
     processor_share: float
     errors: tuple[str, ...]
     warnings: int

@@ -87,6 +87,7 @@ def measure_rate(outcome: Outcome) -> dict[str, Any]:
     stamps, system = outcome.heard['predicted_poses'][:, :2].T
     return {
         'missed': missed(recorded.stamps, outcome.period),
+        **of_the_host(outcome),
         'lost_in_bag': outcome.counts['published'] - len(recorded.stamps),
         'heard_but_not_in_bag': len(np.setdiff1d(stamps, recorded.stamps)),
         'in_bag': len(recorded.stamps),
@@ -154,3 +155,24 @@ def missed(stamps: np.ndarray, period: float) -> int:
     """Stamps left out between the first and the last, which are a period [s] apart."""
     steps = np.round(np.diff(stamps) * 1e-9 / period).astype(np.int64)
     return int((steps - 1).sum())
+
+
+def of_the_host(outcome: Outcome) -> dict[str, Any]:
+    """Time that the host took from this machine, and how many steps were missed meanwhile.
+
+    A gap between stamps counts where the host took at least half of it, from the gap's begin to
+    one poll after its end.
+    """
+    times, taken = outcome.stolen.T
+    stamps, period = outcome.recorded.stamps, outcome.period
+    gaps = np.diff(stamps) * 1e-9
+    while_taken = 0
+    for k in np.flatnonzero(gaps > 1.5 * period):
+        ends = np.searchsorted(times, (stamps[k], stamps[k + 1])) + (-1, 1)
+        begin, end = np.clip(ends, 0, len(times) - 1)
+        if taken[end] - taken[begin] >= 0.5 * gaps[k]:
+            while_taken += round(gaps[k] / period) - 1
+    return {
+        'missed_while_host_took_time': while_taken,
+        'taken_by_host_s': round(float(taken[-1] - taken[0]), 2),
+    }

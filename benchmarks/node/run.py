@@ -20,7 +20,7 @@ import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.rollout.paths import Paths
-from rigid_gns_core.running.machine import load_average
+from rigid_gns_core.running.machine import load_average, stolen_time
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.start import StartRecipe
@@ -216,7 +216,7 @@ def run(
             start('tracker', str(PEERS), *player)
             simulator.wait_for('started from stamp', LEAST_STARTED)
             begun, computed = time.monotonic(), simulator.processor_time
-            memory = _wait(processes, simulator, seconds, watch)
+            memory, stolen = _wait(processes, simulator, seconds, watch)
             share = (simulator.processor_time - computed) / (time.monotonic() - begun)
             for process in processes:  # the simulator first: it then never waits for frames
                 process.stop()
@@ -233,6 +233,7 @@ def run(
             counts=read_counts(log),
             recorded=read_recorded(folder / 'bag'),
             memory=memory,
+            stolen=stolen,
             processor_share=share,
             errors=errors_of(log),
             warnings=log.count('[WARN]'),
@@ -272,16 +273,26 @@ def _wait(
     simulator: Process,
     seconds: float,
     watch: Callable[[float, int], None] | None,
-) -> np.ndarray:
-    """Wait, and sample the simulator's memory each second; times [s] and bytes, (samples, 2)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Wait, and sample the simulator's memory each second, the machine's lost time at each poll.
+
+    Returns:
+        Times [s] and bytes, shape (samples, 2); system time [ns] and `stolen_time` [s], shape
+        (polls, 2).
+    """
     begun = time.monotonic()
     samples: list[tuple[float, int]] = []
+    stolen: list[tuple[int, float]] = []
     while (passed := time.monotonic() - begun) < seconds:
         for process in processes:
             process.check()
+        stolen.append((time.time_ns(), stolen_time()))
         if passed >= len(samples):
             samples.append((passed, simulator.resident))
             if watch is not None:
                 watch(*samples[-1])
         time.sleep(min(POLL, seconds))
-    return np.array(samples, dtype=np.float64).reshape(-1, 2)
+    return (
+        np.array(samples, dtype=np.float64).reshape(-1, 2),
+        np.array(stolen, dtype=np.float64).reshape(-1, 2),
+    )

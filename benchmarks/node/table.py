@@ -47,7 +47,11 @@ def _broken(part: str, case: Mapping[str, Any]) -> Iterator[str]:
             yield from _over(f'crossing p99 ({where})', case[key], BOUNDS['crossing_p99_ms'])
         return
     if case['missed'] or case['counts']['skipped']:
-        yield f'{case["missed"]} steps missed, {case["counts"]["skipped"]} skipped'
+        taken = case.get('missed_while_host_took_time', 0)  # not in older results
+        yield (
+            f'{case["missed"]} steps missed, {taken} of them while the host took time from this '
+            f'machine, {case["counts"]["skipped"]} skipped'
+        )
     if case['lost_in_bag'] or case['heard_but_not_in_bag'] or case['bag_warnings']:
         yield f'{case["lost_in_bag"]} predictions not in the bag; {case["bag_warnings"]}'
     if part == 'rate':

@@ -38,6 +38,16 @@ def load_average() -> list[float] | None:
         return None
 
 
+def stolen_time() -> float:
+    """Time that the host of a virtual machine ran something else, of all cores together [s].
+
+    Since the machine has started; 0 where Linux does not tell (`steal` in proc(5)).
+    """
+    stat = Path('/proc/stat')
+    fields = stat.read_text().split(maxsplit=9) if stat.is_file() else []
+    return int(fields[8]) / os.sysconf('SC_CLK_TCK') if len(fields) > 8 else 0.0
+
+
 def cpu_name() -> str:
     """Name of the processor, or its architecture where Linux does not tell."""
     cpuinfo = Path('/proc/cpuinfo')

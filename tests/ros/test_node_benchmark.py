@@ -5,12 +5,15 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
@@ -96,3 +99,25 @@ def test_figures_of_another_machine_are_not_mixed_in(
 def test_an_unknown_part_is_an_error() -> None:
     done = benchmark('rates')
     assert done.returncode == 2 and "no part 'rates'" in done.stderr
+
+
+def test_missed_steps_are_the_hosts_only_where_it_took_their_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Ten steps are missed twice, and the host took 0.08 s of the second gap of 0.11 s."""
+    monkeypatch.syspath_prepend(str(SCRIPT.parent))
+    parts = importlib.import_module('parts')
+    steps = np.delete(np.arange(1000), [*range(200, 210), *range(600, 610)])
+    polls = np.arange(100) * 10**8
+    taken = np.where(polls > 6.05e9, 0.08, 0.0)
+    outcome = SimpleNamespace(
+        stolen=np.column_stack([polls, taken]),
+        period=0.01,
+        recorded=SimpleNamespace(stamps=steps * 10**7),
+    )
+    assert parts.of_the_host(outcome) == {
+        'missed_while_host_took_time': 10,
+        'taken_by_host_s': 0.08,
+    }
+    outcome.stolen[:, 1] /= 2  # less than half of the gap
+    assert parts.of_the_host(outcome)['missed_while_host_took_time'] == 0
