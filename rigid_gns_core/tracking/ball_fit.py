@@ -14,7 +14,6 @@ import math
 
 import numpy as np
 
-from .ball_path import path
 from .jit import compiled, entry, in_place
 from .model_error import filter_gains, GAINS, whiten
 from .path_slopes import path_and_slopes
@@ -69,12 +68,13 @@ def put_columns(slopes: Array, observed: Array, states: Array, columns_out: Arra
 def add_products(columns: Array, weights: Array, matrix_out: Array, vector_out: Array) -> None:
     """Add J^T W J and J^T W r of columns as of `put_columns`, whitened."""
     for i in range(len(columns)):
-        for a in range(3):
-            for j in range(9):
-                factor = weights[i] * columns[i, 10 * a + j]
-                vector_out[j] += factor * columns[i, 10 * a + 9]
-                for k in range(9):
-                    matrix_out[j, k] += factor * columns[i, 10 * a + k]
+        for j in range(9):
+            x, y = weights[i] * columns[i, j], weights[i] * columns[i, 10 + j]
+            z = weights[i] * columns[i, 20 + j]
+            vector_out[j] += x * columns[i, 9] + y * columns[i, 19] + z * columns[i, 29]
+            for k in range(9):
+                part = x * columns[i, k] + y * columns[i, 10 + k] + z * columns[i, 20 + k]
+                matrix_out[j, k] += part
 
 
 @entry
@@ -137,15 +137,17 @@ def fit_start(
     drift, speed = np.zeros(30), np.zeros(30)
     drift_off, speed_off = np.zeros(3), np.zeros(3)
     huber, gradient, system = np.zeros(m), np.zeros(9), np.zeros((9, 9))
-    trial, trial_states = start.copy(), np.zeros((m, 9))
-    trial_contacts = np.zeros_like(contacts_out)
+    trial, contacts = start.copy(), np.zeros_like(contacts_out)
+    # of the path from a trial, which the next step begins from where it is taken
+    other_states, other_slopes = np.zeros((m, 9)), np.zeros((m, 9, 9))
+    other_contacts = np.zeros_like(contacts_out)
     count, where, loss, dropped = 0, on, 0.0, False
     n = min(max(first, 4), m)
     while True:
         last = n == m
         seen, places = stamps[:n], observed[:n]
         damping, small = 1e-4, _SMALL if last else _SMALL_FIRST
-        for _ in range(iterations if last else 3):
+        if not dropped:
             count, where = path_and_slopes(
                 start,
                 varied,
@@ -157,11 +159,12 @@ def fit_start(
                 on,
                 states[:n],
                 slopes[:n],
-                contacts_out,
+                contacts,
             )
-            if count > len(contacts_out) and gate < math.inf:
+        for _ in range(iterations if last else 3):
+            if count > len(contacts) and gate < math.inf:
                 return math.inf, count, where
-            filter_gains(begin, seen, weights, noise, contacts_out, count, gains)
+            filter_gains(begin, seen, weights, noise, contacts, count, gains)
             put_columns(slopes[:n], places, states[:n], columns)
             whiten(begin, seen, gains, columns[:n], drift, speed)
             for i in range(n):
@@ -186,15 +189,30 @@ def fit_start(
                 for j in range(9):
                     trial[j] = start[j] + step[j]
                     size = max(size, abs(step[j]) * math.sqrt(information_out[j, j]))
-                path(trial, begin, seen, ball, planes, laws, on, trial_states, trial_contacts)
+                others, place = path_and_slopes(
+                    trial,
+                    varied,
+                    begin,
+                    seen,
+                    ball,
+                    planes,
+                    laws,
+                    on,
+                    other_states[:n],
+                    other_slopes[:n],
+                    other_contacts,
+                )
                 for i in range(n):
                     for a in range(3):
-                        residuals[i, a] = places[i, a] - trial_states[i, a]
+                        residuals[i, a] = places[i, a] - other_states[i, a]
                 whiten(begin, seen, gains, residuals[:n], drift_off, speed_off)
                 after = huber_loss(residuals, n, huber)
                 after += _prior_loss(trial, prior_mean, prior_precision)
                 if after <= loss:
-                    better = True
+                    better, count, where = True, others, place
+                    states, other_states = other_states, states
+                    slopes, other_slopes = other_slopes, slopes
+                    contacts, other_contacts = other_contacts, contacts
                     break
                 damping *= _MORE_DAMPING
                 if size < small:
@@ -209,10 +227,7 @@ def fit_start(
             n = min(max(int(growth * n), n + 3), m)
             continue
         # the last linearisation holds for the end: it was at most a small step before it
-        count, where = path_and_slopes(
-            start, varied, begin, stamps, ball, planes, laws, on, states, slopes, contacts_out
-        )
-        filter_gains(begin, stamps, weights, noise, contacts_out, count, gains)
+        filter_gains(begin, stamps, weights, noise, contacts, count, gains)
         put_columns(slopes, observed, states, columns)
         whiten(begin, stamps, gains, columns, drift, speed)
         for i in range(m):
@@ -231,6 +246,7 @@ def fit_start(
             square = residuals[i, 0] ** 2 + residuals[i, 1] ** 2 + residuals[i, 2] ** 2
             if square > 3.0 * gate * gate:
                 weights[i] = 0.0
+    contacts_out[:] = contacts
     _end_of(states[m - 1], slopes[m - 1], drift, speed, end_out)
     _end_covariance(slopes[m - 1], gains[m - 1], information_out, end_covariance_out)
     return loss / (3 * m), count, where

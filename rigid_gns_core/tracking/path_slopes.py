@@ -27,6 +27,8 @@ from ..scenes.state import Array
 # steps of the differences: p [m], v [m/s], w [rad/s]
 _PLACE, _VELOCITY, _SPIN = 1e-6, 1e-5, 1e-3
 
+Rows = tuple[Vector, Vector, Vector]
+
 
 @in_place
 def _along(axis: int, size: float) -> Vector:
@@ -35,8 +37,8 @@ def _along(axis: int, size: float) -> Vector:
 
 
 @in_place
-def acceleration_gradients(velocity: Vector, spin: Vector, flight: Flight, out: Array) -> None:
-    """Gradients of `acceleration` over velocity and spin, shape (3, 6).
+def acceleration_gradients(velocity: Vector, spin: Vector, flight: Flight) -> tuple[Rows, Rows]:
+    """Gradients of `acceleration` over velocity and over spin, as rows.
 
     With u = v - wind, t = w x u, T = r |t|: a = g' - d u + l t, with the drag
     d = q (C |u| + k T / |u|) and the lift l = q a r |u|^2 / (T + b |u|^2).
@@ -44,70 +46,75 @@ def acceleration_gradients(velocity: Vector, spin: Vector, flight: Flight, out: 
     u = minus(velocity, flight.wind)
     square = dot(u, u)
     if square == 0.0:
-        for k in range(6):
-            out[0, k] = out[1, k] = out[2, k] = 0.0
-        return
-    speed, turning = math.sqrt(square), cross(spin, u)
+        none = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        return none, none
+    turning, per_speed = cross(spin, u), 1.0 / math.sqrt(square)
     size = length(turning)
     twist = flight.radius * size
-    drag = flight.load * (flight.drag * speed + flight.drag_slope * twist / speed)
-    below = twist + flight.lift_half_ratio * square
-    lifting = flight.load * flight.lift * flight.radius
-    for k in range(6):
-        axis = _along(k % 3, 1.0)
-        faster, turned = 0.0, cross(axis, u)
-        if k < 3:
-            faster, turned = dot(axis, u) / speed, cross(spin, axis)
-        more_twist = flight.radius * dot(turning, turned) / size if size > 0.0 else 0.0
-        more_drag = flight.load * (
-            flight.drag * faster
-            + flight.drag_slope * (more_twist / speed - twist * faster / square)
-        )
-        more_lift = lifting * (2.0 * speed * faster * twist - square * more_twist) / below**2
-        change = minus(times(more_lift, turning), times(more_drag, u))
-        change = plus(change, times(lifting * square / below, turned))
-        if k < 3:
-            change = minus(change, times(drag, axis))
-        out[0, k], out[1, k], out[2, k] = change
+    per_size = flight.radius / size if size > 0.0 else 0.0
+    twist_v, twist_w = times(per_size, cross(turning, spin)), times(per_size, cross(u, turning))
+    slope = flight.load * flight.drag_slope * per_speed
+    level = flight.load * flight.drag * per_speed
+    drag = level * square + slope * twist
+    drag_v = plus(times(level - slope * twist * per_speed * per_speed, u), times(slope, twist_v))
+    drag_w = times(slope, twist_w)
+    below = 1.0 / (twist + flight.lift_half_ratio * square)
+    lift = flight.load * flight.lift * flight.radius * square * below
+    share = lift * below
+    lift_v = minus(times(2.0 * share * twist * per_speed * per_speed, u), times(share, twist_v))
+    lift_w = times(-share, twist_w)
+    f = times(lift, spin)
+    over_v = (
+        plus(_row(0, turning, lift_v, u, drag_v), (-drag, -f[2], f[1])),
+        plus(_row(1, turning, lift_v, u, drag_v), (f[2], -drag, -f[0])),
+        plus(_row(2, turning, lift_v, u, drag_v), (-f[1], f[0], -drag)),
+    )
+    f = times(lift, u)
+    over_w = (
+        plus(_row(0, turning, lift_w, u, drag_w), (0.0, f[2], -f[1])),
+        plus(_row(1, turning, lift_w, u, drag_w), (-f[2], 0.0, f[0])),
+        plus(_row(2, turning, lift_w, u, drag_w), (f[1], -f[0], 0.0)),
+    )
+    return over_v, over_w
 
 
 @in_place
-def _fly_slopes(
-    v: Vector,
-    after: Vector,
-    w: Vector,
-    h: float,
-    flight: Flight,
-    slope: Array,
-    gradients: Array,
-    rate: Array,
-) -> None:
-    """Move the slopes of a state, shape (9, 9), over a flight of time h from v to `after`."""
+def _row(k: int, a: Vector, b: Vector, c: Vector, d: Vector) -> Vector:
+    """Row k of a b^T - c d^T."""
+    return minus(times(a[k], b), times(c[k], d))
+
+
+@in_place
+def _fly_slopes(v: Vector, after: Vector, w: Vector, h: float, flight: Flight, s: Array) -> None:
+    """Move the slopes s of a state, shape (9, 9), over a flight of time h from v to `after`."""
     parts = int(h / LONGEST) + 1
     piece, change = h / parts, minus(after, v)
-    kept = math.exp(-flight.spin_decay * piece)
+    half, kept = 0.5 * piece, math.exp(-flight.spin_decay * piece)
     for part in range(parts):
+        if flight.load == 0.0:
+            for c in range(3):
+                for j in range(9):
+                    s[c, j] += piece * s[3 + c, j]
+                    s[6 + c, j] *= kept
+            continue
         middle = (part + 0.5) / parts
-        for c in range(3):
-            for j in range(9):
-                rate[c, j] = 0.0
-        if flight.load > 0.0:
-            spin = spin_after(w, flight, middle * h)
-            acceleration_gradients(plus(v, times(middle, change)), spin, flight, gradients)
-            for c in range(3):
-                for k in range(6):
-                    for j in range(9):
-                        rate[c, j] += gradients[c, k] * slope[3 + k, j]
-        for c in range(3):
-            for j in range(9):
-                slope[c, j] += piece * (slope[3 + c, j] + 0.5 * piece * rate[c, j])
-                slope[3 + c, j] += piece * rate[c, j]
-                slope[6 + c, j] *= kept
-        if flight.load > 0.0:
-            for c in range(3):
-                for k in range(3):
-                    for j in range(9):
-                        slope[3 + c, j] += 0.5 * piece * piece * gradients[c, k] * rate[k, j]
+        spin = spin_after(w, flight, middle * h)
+        over_v, over_w = acceleration_gradients(plus(v, times(middle, change)), spin, flight)
+        for j in range(9):
+            faster, turned = (s[3, j], s[4, j], s[5, j]), (s[6, j], s[7, j], s[8, j])
+            rate = plus(_product(over_v, faster), _product(over_w, turned))
+            more = plus(rate, times(half, _product(over_v, rate)))
+            s[0, j] += piece * (faster[0] + half * rate[0])
+            s[1, j] += piece * (faster[1] + half * rate[1])
+            s[2, j] += piece * (faster[2] + half * rate[2])
+            s[3, j], s[4, j], s[5, j] = plus(faster, times(piece, more))
+            s[6, j], s[7, j], s[8, j] = times(kept, turned)
+
+
+@in_place
+def _product(rows: Rows, vector: Vector) -> Vector:
+    """Matrix, as rows, times a vector."""
+    return dot(rows[0], vector), dot(rows[1], vector), dot(rows[2], vector)
 
 
 @in_place
@@ -184,7 +191,7 @@ def path_and_slopes(
     flight, inertia = flight_at(ball, 0), ball[0, 13]
     place, count = place_of(start, begin, on, planes, flight.radius), 0
     slope, work = np.zeros((9, 9)), np.zeros((9, 9))
-    gradients, rate, scratch = np.zeros((3, 6)), np.zeros((3, 9)), np.zeros((1, 3))
+    scratch = np.zeros((1, 3))
     for j in range(9):
         slope[j, j] = 1.0 if varied[j] > 0.0 else 0.0
     if on >= 0:
@@ -198,7 +205,7 @@ def path_and_slopes(
         if met == count and before.on == FREE and place.on == FREE:
             h = place.now - before.now
             if h > 0.0:
-                _fly_slopes(before.v, place.v, before.w, h, flight, slope, gradients, rate)
+                _fly_slopes(before.v, place.v, before.w, h, flight, slope)
         else:
             _contact_slopes(
                 before, place, stamps[i], flight, inertia, planes, laws, slope, work, scratch
