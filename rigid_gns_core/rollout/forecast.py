@@ -184,6 +184,8 @@ def drawn_starts(start: State | Estimate, samples: int, seed: int) -> State:
         raise UserError(
             f'covariance of the estimate has shape {covariance.shape}, expected ({count}, 9, 9)'
         )
+    if not samples:
+        return State.unchecked(*(values[None] for values in vars(state).values()))
     known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     values, axes = np.linalg.eigh(np.where(known[:, None, None], covariance, 0.0))
     root = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]

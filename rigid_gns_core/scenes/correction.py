@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,3 +52,11 @@ class Correction:
         for name in ('bandwidth', 'floor'):
             value = checked_number(f'{name} of a correction', getattr(self, name), above=True)
             object.__setattr__(self, name, value)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """Hash, made once, as that of `Spins`."""
+        return hash((self.windows, self.scales, self.bandwidth, self.floor))

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -56,6 +57,14 @@ class Spins:
         for name in ('shrinkage', 'floor'):
             value = checked_number(f'{name} of spins', getattr(self, name))
             object.__setattr__(self, name, value)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """Hash, made once: scenes are keys of what is kept for them, several times a forecast."""
+        return hash((self.windows, self.bandwidth, self.shrinkage, self.floor))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -34,6 +36,20 @@ def test_a_correction_written_and_read_back_is_the_same() -> None:
     scene = Scene(tracker=Tracker(noise=1e-3, correction=correction))
     text = yaml.safe_dump(scene.to_mapping())
     assert Scene.from_mapping(yaml.safe_load(text)) == scene
+
+
+def test_equal_scenes_are_one_key_and_others_are_not() -> None:
+    """Hashes are kept, also by copies, and must be those of the values."""
+    own = Correction(((0.1,) * 16, (1 / 3,) * 16), (0.1,) * 10, 0.5, 0.05)
+    tracker = Tracker(noise=1e-3, correction=own, spins=Spins((ROW, ROW)))
+    scene = Scene(tracker=tracker)
+    hash(scene)
+    again = Scene.from_mapping(json.loads(json.dumps(scene.to_mapping())))
+    assert len({scene, again, copy.deepcopy(scene)}) == 1
+    for other in (replace(own, bandwidth=0.6), replace(own, scales=(0.2,) * 10)):
+        assert hash(other) != hash(own)
+    spins = (Spins((ROW, ROW)), Spins((ROW,)), Spins((ROW,), 0.2), Spins((ROW,), floor=1.0))
+    assert len({hash(one) for one in spins}) == len(spins)
 
 
 def test_regions_written_and_read_back_are_the_same() -> None:
