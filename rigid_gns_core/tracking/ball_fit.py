@@ -14,6 +14,8 @@ import math
 
 import numpy as np
 
+from .ball_contact import FREE
+from .ball_path import path
 from .jit import compiled, entry, in_place
 from .model_error import filter_gains, GAINS, whiten
 from .path_slopes import path_and_slopes
@@ -138,30 +140,32 @@ def fit_start(
     drift_off, speed_off = np.zeros(3), np.zeros(3)
     huber, gradient, system = np.zeros(m), np.zeros(9), np.zeros((9, 9))
     trial, contacts = start.copy(), np.zeros_like(contacts_out)
-    # of the path from a trial, which the next step begins from where it is taken
+    # of the path from a trial. In flight it has slopes and is the next one, where it is taken; on
+    # a surface slopes cost more than a path, and trials often fail
     other_states, other_slopes = np.zeros((m, 9)), np.zeros((m, 9, 9))
     other_contacts = np.zeros_like(contacts_out)
-    count, where, loss, dropped = 0, on, 0.0, False
+    count, where, loss, dropped, stale = 0, on, 0.0, False, True
     n = min(max(first, 4), m)
     while True:
         last = n == m
         seen, places = stamps[:n], observed[:n]
         damping, small = 1e-4, _SMALL if last else _SMALL_FIRST
-        if not dropped:
-            count, where = path_and_slopes(
-                start,
-                varied,
-                begin,
-                seen,
-                ball,
-                planes,
-                laws,
-                on,
-                states[:n],
-                slopes[:n],
-                contacts,
-            )
         for _ in range(iterations if last else 3):
+            if stale:
+                count, where = path_and_slopes(
+                    start,
+                    varied,
+                    begin,
+                    seen,
+                    ball,
+                    planes,
+                    laws,
+                    on,
+                    states[:n],
+                    slopes[:n],
+                    contacts,
+                )
+                stale = False
             if count > len(contacts) and gate < math.inf:
                 return math.inf, count, where
             filter_gains(begin, seen, weights, noise, contacts, count, gains)
@@ -180,6 +184,7 @@ def fit_start(
                     gradient[j] -= prior_precision[j, k] * (start[k] - prior_mean[k])
             add_products(columns[:n], huber, information_out, gradient)
             better, size, after = False, 0.0, loss
+            flies = on == FREE and where == FREE
             for _tries in range(_TRIES):
                 system[:] = information_out
                 for j in range(9):
@@ -189,19 +194,24 @@ def fit_start(
                 for j in range(9):
                     trial[j] = start[j] + step[j]
                     size = max(size, abs(step[j]) * math.sqrt(information_out[j, j]))
-                others, place = path_and_slopes(
-                    trial,
-                    varied,
-                    begin,
-                    seen,
-                    ball,
-                    planes,
-                    laws,
-                    on,
-                    other_states[:n],
-                    other_slopes[:n],
-                    other_contacts,
-                )
+                if flies:
+                    others, place = path_and_slopes(
+                        trial,
+                        varied,
+                        begin,
+                        seen,
+                        ball,
+                        planes,
+                        laws,
+                        on,
+                        other_states[:n],
+                        other_slopes[:n],
+                        other_contacts,
+                    )
+                else:
+                    others, place = path(
+                        trial, begin, seen, ball, planes, laws, on, other_states, other_contacts
+                    )
                 for i in range(n):
                     for a in range(3):
                         residuals[i, a] = places[i, a] - other_states[i, a]
@@ -209,7 +219,7 @@ def fit_start(
                 after = huber_loss(residuals, n, huber)
                 after += _prior_loss(trial, prior_mean, prior_precision)
                 if after <= loss:
-                    better, count, where = True, others, place
+                    better, stale, count, where = True, not flies, others, place
                     states, other_states = other_states, states
                     slopes, other_slopes = other_slopes, slopes
                     contacts, other_contacts = other_contacts, contacts
@@ -224,9 +234,14 @@ def fit_start(
             if not better or size < small:
                 break
         if not last:
-            n = min(max(int(growth * n), n + 3), m)
+            n, stale = min(max(int(growth * n), n + 3), m), True
             continue
         # the last linearisation holds for the end: it was at most a small step before it
+        if stale:
+            count, where = path_and_slopes(
+                start, varied, begin, stamps, ball, planes, laws, on, states, slopes, contacts
+            )
+            stale = False
         filter_gains(begin, stamps, weights, noise, contacts, count, gains)
         put_columns(slopes, observed, states, columns)
         whiten(begin, stamps, gains, columns, drift, speed)

@@ -148,6 +148,7 @@ def _contact_slopes(
     slope: Array,
     work: Array,
     contacts: Array,
+    struck: bool,
 ) -> None:
     """Move the slopes of a state over a step with contacts, by differences of the step."""
     if before.on >= 0:  # of the spin, what is not of rolling: see `_moved`
@@ -157,7 +158,14 @@ def _contact_slopes(
             for axis in range(3):
                 slope[6 + axis, j] -= rolls[axis] / flight.radius
     work[:] = 0.0
-    for k in range(9):
+    first = 0
+    if before.on >= 0 and before.on == after.on and not struck:
+        # motion along an endless surface is the same anywhere on it
+        first = 3
+        for k in range(3):
+            for j in range(9):
+                work[k, j] = slope[k, j]
+    for k in range(first, 9):
         step = _PLACE if k < 3 else _VELOCITY if k < 6 else _SPIN
         moved = _moved(before, k, step, planes, flight.radius)
         other, _ = advance(moved, stamp, flight, inertia, planes, laws, 0, contacts)
@@ -208,7 +216,17 @@ def path_and_slopes(
                 _fly_slopes(before.v, place.v, before.w, h, flight, slope)
         else:
             _contact_slopes(
-                before, place, stamps[i], flight, inertia, planes, laws, slope, work, scratch
+                before,
+                place,
+                stamps[i],
+                flight,
+                inertia,
+                planes,
+                laws,
+                slope,
+                work,
+                scratch,
+                met > count,
             )
         count = met
         put_state(place, states_out, i)
