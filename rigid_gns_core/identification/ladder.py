@@ -66,11 +66,13 @@ class Rung:
         name: For the table.
         change: The setup with it.
         needs: Whether it makes sense with what was kept.
+        bars: Error bars by which a removal must predict better.
     """
 
     name: str
     change: Callable[[Setup], Setup]
     needs: Callable[[Setup], bool] = always
+    bars: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -143,8 +145,8 @@ class Ladder:
         return self._try(rung, -_WORTH, 1.0)
 
     def drop(self, rung: Rung) -> bool | None:
-        """Take a term out if left-out tracks are predicted no worse without it."""
-        return self._try(rung, 0.0, 0.0)
+        """Take a term out if left-out tracks are predicted no worse, or better, without it."""
+        return self._try(rung, 0.0, rung.bars)
 
     def _try(self, rung: Rung, most: float, bars: float) -> bool | None:
         """Whether a change of the error, with some error bars, is `most` at most; None: no change.

@@ -80,7 +80,10 @@ def core_terms(laws: Laws, met: Met) -> list[tuple[Rung, Rung | None]]:
     name = 'lift and any spin' if flies else 'any spin'
     terms.append((Rung(name, lambda setup: replace(_with(lift, setup), spin='broad')), None))
     learned = Rung('spins as of other tracks', lambda setup: replace(setup, spin='learned'))
-    broad = Rung('without spins of other tracks', lambda setup: replace(setup, spin='broad'))
+    # what other tracks tell of a spin is not given up for a draw: a window alone tells little
+    broad = Rung(
+        'without spins of other tracks', lambda setup: replace(setup, spin='broad'), bars=1.0
+    )
     terms.append((learned, broad))
     grips = tuple(
         f'contact {g}.tangential_restitution'
