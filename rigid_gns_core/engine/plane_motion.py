@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planes that move: rackets, trays and belts, each with a twist that stays.
+"""Planes that move: rackets, trays and belts, with a twist that stays or that a plan changes.
 
 A sphere is followed in the frame of its plane, which turns with W about its point, so that the
 time of impact is on the path that it has there (r from the point of the plane, V its velocity):
 
-    v' = v - V - W x r,    a' = a - W x (W x r) - 2 W x v'.
+    v' = v - V - W x r,    a' = a - dV/dt - dW/dt x r - W x (W x r) - 2 W x v'.
+
+Twists change at a constant rate within a substep, see `planned_planes`.
 """
 
 from __future__ import annotations
@@ -15,9 +17,13 @@ import math
 
 from .flight import position_on_path
 from .impact import Impact
-from .world import World
+from .world import AXES, BELT, PLANNED, POINT, PUSH, RATE, SPEED, TURNING, TWIST, VELOCITY, World
 from ..kernels.jit import in_place
 from ..kernels.vector import across, cross, dot, length, minus, plus, put, row, times, Vector
+from ..scenes.state import Array
+
+# share of a substep by which a time may be before it: rounding
+_ROUNDED = 1e-6
 
 
 @in_place
@@ -44,13 +50,45 @@ def set_clock(world_out: World, time: float) -> None:
         return
     twists = world_out.twists
     twists.clock[0] = time
+    step = 0
+    if len(twists.path):
+        step = math.floor(time / twists.step + _ROUNDED) - twists.first
+        step = min(max(step, 0), len(twists.path) - 1)
     for plane in range(len(world_out.point)):
-        if twists.moves[plane]:
+        if len(twists.path) and twists.path[step, plane, PLANNED] > 0:
+            _put_on_path(world_out, plane, step, time)
+        elif twists.moves[plane]:
             gone, spin = times(time, row(twists.velocity, plane)), row(twists.spin, plane)
             put(world_out.point, plane, plus(row(twists.point, plane), gone))
             for axis in range(3):
                 own = row(twists.axes[plane], axis)
                 put(world_out.axes[plane], axis, turned(own, spin, time))
+
+
+@in_place
+def _put_on_path(world_out: World, plane: int, step: int, time: float) -> None:
+    """Put a plane where its plan has it within a substep, with its twist then."""
+    twists, path = world_out.twists, world_out.twists.path[step, plane]
+    late = time - (twists.first + step) * twists.step
+    velocity, push = _three(path, VELOCITY), _three(path, PUSH)
+    spin, twist = _three(path, TURNING), _three(path, TWIST)
+    mean = plus(spin, times(0.5 * late, twist))
+    gone = times(late, plus(velocity, times(0.5 * late, push)))
+    put(world_out.point, plane, plus(_three(path, POINT), gone))
+    for axis in range(3):
+        put(world_out.axes[plane], axis, turned(_three(path, AXES + 3 * axis), mean, late))
+    put(twists.velocity, plane, plus(velocity, times(late, push)))
+    put(twists.spin, plane, plus(spin, times(late, twist)))
+    put(twists.acceleration, plane, push)
+    put(twists.spin_rate, plane, twist)
+    put(twists.belt, plane, turned(_three(path, BELT), mean, late))
+    twists.since[plane] = time
+    twists.fastest[plane, 0], twists.fastest[plane, 1] = path[SPEED], path[RATE]
+
+
+@in_place
+def _three(values: Array, first: int) -> Vector:
+    return values[first], values[first + 1], values[first + 2]
 
 
 @in_place
@@ -69,9 +107,10 @@ def velocity_of_plane(world: World, plane: int, place: Vector) -> Vector:
 
 @in_place
 def speed_of_plane(world: World, plane: int, place: Vector) -> float:
-    """Most speed of a plane near a place, |V| + |W| |r|."""
-    arm = length(minus(place, row(world.point, plane)))
-    return length(row(world.twists.velocity, plane)) + arm * length(row(world.twists.spin, plane))
+    """Most speed of a plane near a place within a frame, |V| + |W| |r|."""
+    twists, arm = world.twists, length(minus(place, row(world.point, plane)))
+    speed = max(length(row(twists.velocity, plane)), twists.fastest[plane, 0])
+    return speed + arm * max(length(row(twists.spin, plane)), twists.fastest[plane, 1])
 
 
 @in_place
@@ -87,7 +126,9 @@ def path_on_plane(
     spin, arm = row(world.twists.spin, plane), minus(place, row(world.point, plane))
     velocity = minus(velocity, velocity_of_plane(world, plane, place))
     turning = plus(cross(spin, cross(spin, arm)), times(2.0, cross(spin, velocity)))
-    return velocity, minus(acceleration, turning)
+    changing = cross(row(world.twists.spin_rate, plane), arm)
+    changing = plus(changing, row(world.twists.acceleration, plane))
+    return velocity, minus(minus(acceleration, turning), changing)
 
 
 @in_place
@@ -140,11 +181,13 @@ def _surface_velocity(
         far: Distance of the centre from the plane, then.
     """
     twists = world.twists
-    spin = row(twists.spin, plane)
+    spin, push = row(twists.spin, plane), row(twists.acceleration, plane)
     then = minus(position_on_path(place, velocity, acceleration, time), times(far, normal))
-    point = plus(row(world.point, plane), times(time, row(twists.velocity, plane)))
-    belt = turned(row(twists.belt, plane), spin, twists.clock[0] + time)
-    moving = plus(row(twists.velocity, plane), cross(spin, minus(then, point)))
+    own = row(twists.velocity, plane)
+    point = position_on_path(row(world.point, plane), own, push, time)
+    belt = turned(row(twists.belt, plane), spin, twists.clock[0] - twists.since[plane] + time)
+    spin = plus(spin, times(time, row(twists.spin_rate, plane)))
+    moving = plus(plus(own, times(time, push)), cross(spin, minus(then, point)))
     return plus(moving, belt)
 
 

@@ -33,23 +33,41 @@ THRESHOLD_TIME = 3.0 * 0.1 / 240.0
 GIVEN, SLOW, FAST, MIDDLE, SLIDE, GRIP, ROLL, SLOPE, SPIN = range(9)
 # columns of `World.solids`: 1 and a `Profile`, or zeros
 IS_SOLID, INNER, OUTER, HALF, ROUNDING, COSINE, SINE = range(7)
+# columns of `Twists.path`: point, twist and its rate of change, axes (3 x 3), belt, the highest
+# speed and rate of turning within a frame, and 1 where a plan moves the plane
+POINT, VELOCITY, TURNING, PUSH, TWIST, AXES, BELT, SPEED, RATE, PLANNED = (
+    0, 3, 6, 9, 12, 15, 24, 27, 28, 29,
+)  # fmt: skip
+COLUMNS = range(30)
 
 
 class Twists(NamedTuple):
     """How planes move, s of them.
 
     moves: whether it does, shape (s,); velocity, spin: of its point, and about it, shape (s, 3);
+    acceleration, spin_rate: how these change within a substep, shape (s, 3); fastest: the highest
+    speed and rate of turning within a frame, of planes with a plan, else 0, shape (s, 2);
     point, axes, belt: at the start of a rollout, as in `World`, and the velocity of the surface on
-    it, shape (s, 3); clock: time since the start, where the planes of `World` are, shape (1,).
+    it, shape (s, 3); since: the time of `belt`, shape (s,); clock: time since the start, where the
+    planes of `World` are, shape (1,); step: length of a substep; first: the substep of the first
+    row of the path; path: where plans move planes at the start of each substep, and how, shape
+    (substeps, s, 30), see `PLANNED`; of no substeps where there are no plans.
     """
 
     moves: NDArray[np.bool_]
     velocity: Array
     spin: Array
+    acceleration: Array
+    spin_rate: Array
+    fastest: Array
     point: Array
     axes: Array
     belt: Array
+    since: Array
     clock: Array
+    step: float
+    first: int
+    path: Array
 
 
 class World(NamedTuple):
@@ -88,8 +106,8 @@ class World(NamedTuple):
     twists: Twists
 
 
-def world_of(scene: Scene, count: int) -> World:
-    """World of `count` spheres in `scene`."""
+def world_of(scene: Scene, count: int, step: float = 1.0) -> World:
+    """World of `count` spheres in `scene`; `step` is the length of a substep."""
     radius = scene.per_sphere('radius', count)
     mass = scene.per_sphere('mass', count)
     inertia = scene.per_sphere('inertia_factor', count)
@@ -126,10 +144,17 @@ def world_of(scene: Scene, count: int) -> World:
             moves=np.array([plane.moves for plane in planes], dtype=bool),
             velocity=array([plane.velocity for plane in planes], -1, 3),
             spin=array([plane.angular_velocity for plane in planes], -1, 3),
+            acceleration=np.zeros((len(planes), 3)),
+            spin_rate=np.zeros((len(planes), 3)),
+            fastest=np.zeros((len(planes), 2)),
             point=array([plane.point for plane in planes], -1, 3),
             axes=array([plane.axes for plane in planes], -1, 3, 3),
             belt=array([plane.surface_velocity for plane in planes], -1, 3),
+            since=np.zeros(len(planes)),
             clock=np.zeros(1),
+            step=float(step),
+            first=0,
+            path=np.zeros((0, len(planes), len(COLUMNS))),
         ),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .paths import Paths, value
-from ..scenes.plane import closest_points
+from ..scenes.plane import closest_points, Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -51,8 +51,8 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
     out = np.zeros(gaps.shape, dtype=np.bool_)
     for k, plane in enumerate(surfaces):
         # where the plane was at the start
-        back = Rotation.from_rotvec(-times[:, None] * plane.angular_velocity)
-        arms = places - plane.point - times[:, None] * plane.velocity
+        turn, gone = _moved(plane, times)
+        back, arms = turn.inv(), places - plane.point - gone
         centres, push = plane.point + back.apply(arms), back.apply(blows)
         ways = centres - closest_points((plane,), centres)[0][:, 0]
         lengths = np.linalg.norm(ways, axis=1)
@@ -75,3 +75,14 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
         (f'edge of {known[k]}' if past else known[k]) if touch else 'sphere'
         for k, touch, past in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
     ]
+
+
+def _moved(plane: Plane, times: Array) -> tuple[Rotation, Array]:
+    """How a plane has turned at times, shape (m,), and where its point has gone, shape (m, 3)."""
+    if plane.plan is None:
+        turns = Rotation.from_rotvec(times[:, None] * plane.angular_velocity)
+        return turns, times[:, None] * plane.velocity
+    origin, then = plane.plan.at(np.zeros(1)), plane.plan.at(times)
+    turn = Rotation.from_quat(then.quaternions) * Rotation.from_quat(origin.quaternions[0]).inv()
+    arm = np.asarray(plane.point) - origin.positions[0]
+    return turn, then.positions + turn.apply(arm) - plane.point

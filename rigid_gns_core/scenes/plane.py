@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .contact_law import checked_law, ContactLaw
+from .planned_motion import PlannedMotion
 from .state import Array, as_unit, LARGEST, UNIT
 from ..errors import UserError
 
@@ -106,6 +107,8 @@ class Plane:
         angular_velocity: About `point` [rad/s], world frame.
         surface_velocity: Of the surface along itself while the plane stays, a belt [m/s], world
             frame; it turns with the plane.
+        plan: Motion of the body that carries it, from where it is at time 0; `velocity` and
+            `angular_velocity` do not count then. None: it keeps its twist.
 
     Raises:
         UserError: A vector is zero, direction is parallel to normal, a value is out of range, or a
@@ -123,6 +126,7 @@ class Plane:
     velocity: Vector = _STILL
     angular_velocity: Vector = _STILL
     surface_velocity: Vector = _STILL
+    plan: PlannedMotion | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -185,17 +189,18 @@ class Plane:
     @property
     def moves(self) -> bool:
         """Whether it, or its surface, is in motion."""
-        return any(getattr(self, name) != _STILL for name in MOTIONS)
+        return self.plan is not None or any(getattr(self, name) != _STILL for name in MOTIONS)
 
     @property
     def changes_place(self) -> bool:
         """Whether it moves, other than as a belt."""
-        return self.velocity != _STILL or self.angular_velocity != _STILL
+        moving = self.velocity != _STILL or self.angular_velocity != _STILL
+        return moving or self.plan is not None
 
     def at_rest(self) -> Plane:
         """This plane where it is now, without its motion."""
         still: dict[str, Any] = dict.fromkeys(MOTIONS, _STILL)
-        return replace(self, **still) if self.moves else self
+        return replace(self, plan=None, **still) if self.moves else self
 
     @property
     def is_half_space(self) -> bool:

@@ -227,6 +227,8 @@ class Scene:
                 surface['contact'] = to_mapping(plane.contact)
             if plane.moves:
                 surface |= {name: list(getattr(plane, name)) for name in MOTIONS}
+            if plane.plan is not None:
+                surface['plan'] = to_mapping(plane.plan)
         if self.sphere_contact is not None:
             mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:

@@ -85,6 +85,7 @@ class Similarity:
                 velocity=self._velocity(plane.velocity),
                 angular_velocity=self._turned(plane.angular_velocity, self.time),
                 surface_velocity=self._velocity(plane.surface_velocity),
+                plan=plane.plan and plane.plan.scaled(self.length, self.time, self.quaternion),
             )
             for plane in scene.surfaces
         )
