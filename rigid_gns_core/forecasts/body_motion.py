@@ -3,26 +3,26 @@
 
 """Motion of a body that carries surfaces: by its poses, its twists and its plan.
 
-It goes on with a constant twist from its newest pose. The twist is that of the plan, where one
-holds then, else the one that was sent, else the slope of the newest poses by least squares. A body
-whose poses have stopped is at rest where it was.
+It goes on from its newest pose as planned, where a plan holds, else with a constant twist: the one
+that was sent, else the slope of the newest poses by least squares. A body whose poses have stopped
+is at rest where it was.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from .plan import Plan
+from .pose import check_pose
 from ..errors import UserError
-from ..messages.trajectories import FutureFrame
+from ..scenes.planned_motion import Moments, PlannedMotion
 from ..scenes.state import Array
-from ..tracking.usable_frames import seconds, Stamps
+from ..tracking.usable_frames import seconds
 
-# of the length of a quaternion from 1
-_UNIT = 1e-3
 # a stamp so much older than the newest is of a clock that was set, or a source that restarted [ns]
 _RESTART_NS = 1_000_000_000
 _MOST = 1000  # poses kept
@@ -38,6 +38,7 @@ class BodyMotion:
         velocity: Of its origin [m/s], shape (3,).
         angular_velocity: [rad/s], shape (3,).
         source: What the twist is from: poses, twist, plan; empty: it is taken as at rest.
+        plan: What it will do from then on, at time 0; None: it keeps its twist.
     """
 
     position: Array
@@ -45,9 +46,10 @@ class BodyMotion:
     velocity: Array
     angular_velocity: Array
     source: str
+    plan: PlannedMotion | None = None
 
     def after(self, time: float) -> BodyMotion:
-        """The motion a time later, or earlier [s]."""
+        """The motion a time later, or earlier [s], with a constant twist."""
         turn = Rotation.from_rotvec(time * self.angular_velocity)
         return BodyMotion(
             self.position + time * self.velocity,
@@ -56,68 +58,6 @@ class BodyMotion:
             self.angular_velocity,
             self.source,
         )
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Poses and twists that a body will have; k of them, two or more.
-
-    Args:
-        stamps: Rising times [ns], shape (k,).
-        poses: Position [m] and quaternion (x, y, z, w), shape (k, 7).
-        twists: Linear [m/s] and angular [rad/s], shape (k, 6); NaN: those from pose to pose.
-    """
-
-    stamps: Stamps
-    poses: Array
-    twists: Array
-
-    @classmethod
-    def of(cls, message: FutureFrame, name: str, now_ns: int) -> Plan:
-        """Plan of the body `name`, or of the only one; a stamp of 0 is `now_ns`.
-
-        Raises:
-            UserError: It is not in the message, there are less than two points, their times do not
-                rise, or a pose is none.
-        """
-        if name not in message.names and len(message.names) != 1:
-            names = ', '.join(message.names) or 'none'
-            raise UserError(f'its joint_names are {names}, expected {name}, or one alone')
-        column = message.names.index(name) if name in message.names else 0
-        times = np.array(message.times_ns, dtype=np.int64)
-        if len(times) < 2 or not (np.diff(times) > 0).all():
-            raise UserError(f'it has {len(times)} points, expected two or more, of rising times')
-        poses, twists = message.poses[:, column], message.twists[:, column]
-        for pose in poses:
-            check_pose(pose)
-        if np.isinf(twists).any():
-            raise UserError('a velocity is not finite')
-        return cls((message.stamp_ns or now_ns) + times, poses, twists)
-
-    def at(self, stamp_ns: int) -> BodyMotion | None:
-        """Motion at a time; None: before the first point or after the last."""
-        if not self.stamps[0] <= stamp_ns <= self.stamps[-1]:
-            return None
-        k = min(int(np.searchsorted(self.stamps, stamp_ns, 'right')), len(self.stamps) - 1)
-        length = float(self.stamps[k] - self.stamps[k - 1]) * 1e-9
-        time = float(stamp_ns - self.stamps[k - 1]) * 1e-9
-        begin, end = (_at_rest(self.poses[k - 1]), _at_rest(self.poses[k]))
-        chord = BodyMotion(
-            begin.position,
-            begin.rotation,
-            (end.position - begin.position) / length,
-            (end.rotation * begin.rotation.inv()).as_rotvec() / length,
-            'plan',
-        )
-        there = chord.after(time)
-        twist = self.twists[k - 1] + time / length * (self.twists[k] - self.twists[k - 1])
-        if not np.isfinite(twist).all():
-            return there
-        return BodyMotion(there.position, there.rotation, twist[:3], twist[3:], 'plan')
-
-    def rest_at(self, stamp_ns: int) -> BodyMotion:
-        """At rest at the last point that a time has passed, or at the first."""
-        return _at_rest(self.poses[-1 if stamp_ns > self.stamps[-1] else 0])
 
 
 class BodyTrack:
@@ -169,11 +109,19 @@ class BodyTrack:
             raise UserError('a velocity is not finite')
         self._twist = stamp_ns, twist
 
-    def at(self, stamp_ns: int) -> BodyMotion | None:
-        """Motion at a time; None: nothing is known."""
-        planned = self.plan.at(stamp_ns) if self.plan else None
+    def at(self, stamp_ns: int, ahead: float = 0.0) -> BodyMotion | None:
+        """Motion at a time, with what is planned for so long after it [s]; None: nothing known."""
+        motion, plan = self._present(stamp_ns), self.plan
+        if motion is None or plan is None:
+            return motion
+        return replace(motion, plan=_planned(plan, stamp_ns, ahead, motion))
+
+    def _present(self, stamp_ns: int) -> BodyMotion | None:
+        planned = None
+        if self.plan is not None and (self.plan.holds(stamp_ns) or not self._poses):
+            planned = _of_plan(self.plan, stamp_ns)
         if not self._poses:
-            return planned or (self.plan.rest_at(stamp_ns) if self.plan else None)
+            return planned
         newest, pose = self._poses[-1]
         if abs(stamp_ns - newest) > self._timeout_ns:
             return planned or _at_rest(pose)
@@ -198,15 +146,50 @@ class BodyTrack:
         return weights @ poses[:, :3], weights @ turned.as_rotvec(), 'poses'
 
 
-def check_pose(pose: Array) -> None:
-    """Raise UserError where a pose, shape (7,), is none."""
-    if not np.isfinite(pose).all():
-        raise UserError('a number of its pose is not finite: the body is not seen')
-    length = float(np.linalg.norm(pose[3:]))
-    if abs(length - 1.0) > _UNIT:
-        raise UserError(f'its quaternion has length {length:.4g}, expected 1 within {_UNIT:g}')
-
-
 def _at_rest(pose: Array) -> BodyMotion:
     zero = np.zeros(3)
     return BodyMotion(pose[:3], Rotation.from_quat(pose[3:]), zero, zero, '')
+
+
+def _of_plan(plan: Plan, stamp_ns: int) -> BodyMotion:
+    """Motion of a body by its plan alone."""
+    there = plan.at(stamp_ns)
+    return BodyMotion(
+        there.positions[0],
+        Rotation.from_quat(there.quaternions[0]),
+        there.velocities[0],
+        there.angular_velocities[0],
+        'plan' if plan.holds(stamp_ns) else '',
+    )
+
+
+def _planned(plan: Plan, stamp_ns: int, ahead: float, present: BodyMotion) -> PlannedMotion | None:
+    """What a plan says from a time on, from where the body is then; None: nothing.
+
+    The body keeps its twist up to the first point of the plan, and moves by what the plan moves.
+    """
+    times, moments = plan.after(stamp_ns, ahead)
+    if not len(times):
+        return None
+    wait = max(float(times[0]), 0.0)
+    begin = present.after(wait)
+    there = plan.at(stamp_ns + round(wait * 1e9))
+    positions = moments.positions + (begin.position - there.positions[0])
+    # turned as the plan is, so that its twist holds as it stands
+    turned = Rotation.from_quat(there.quaternions[0]).inv() * begin.rotation
+    quaternions = (Rotation.from_quat(moments.quaternions) * turned).as_quat()
+    moments = moments._replace(positions=positions, quaternions=quaternions)
+    if wait:
+        # a point for each radian, as a rotation between two is the shorter one
+        count = 2 + int(wait * np.linalg.norm(present.angular_velocity))
+        before = np.linspace(0.0, wait, count)
+        coming = [present.after(time) for time in before.tolist()]
+        own = Moments(
+            np.array([one.position for one in coming]),
+            np.array([one.rotation.as_quat() for one in coming]),
+            np.tile(present.velocity, (count, 1)),
+            np.tile(present.angular_velocity, (count, 1)),
+        )
+        times = np.concatenate([before, times])
+        moments = Moments(*(np.concatenate(pair) for pair in zip(own, moments, strict=True)))
+    return PlannedMotion.of(times, moments)

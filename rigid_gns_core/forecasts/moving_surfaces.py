@@ -22,6 +22,8 @@ from ..scenes.plane import Plane, Vector
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
+AHEAD = 2.0
+"""Plans are followed for so long from a start, or for a longer horizon [s]; then bodies rest."""
 _EXAMPLE = '{racket: {surfaces: [1], pose: racket/pose}}'
 
 
@@ -153,15 +155,19 @@ class MovingSurfaces:
         """Names of the bodies of which nothing is known yet."""
         return [name for name, track in self.tracks.items() if not track.known]
 
-    def at(self, stamp_ns: int) -> dict[int, Plane]:
-        """The surfaces at a time, with their motion then, by their indices in the scene.
+    def at(self, stamp_ns: int, horizon: float = AHEAD) -> dict[int, Plane]:
+        """The surfaces at a time, with their motion from then on, by their indices in the scene.
+
+        Args:
+            stamp_ns: The time [ns].
+            horizon: What is planned counts for so long, and at least for `AHEAD` [s].
 
         Raises:
             UserError: Nothing is known of a body yet.
         """
         found: dict[int, Plane] = {}
         for name, track in self.tracks.items():
-            motion = track.at(stamp_ns)
+            motion = track.at(stamp_ns, max(horizon, AHEAD))
             if motion is None:
                 where = self.bodies[name].where
                 raise UserError(f'nothing has come for {name} on {where} yet')
@@ -186,6 +192,7 @@ def carried(plane: Plane, motion: BodyMotion) -> Plane:
         velocity=vector(motion.velocity + np.cross(spin, arm)),
         angular_velocity=vector(spin),
         surface_velocity=vector(turn.apply(plane.surface_velocity)),
+        plan=motion.plan,
     )
 
 

@@ -41,7 +41,7 @@ class Futures:
         markers: Publishes the paths.
         diagnostics: Counts results and failures.
         warn: Called with a kind and a sentence, possibly often.
-        surfaces: Gives the surfaces that bodies carry, at a stamp [ns].
+        surfaces: Gives the surfaces that bodies carry, at a stamp [ns], for a horizon [s].
         parameters: Parameters of the node by name.
     """
 
@@ -55,7 +55,7 @@ class Futures:
         markers: MarkerPublisher,
         diagnostics: Diagnostics,
         warn: Callable[[str, str], None],
-        surfaces: Callable[[int], Mapping[int, Plane]],
+        surfaces: Callable[[int, float], Mapping[int, Plane]],
         parameters: Mapping[str, Any],
     ) -> None:
         self._model, self._window, self._surfaces = model, window, surfaces
@@ -121,7 +121,7 @@ class Futures:
                 state = estimate.state
             else:
                 stamp_ns, state = window.start()
-            surfaces = self._surfaces(stamp_ns)
+            surfaces = self._surfaces(stamp_ns, self._seconds)
             rollout = self._model.forecast(state, stamp_ns, window.ids, surfaces).rollout
         except UserError as error:
             self._none(f'no future from these tracked frames: {error}')

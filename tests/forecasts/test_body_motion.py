@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rigid_gns_core import UserError
-from rigid_gns_core.forecasts.body_motion import BodyTrack, Plan
+from rigid_gns_core.forecasts.body_motion import BodyTrack
+from rigid_gns_core.forecasts.plan import Plan
 from rigid_gns_core.messages.trajectories import FutureFrame
 from scipy.spatial.transform import Rotation
 
@@ -145,7 +146,7 @@ def test_a_plan_without_a_stamp_begins_when_it_comes() -> None:
     message = plan_of(2, twists=True)
     own = FutureFrame(0, *(getattr(message, n) for n in ('frame_id', 'names', 'times_ns', 'poses',
                                                          'twists')))  # fmt: skip
-    assert Plan.of(own, 'any', T0).stamps[0] == T0
+    assert Plan.of(own, 'any', T0).begin_ns == T0
 
 
 def test_what_is_no_plan_is_refused() -> None:
@@ -158,3 +159,64 @@ def test_what_is_no_plan_is_refused() -> None:
     )  # fmt: skip
     with pytest.raises(UserError, match='joint_names are left, right, expected racket'):
         Plan.of(two, 'racket', 0)
+
+
+def changing(stamp_ns: int, *, twists: bool) -> Plan:
+    """Along x it accelerates with 10 m/s^2 and turns about y ever faster, from a stamp on."""
+    times = np.arange(6) * 0.1
+    poses, rates = np.zeros((6, 1, 7)), np.zeros((6, 1, 6))
+    poses[:, 0, 0], rates[:, 0, 0], rates[:, 0, 4] = 5 * times**2, 10 * times, 4 * times
+    turns = Rotation.from_rotvec(np.outer(2 * times**2, [0.0, 1.0, 0.0]))
+    poses[:, 0, 3:] = turns.as_quat()
+    stamps = tuple(round(time * 1e9) for time in times)
+    rates = rates if twists else np.nan * rates
+    return Plan.of(FutureFrame(stamp_ns, 'world', ('racket',), stamps, poses, rates), 'racket', 0)
+
+
+def test_a_plan_that_changes_its_twist_is_known_ahead() -> None:
+    track = BodyTrack(span=0.05, timeout=0.25)
+    track.plan = changing(T0, twists=True)
+    motion = track.at(T0 + 50_000_000, ahead=0.3)
+    assert motion is not None and motion.plan is not None
+    np.testing.assert_allclose(motion.velocity, [0.5, 0.0, 0.0], atol=1e-12)
+    times = np.linspace(0.0, 0.3, 13)
+    found, late = motion.plan.at(times), times + 0.05
+    np.testing.assert_allclose(found.positions[:, 0], 5 * late**2, atol=1e-9)
+    np.testing.assert_allclose(found.velocities[:, 0], 10 * late, atol=1e-9)
+    np.testing.assert_allclose(found.angular_velocities[:, 1], 4 * late, atol=1e-9)
+    assert len(motion.plan.times) == 5  # what follows is left out
+    assert track.at(T0 + 600_000_000, ahead=0.3).plan is None  # type: ignore[union-attr]
+
+
+def test_without_velocities_the_twist_jumps_from_chord_to_chord() -> None:
+    track = BodyTrack(span=0.05, timeout=0.25)
+    track.plan = changing(T0, twists=False)
+    motion = track.at(T0, ahead=1.0)
+    assert motion is not None and motion.plan is not None
+    found = motion.plan.at(np.array([0.05, 0.0999, 0.1001, 0.15]))
+    np.testing.assert_allclose(found.velocities[:, 0], [0.5, 0.5, 1.5, 1.5], atol=1e-9)
+    np.testing.assert_allclose(found.angular_velocities[:, 1], [0.2, 0.2, 0.6, 0.6], atol=1e-9)
+
+
+def test_a_body_that_is_seen_goes_on_from_where_it_is_and_then_as_planned() -> None:
+    """The plan begins in 0.1 s, elsewhere and turned otherwise: what it changes counts."""
+    track = BodyTrack(span=0.05, timeout=0.25)
+    for k in range(5):
+        track.add_pose(T0 + k * STEP, pose_at(k * STEP * 1e-9))
+    now = T0 + 4 * STEP
+    track.plan = changing(now + 100_000_000, twists=True)
+    motion = track.at(now, ahead=0.5)
+    assert motion is not None and motion.source == 'poses' and motion.plan is not None
+    before, after = np.array([0.0, 0.06, 0.0999]), np.array([0.1001, 0.2, 0.4])
+    found = motion.plan.at(before)
+    truth = np.stack([pose_at(4 * STEP * 1e-9 + time) for time in before])
+    np.testing.assert_allclose(found.positions, truth[:, :3], atol=1e-9)
+    np.testing.assert_allclose(found.velocities, np.tile(VELOCITY, (3, 1)), atol=1e-6)
+    np.testing.assert_allclose(found.angular_velocities, np.tile(SPIN, (3, 1)), atol=1e-5)
+    found, late = motion.plan.at(after), after - 0.1
+    begin = pose_at(4 * STEP * 1e-9 + 0.1)
+    np.testing.assert_allclose(found.positions[:, 0], begin[0] + 5 * late**2, atol=1e-8)
+    np.testing.assert_allclose(found.velocities[:, 0], 10 * late, atol=1e-6)
+    turned = Rotation.from_rotvec(np.outer(2 * late**2, [0.0, 1.0, 0.0]))
+    expected = turned * Rotation.from_quat(begin[3:])
+    assert (expected.inv() * Rotation.from_quat(found.quaternions)).magnitude().max() < 1e-7
