@@ -35,7 +35,7 @@ _NORM = 0.01
 _DROPPED = 64
 
 _INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])
-_IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 class NoTransform(RejectedFrame):
@@ -126,7 +126,7 @@ class TransformBuffer:
             )
         places = []
         for chain in up, down:
-            place = _IDENTITY
+            place = IDENTITY
             for name in chain[: chain.index(common)]:
                 place = moved(place, self._at(name, stamp_ns))
             places.append(place)
@@ -187,6 +187,15 @@ def moved(poses: Array, by: Array) -> Array:
     across = np.cross(axis, poses[..., :3])
     places = poses[..., :3] + 2.0 * (real * across + np.cross(axis, across)) + by[:3]
     return np.concatenate([places, quaternion_multiply(by[3:], poses[..., 3:])], axis=-1)
+
+
+def turned(twists: Array, by: Array) -> Array:
+    """Twists, shape (..., 6), along the axes of the frame in which theirs has the pose `by`."""
+    still = np.concatenate([np.zeros(3), by[3:]])
+    parts = twists.reshape(*twists.shape[:-1], 2, 3)
+    unknown = np.zeros((*parts.shape[:-1], 4))
+    found = moved(np.concatenate([parts, unknown], axis=-1), still)
+    return found[..., :3].reshape(twists.shape)
 
 
 def _inverse(pose: Array) -> Array:

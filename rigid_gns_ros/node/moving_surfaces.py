@@ -6,18 +6,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
 import numpy as np
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.forecasts.body_motion import Plan
 from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
+from rigid_gns_core.forecasts.plan import Plan
 from rigid_gns_core.messages.diagnostics import OK, Status, WARN
-from rigid_gns_core.messages.stamped import decode_pose_stamped, decode_twist_stamped
-from rigid_gns_core.messages.trajectories import decode_trajectory
+from rigid_gns_core.messages.stamped import decode_pose_stamped, decode_twist_stamped, Stamped
+from rigid_gns_core.messages.trajectories import decode_trajectory, FutureFrame
 from rigid_gns_core.scenes.state import Array
+from rigid_gns_core.tracking.transform_buffer import IDENTITY, moved, turned
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from .transforms import Transforms
@@ -31,7 +33,7 @@ class Bodies:
 
     Args:
         surfaces: Their surfaces.
-        frame_id: Coordinate frame that messages must be in.
+        frame_id: Coordinate frame of the scene; messages in others are transformed by tf.
         now: Gives the time of the node's clock [ns].
         warn: Called with a kind and a sentence, possibly often.
     """
@@ -44,6 +46,7 @@ class Bodies:
         warn: Callable[[str, str], None],
     ) -> None:
         self._surfaces, self._frame_id = surfaces, frame_id
+        self._transforms: Transforms
         self._now, self._warn = now, warn
         self._rejected = dict.fromkeys(surfaces.bodies, 0)
 
@@ -63,7 +66,8 @@ class Bodies:
         ]
 
     def follow(self, transforms: Transforms) -> None:
-        """Hear where the bodies are that are frames of tf; UserError: tf cannot be heard."""
+        """Transform messages, and hear of bodies that are frames of tf; UserError: none comes."""
+        self._transforms = transforms
         frames = [body.frame for body in self._surfaces.bodies.values() if body.frame]
         if frames:
             transforms.watch(frames, self._take_frame)
@@ -112,7 +116,7 @@ class Bodies:
         """What is wrong with the time of the newest pose of a body; empty: nothing."""
         body, track = self._surfaces.bodies[name], self._surfaces.tracks[name]
         age = track.age(stamp_ns)
-        planned = track.plan is not None and track.plan.at(stamp_ns) is not None
+        planned = track.plan is not None and track.plan.holds(stamp_ns)
         sent = body.pose or body.frame
         if not sent or not track.known or planned or abs(age) <= body.timeout:
             return ''
@@ -133,28 +137,66 @@ class Bodies:
         try:
             take()
         except UserError as error:
-            self._rejected[name] += 1
-            self._warn(f'{name} {role}', f'{role} of {name} rejected: {error}')
+            self._refuse(name, role, error)
             return False
         return True
 
+    def _refuse(self, name: str, role: str, error: UserError) -> None:
+        self._rejected[name] += 1
+        self._warn(f'{name} {role}', f'{role} of {name} rejected: {error}')
+
     def _take_pose(self, name: str, cdr: bytes) -> None:
-        pose = decode_pose_stamped(cdr)
-        self._check_frame(pose.frame_id)
-        self._surfaces.tracks[name].add_pose(pose.stamp_ns, pose.values)
+        pose, track = decode_pose_stamped(cdr), self._surfaces.tracks[name]
+
+        def take(by: Array) -> None:
+            track.add_pose(pose.stamp_ns, moved(pose.values, by))
+
+        self._place(name, 'pose', pose, take)
 
     def _take_twist(self, name: str, cdr: bytes) -> None:
-        twist = decode_twist_stamped(cdr)
-        self._check_frame(twist.frame_id)
-        self._surfaces.tracks[name].add_twist(twist.stamp_ns, twist.values)
+        twist, track = decode_twist_stamped(cdr), self._surfaces.tracks[name]
+
+        def take(by: Array) -> None:
+            track.add_twist(twist.stamp_ns, turned(twist.values, by))
+
+        self._place(name, 'twist', twist, take)
 
     def _take_plan(self, name: str, cdr: bytes) -> None:
-        message = decode_trajectory(cdr, bare=True)
-        self._check_frame(message.frame_id)
-        self._surfaces.tracks[name].plan = Plan.of(message, name, self._now())
+        message, now = decode_trajectory(cdr, bare=True), self._now()
 
-    def _check_frame(self, frame_id: str) -> None:
-        if frame_id != self._frame_id:
+        def take(by: Array) -> None:
+            poses, twists = moved(message.poses, by), turned(message.twists, by)
+            own = replace(message, poses=poses, twists=twists)
+            self._surfaces.tracks[name].plan = Plan.of(own, name, now)
+
+        self._place(name, 'plan', message, take)
+
+    def _place(
+        self, name: str, role: str, message: Stamped | FutureFrame, take: Callable[[Array], None]
+    ) -> None:
+        """Call `take` with the pose of a message's frame in the scene's; maybe later.
+
+        Raises:
+            UserError: It has no frame, tf cannot be heard, or what `take` raises.
+        """
+        frame_id = message.frame_id
+        if frame_id == self._frame_id:
+            take(IDENTITY)
+            return
+        if not frame_id:
             raise UserError(
-                f'it is in frame {frame_id!r}, expected {self._frame_id!r} (parameter frame_id)'
+                f'it has no frame_id, expected {self._frame_id!r} (parameter frame_id)'
             )
+        now = self._now()
+        # a plan may begin later, and where its frame will be then nobody knows
+        stamp = min(message.stamp_ns or now, now)
+        self._transforms.find(
+            f'{name} {role}',
+            frame_id,
+            stamp,
+            lambda by: self._keep(name, role, by, take),
+            lambda error: self._refuse(name, role, error),
+        )
+
+    def _keep(self, name: str, role: str, by: Array, take: Callable[[Array], None]) -> None:
+        self._try(name, role, lambda: take(by))

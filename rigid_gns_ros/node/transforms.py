@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transforms of tf: tracked frames in other coordinate frames wait for theirs."""
+"""Transforms of tf: what comes in other coordinate frames waits for theirs."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -26,8 +27,18 @@ if TYPE_CHECKING:
 _DEPTH = 100  # of tf2's own listener
 
 
+@dataclass(frozen=True)
+class _Waiting:
+    """What waits for a transform since a time [s]; `find` raises NoTransform without it."""
+
+    find: Callable[[], Any]
+    accept: Callable[[Any], None]
+    refuse: Callable[[UserError], None]
+    since: float
+
+
 class Transforms:
-    """Transforms frames of trackers into the scene's coordinate frame, in their order.
+    """Transforms what comes in other frames into the scene's coordinate frame, in its order.
 
     /tf is heard from the first frame on that needs it, as a robot sends much on it.
 
@@ -52,7 +63,7 @@ class Transforms:
     ) -> None:
         self._node, self._frame_id, self._timeout = node, frame_id, timeout
         self._accept, self._refuse, self._warn = accept, refuse, warn
-        self._waiting: deque[tuple[PoseArrayFrame, float]] = deque()  # with their arrival [s]
+        self._waiting: dict[str, deque[_Waiting]] = {}  # in order, by who sent it
         self.buffer = TransformBuffer()
         self._kind = _message_type()
         self._hears_all = False
@@ -104,35 +115,82 @@ class Transforms:
         Raises:
             RejectedFrame: tf cannot be heard.
         """
+        self._wait(
+            '',
+            frame.frame_id,
+            lambda: self.buffer.in_frame(frame, self._frame_id),
+            self._accept,
+            self._refuse,
+        )
+
+    def find(
+        self,
+        sender: str,
+        frame_id: str,
+        stamp_ns: int,
+        found: Callable[[Array], None],
+        refuse: Callable[[UserError], None],
+    ) -> None:
+        """Find the pose of a frame in the scene's, shape (7,), now or within the timeout.
+
+        Args:
+            sender: Who needs it; what one sender needs is found in the order of its calls.
+            frame_id: The frame.
+            stamp_ns: Time of the pose [ns].
+            found: Called with the pose.
+            refuse: Called with the error, where it does not come.
+
+        Raises:
+            RejectedFrame: tf cannot be heard.
+        """
+        self._wait(
+            sender,
+            frame_id,
+            lambda: self.buffer.lookup(self._frame_id, frame_id, stamp_ns),
+            found,
+            refuse,
+        )
+
+    def _wait(
+        self,
+        sender: str,
+        frame_id: str,
+        find: Callable[[], Any],
+        accept: Callable[[Any], None],
+        refuse: Callable[[UserError], None],
+    ) -> None:
         if self._kind is None:
             raise RejectedFrame(
                 'frame',
-                f'its frame is {frame.frame_id!r}, expected {self._frame_id!r} (parameter '
+                f'its frame is {frame_id!r}, expected {self._frame_id!r} (parameter '
                 'frame_id); to transform it by tf, install the ROS package tf2_msgs',
             )
         self._hear_all()
-        self._waiting.append((frame, time.monotonic()))
+        queue = self._waiting.setdefault(sender, deque())
+        queue.append(_Waiting(find, accept, refuse, time.monotonic()))
         self.resolve()
 
     def resolve(self) -> None:
-        """Pass on the frames whose transforms are known, and refuse those that waited too long."""
-        while self._waiting:
-            frame, since = self._waiting[0]
-            try:
-                found = self.buffer.in_frame(frame, self._frame_id)
-            except NoTransform as error:
-                if error.may_come and time.monotonic() - since < self._timeout:
-                    return
-                self._waiting.popleft()
-                self._refuse(error)
-                continue
-            self._waiting.popleft()
-            self._accept(found)
+        """Pass on that whose transforms are known, and refuse what waited too long."""
+        for queue in list(self._waiting.values()):
+            while queue:
+                first = queue[0]
+                try:
+                    found = first.find()
+                except NoTransform as error:
+                    if error.may_come and time.monotonic() - first.since < self._timeout:
+                        break
+                    queue.popleft()
+                    first.refuse(error)
+                    continue
+                queue.popleft()
+                first.accept(found)
 
     def clear(self) -> None:
         """Forget all that depends on time, as after a jump of the clock."""
         self.buffer.clear()
-        self._waiting.clear()
+        for queue in self._waiting.values():
+            queue.clear()
 
     def _hear_all(self) -> None:
         if not self._hears_all:

@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, Transform, TransformStamped, Twist, TwistStamped
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.bags.topics import find_topics
@@ -247,6 +247,64 @@ def test_a_plan_tells_the_motion(simulated: Callable[..., Any], tmp_path: Path) 
     check_stroke(stroke.last_future())
 
 
+PUSH = 8.0  # of a racket that accelerates [m/s^2]
+
+
+def accelerating(frame_id: str = 'world') -> MultiDOFJointTrajectory:
+    """From T0 on for a second in steps of 0.1 s, with velocities."""
+    message = stamped(MultiDOFJointTrajectory(joint_names=['racket']), T0, frame_id)
+    for k in range(11):
+        time, known = 0.1 * k, pose(0.0).pose
+        transform, speed = Transform(), Twist()
+        transform.translation.x = RACKET - 0.05 + PUSH / 2 * time**2
+        transform.translation.z, transform.rotation = 1.0, known.orientation
+        speed.linear.x = PUSH * time
+        point = MultiDOFJointTrajectoryPoint(transforms=[transform], velocities=[speed])
+        seconds, left = divmod(k, 10)
+        point.time_from_start.sec, point.time_from_start.nanosec = seconds, left * 100_000_000
+        message.points.append(point)
+    return message
+
+
+def test_a_plan_that_accelerates_strikes_with_its_speed_then_and_the_bag_reproduces(
+    simulated: Callable[..., Any], tmp_path: Path
+) -> None:
+    stroke = Stroke(
+        simulated, tmp_path, 'plan: racket/plan', record=str(tmp_path / 'bag'), samples=8,
+        crossing_planes='net: {point: [0.5, 0, 0], normal: [1, 0, 0]}',
+    )  # fmt: skip
+
+    def racket(stamp_ns: int) -> None:
+        if stamp_ns == T0:
+            stroke.send('racket/plan', accelerating(), reliable=True)
+            stroke.setup.bench.until(lambda: stroke.track.plan is not None, 'the plan')
+
+    stroke.run(racket)
+    future = stroke.last_future()
+    meet = max(np.roots([PUSH / 2, -BALL_SPEED, RACKET + RADIUS - BALL[0]]))
+    after = 2 * PUSH * meet - BALL_SPEED
+    times = (future.stamp_ns - T0) * 1e-9 + np.array(future.times_ns) * 1e-9
+    late = times > meet + 1e-3
+    assert late.sum() > 5
+    # stamps are whole nanoseconds, and the ball's speed is estimated from frames
+    np.testing.assert_allclose(future.twists[late, 0, 0], after, rtol=1e-4)
+    np.testing.assert_allclose(
+        future.poses[late, 0, 0],
+        BALL[0] + BALL_SPEED * meet + after * (times[late] - meet),
+        atol=1e-4,
+    )
+    last = T0 + (FRAMES - 1) * FRAME
+    stroke.setup.clock.set(last + 50_000_000)
+    stroke.setup.tracked.wait(2)
+    stroke.setup.node.close()
+    bag = read_bag(tmp_path / 'bag')
+    start = json.loads(bag.topics['/simulator/start'].messages[-1][8:-1])
+    assert len(start['surfaces']['1']['plan']['times']) == 11
+    result = reproduce(bag, find_topics(bag))
+    assert result.predictions >= 2 and result.starts >= 2
+    assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result
+
+
 def test_a_racket_is_a_frame_of_tf(
     simulated: Callable[..., Any], tmp_path: Path, message_package: Callable[[str], Any]
 ) -> None:
@@ -282,6 +340,103 @@ def test_a_racket_is_a_frame_of_tf(
     result = reproduce(bag, find_topics(bag))
     assert result.predictions > 0
     assert (result.same, result.different, result.unknown) == (result.predictions, 0, 0), result
+
+
+ARM_PLACE, ARM_TURN = np.array([-2.0, 0.3, 1.0]), Rotation.from_rotvec([0.4, -0.9, 1.3])
+
+
+def seen_from_arm(place: Any, turn: Any) -> None:
+    """Turn a position and a quaternion of a message into the frame of the arm."""
+    at = ARM_TURN.inv().apply(np.array([place.x, place.y, place.z]) - ARM_PLACE)
+    rotation = ARM_TURN.inv() * Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+    place.x, place.y, place.z = at.tolist()
+    turn.x, turn.y, turn.z, turn.w = rotation.as_quat().tolist()
+
+
+def along_arm(vector: Any) -> None:
+    """Turn a vector of a message along the axes of the arm."""
+    found = ARM_TURN.inv().apply([vector.x, vector.y, vector.z])
+    vector.x, vector.y, vector.z = found.tolist()
+
+
+@pytest.mark.parametrize('role', ['pose', 'twist', 'plan'])
+def test_a_racket_in_the_frame_of_an_arm_is_transformed(
+    simulated: Callable[..., Any], tmp_path: Path, message_package: Callable[[str], Any], role: str
+) -> None:
+    """The transform comes after the first message that needs it."""
+    tf = message_package('tf2_msgs').TFMessage
+    body = {
+        'pose': 'pose: racket/pose',
+        'twist': 'pose: racket/pose, twist: racket/twist',
+        'plan': 'plan: racket/plan',
+    }[role]
+    stroke = Stroke(simulated, tmp_path, body, transform_timeout=10.0)
+    bench = stroke.setup.bench
+    static = bench.tester.create_publisher(
+        tf, '/tf_static', QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    arm = stamped(TransformStamped(child_frame_id='arm'), 0)
+    at, turn = arm.transform.translation, arm.transform.rotation
+    at.x, at.y, at.z = ARM_PLACE.tolist()
+    turn.x, turn.y, turn.z, turn.w = ARM_TURN.as_quat().tolist()
+
+    def racket(stamp_ns: int) -> None:
+        first = stamp_ns == T0
+        if role == 'plan':
+            if not first:
+                return
+            message: Any = stamped(plan(), T0, 'arm')
+            for point in message.points:
+                seen_from_arm(point.transforms[0].translation, point.transforms[0].rotation)
+            stroke.send('racket/plan', message, reliable=True)
+        elif first or role == 'pose':
+            message = stamped(pose((stamp_ns - T0) * 1e-9), stamp_ns, 'arm')
+            seen_from_arm(message.pose.position, message.pose.orientation)
+            stroke.send('racket/pose', message)
+        if first and role == 'twist':
+            speed = stamped(twist(RACKET_SPEED), stamp_ns, 'arm')
+            along_arm(speed.twist.linear)
+            stroke.send('racket/twist', speed)
+        if first:
+            bench.until(lambda: stroke.setup.node.simulation._intake.transforms._waiting, 'it')
+            assert not stroke.track.known
+            static.publish(tf(transforms=[arm]))
+        bench.until(
+            lambda: (
+                stroke.track.plan is not None
+                if role == 'plan'
+                else stroke.track.age(stamp_ns) == 0.0 or role == 'twist'
+            ),
+            'the message',
+        )
+        if role == 'twist':
+            bench.until(lambda: stroke.track.known and stroke.track._twist is not None, 'both')
+
+    stroke.run(racket)
+    check_stroke(stroke.last_future())
+
+
+def test_a_frame_without_a_transform_is_said_with_the_remedy(
+    simulated: Callable[..., Any],
+    tmp_path: Path,
+    message_package: Callable[[str], Any],
+    log: Callable[[], str],
+) -> None:
+    message_package('tf2_msgs')
+    stroke = Stroke(simulated, tmp_path, 'pose: racket/pose', transform_timeout=0.01)
+    bodies = stroke.setup.node.simulation._bodies
+    stroke.send('racket/pose', stamped(pose(0.0), T0, 'arm'))
+    stroke.setup.bench.until(lambda: bodies._rejected['racket'] == 1, 'the refusal')
+    text = log()
+    assert (
+        "pose of racket rejected: its frame is 'arm', expected 'world' (parameter frame_id)"
+        in text
+    )
+    assert 'publish one, as by `ros2 run tf2_ros static_transform_publisher' in text
+    assert '--frame-id world --child-frame-id arm`' in text
+    assert not stroke.track.known
+    stroke.send('racket/pose', stamped(pose(0.0), T0, ''))
+    stroke.setup.bench.until(lambda: bodies._rejected['racket'] == 2, 'the frame without a name')
 
 
 def test_without_tf_a_frame_cannot_be_followed(
@@ -351,7 +506,7 @@ def test_messages_that_cannot_be_used_are_said(
         (
             'racket/pose',
             stamped(pose(0.0), T0, 'lab'),
-            "pose of racket rejected: it is in frame 'lab'",
+            "pose of racket rejected: its frame is 'lab', expected 'world'",
         ),
         ('racket/twist', stamped(lost, T0), 'twist of racket rejected: a velocity is not finite'),
         ('racket/plan', stamped(turned, T0), 'plan of racket rejected: it has 1 points'),
