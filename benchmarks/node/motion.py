@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Balls whose motion is known for ever: they bounce and slide without loss."""
+"""Balls that bounce and slide without loss, known for ever, and balls that are thrown in air."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from rigid_gns_core import Air, load_simulator, Plane, Scene
+from rigid_gns_core.rollout.paths import Paths
+from rigid_gns_core.scenes.state import State
 
 RADIUS, GRAVITY = 0.02, 9.81  # [m], [m/s^2]
 HEIGHTS = np.array([0.5, 0.8, 0.0, 0.0])  # of the bounces [m]
@@ -23,6 +26,17 @@ SCENE: dict[str, Any] = {
         'friction': 0.0,
         'rolling_friction': 0.0,
     }
+}
+
+THROW, THROWS = 0.6, 130  # length of a throw [s], and how many are known: two minutes
+# what the node is told of balls that are thrown: neither their air nor how they bounce
+THROWS_SCENE: dict[str, Any] = {
+    'surfaces': [{'point': [0, 0, 0], 'normal': [0, 0, 1]}],
+    'radius': RADIUS,
+    'mass': 0.0027,
+    'inertia_factor': 0.6667,
+    'restitution': 0.8,
+    'friction': 0.3,
 }
 
 
@@ -45,3 +59,29 @@ def poses_at(
     poses[..., 2] = RADIUS + np.where(heights > 0, heights - 0.5 * GRAVITY * since**2, 0.0)
     poses[..., 6] = 1.0
     return poses
+
+
+def throws(hertz: float, seed: int) -> np.ndarray:
+    """Poses of one ball that is thrown again and again in air, shape (throws x frames, 1, 7)."""
+    rng = np.random.default_rng(seed)
+    scene = Scene(
+        surfaces=(Plane(restitution=0.95, friction=0.8),),
+        radius=RADIUS,
+        mass=0.0027,
+        inertia_factor=0.6667,
+        restitution=0.95,
+        friction=0.8,
+        air=Air(density=1.2, drag_coefficient=0.45),
+    )
+    places = rng.uniform([-1.5, -0.5, 0.2], [-1.0, 0.5, 0.5], (THROWS, 3))[:, None]
+    speeds = rng.uniform([2.5, -0.5, -0.5], [4.5, 0.5, 1.5], (THROWS, 3))[:, None]
+    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (THROWS, 1, 4))
+    starts = State.unchecked(places, still, speeds, np.zeros_like(places))
+    laws = load_simulator()
+    dt = laws.native_dt(scene)
+    states = laws.rollout_samples(scene, starts, int(np.ceil(THROW / dt)) + 1)
+    times = np.arange(round(THROW * hertz)) / hertz
+    found, _ = Paths.of(scene, states, dt, exact=True).at(times)
+    poses = np.zeros((THROWS, len(times), 1, 7))
+    poses[..., :3], poses[..., 6] = found, 1.0  # rotations are not tracked
+    return poses.reshape(-1, 1, 7)

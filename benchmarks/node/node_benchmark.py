@@ -3,7 +3,7 @@
 
 """The simulator node in real time: lateness, what is recorded, time of a future, memory.
 
-    python benchmarks/node/node_benchmark.py --json docs/model/node_benchmark.json    # 50 minutes
+    python benchmarks/node/node_benchmark.py --json docs/model/node_benchmark.json    # 52 minutes
     python benchmarks/node/node_benchmark.py rate horizon --seconds 10 --only '50 spheres'
     python benchmarks/node/node_benchmark.py soak --only '8 balls' --minutes 30 --again
 
@@ -21,6 +21,9 @@ horizon  From the arrival of a tracked frame to the publication of its future of
          overtaken by the next one has no future.
 crossing From a tracked frame to the crossing of a plane that is forecast from it, of one ball at
          240 Hz; as `horizon`.
+learn    One ball at 240 Hz that is thrown again and again, with pauses, in air of which the scene
+         does not know: without learning and with it, whose fits run in a process of their own.
+         Steps missed while it flies, lateness, futures, and learned scenes that were taken.
 kills    What is left of a bag after a SIGKILL: made by benchmarks/bags/bag_kills.py, shown here.
 soak     100 Hz, recorded in files of 50 MB (1.2 GB in 30 minutes, into a temporary folder): memory
          of the simulator, which must not grow after the first minute, and errors in its log.
@@ -38,18 +41,26 @@ import sys
 import tempfile
 from typing import Any
 
-from parts import CASES, measure_crossing, measure_horizon, measure_rate, measure_soak
+from parts import (
+    CASES,
+    measure_crossing,
+    measure_horizon,
+    measure_learn,
+    measure_rate,
+    measure_soak,
+)
 from rigid_gns_core.files.strict_json import read_json, write_json
 from rigid_gns_core.running.machine import describe_machine
 from rigid_gns_ros.demo import DemoError
 from run import Case, run
 from table import BOUNDS, broken_bounds, format_kills, format_part
 
-PARTS = ('rate', 'horizon', 'crossing', 'kills', 'soak')
+PARTS = ('rate', 'horizon', 'crossing', 'learn', 'kills', 'soak')
 MEASURES = {
     'rate': measure_rate,
     'horizon': measure_horizon,
     'crossing': measure_crossing,
+    'learn': measure_learn,
     'soak': measure_soak,
 }
 KILLS = Path(__file__).parents[2] / 'docs' / 'model' / 'bag_kills.json'

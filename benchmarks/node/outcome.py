@@ -62,6 +62,7 @@ class Outcome:
         errors: Lines of its log.
         warnings: Number of warnings in its log.
         load: Load average before and after.
+        learned: Learned scenes that were taken.
     """
 
     period: float
@@ -76,6 +77,7 @@ class Outcome:
     errors: tuple[str, ...]
     warnings: int
     load: dict[str, Any]
+    learned: int
 
 
 def read_counts(log: str) -> dict[str, int]:

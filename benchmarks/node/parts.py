@@ -61,6 +61,17 @@ CASES = {
         )
         for samples in (32, 64)
     ],
+    'learn': [
+        Case(
+            f'one ball, throws at 240 Hz, {"learning" if learn else "not learning"}',
+            1,
+            0.02,
+            1,
+            {'start': 'every', 'horizon': '0.5', 'learn': str(learn).lower()},
+            throws_hz=240.0,
+        )
+        for learn in (False, True)
+    ],
     'soak': [
         Case(
             '50 spheres of 10 mm, 100 Hz',
@@ -129,6 +140,21 @@ def measure_crossing(outcome: Outcome) -> dict[str, Any]:
         'without_crossing': len(frames) - len(waits),
         'crossing_heard_ms': quantiles(1e-9 * np.array(waits, dtype=np.float64)),
         'crossing_bag_ms': quantiles(outcome.recorded.crossing_waits),
+    }
+
+
+def measure_learn(outcome: Outcome) -> dict[str, Any]:
+    """As `rate`, with steps that were missed while the ball flew, and scenes that were taken."""
+    sent, stamps = outcome.sent[:, 0], outcome.recorded.stamps
+    begins = np.flatnonzero(np.diff(sent, prepend=-np.inf) > 10 * outcome.tracked_dt * 1e9)
+    flights = zip(sent[begins], [*sent[begins[1:] - 1], sent[-1]], strict=True)
+    own = [stamps[(stamps >= first) & (stamps <= last)] for first, last in flights]
+    return {
+        **measure_rate(outcome),
+        **measure_horizon(outcome),
+        'missed': sum(missed(flight, outcome.period) for flight in own),
+        'throws': len(own),
+        'learned_scenes': outcome.learned,
     }
 
 

@@ -73,8 +73,19 @@ def there_and_back(number: int, frames: int) -> int:
     return min(place, turn - place)
 
 
-def play(poses: np.ndarray, dt: float, noise: float, seed: int, ending: Ending) -> np.ndarray:
+def play(
+    poses: np.ndarray,
+    dt: float,
+    noise: float,
+    seed: int,
+    ending: Ending,
+    *,
+    each: int = 0,
+    pause: float = 0.0,
+) -> np.ndarray:
     """Publish a frame each `dt` [s] until the end, each when the system's clock reaches its stamp.
+
+    After `each` frames, unless that is 0, nothing comes for `pause` [s].
 
     Returns:
         Stamp and monotonic time just before publishing [ns], int64, shape (frames sent, 2).
@@ -90,7 +101,8 @@ def play(poses: np.ndarray, dt: float, noise: float, seed: int, ending: Ending) 
     sent: list[tuple[int, int]] = []
     while not ending.asked:
         number = len(sent)
-        stamp = origin + round(number * dt * 1e9)
+        late = pause * (number // each) if each else 0.0
+        stamp = origin + round((number * dt + late) * 1e9)
         shown = poses[there_and_back(number, len(poses))].copy()
         shown[:, :3] += rng.normal(0.0, noise, (len(shown), 3))
         cdr = codec.encode(shown, stamp)
@@ -147,6 +159,8 @@ def main() -> int:
     player.add_argument('--dt', type=float, required=True, help='time between frames [s]')
     player.add_argument('--noise', type=float, default=0.0, help='of each coordinate [m]')
     player.add_argument('--seed', type=int, default=0, help='of the noise')
+    player.add_argument('--each', type=int, default=0, help='frames of a throw; 0: no pauses')
+    player.add_argument('--pause', type=float, default=0.0, help='after a throw [s]')
     listener = roles.add_parser('listen', help='note what is published')
     for role in (player, listener):
         role.add_argument('--out', type=Path, required=True, help='what to write at the end')
@@ -157,7 +171,15 @@ def main() -> int:
         np.savez(arguments.out, **listen(ending))
     else:
         poses = np.load(arguments.poses)
-        sent = play(poses, arguments.dt, arguments.noise, arguments.seed, ending)
+        sent = play(
+            poses,
+            arguments.dt,
+            arguments.noise,
+            arguments.seed,
+            ending,
+            each=arguments.each,
+            pause=arguments.pause,
+        )
         np.save(arguments.out, sent)
     rclpy.try_shutdown()
     return 0

@@ -15,7 +15,7 @@ import sys
 import time
 from typing import Any
 
-from motion import poses_at, SCENE
+from motion import poses_at, SCENE, THROW, throws, THROWS_SCENE
 import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.prediction.load import load_simulator
@@ -32,6 +32,7 @@ PEERS = Path(__file__).with_name('peers.py')
 NOISE = 5e-3  # of each tracked coordinate [radii]: 0.1 mm on a sphere of 20 mm
 PLAYED = 150  # model steps that the tracker plays forward and backward
 BOUNCING = 20.0  # and so long balls that bounce [s]
+PAUSE = 0.35  # between two throws: longer than what ends a track [s]
 COMPILING = 600.0  # a first run compiles the engine [s]
 LEAST_STARTED = 30.0  # for discovery and the first frames [s]
 POLL = 0.1  # [s]
@@ -78,6 +79,8 @@ class Case:
         air: Whether there is air.
         bouncing_hz: Frames per second of balls of 20 mm that bounce without loss; 0: a rollout of
             the model is played.
+        throws_hz: Frames per second of one ball that is thrown again and again, in air of which
+            the node's scene does not know.
     """
 
     name: str
@@ -90,10 +93,13 @@ class Case:
     hertz: float = 0.0
     air: bool = False
     bouncing_hz: float = 0.0
+    throws_hz: float = 0.0
 
     @property
     def scene(self) -> dict[str, Any]:
         """An open box whose ground holds three times as many spheres side by side."""
+        if self.throws_hz:
+            return THROWS_SCENE
         if self.bouncing_hz:
             found: dict[str, Any] = SCENE['scene']
             return found
@@ -130,6 +136,7 @@ class Case:
             'air': self.air,
             'noise_radii': NOISE,
             'bouncing_hz': self.bouncing_hz,
+            'throws_hz': self.throws_hz,
         }
 
 
@@ -213,6 +220,9 @@ def run(
             noise = NOISE * case.radius
             player = ('play', str(poses), '--dt', repr(dt), '--noise', repr(noise))
             player += ('--seed', str(case.seed), '--out', str(folder / 'sent.npy'))
+            if case.throws_hz:
+                each = round(THROW * case.throws_hz)
+                player += ('--each', str(each), '--pause', repr(PAUSE))
             start('tracker', str(PEERS), *player)
             simulator.wait_for('started from stamp', LEAST_STARTED)
             begun, computed = time.monotonic(), simulator.processor_time
@@ -238,6 +248,7 @@ def run(
             errors=errors_of(log),
             warnings=log.count('[WARN]'),
             load={'before': before, 'after': load_average()},
+            learned=log.count('a learned scene is taken'),
         )
 
 
@@ -246,6 +257,9 @@ def _prepare(case: Case, folder: Path) -> tuple[Path, float, float]:
     (folder / 'scene.yaml').write_text(yaml.safe_dump({'scene': case.scene}), encoding='utf-8')
     scene = Scene.from_mapping(case.scene)
     path = folder / 'poses.npy'
+    if case.throws_hz:
+        np.save(path, throws(case.throws_hz, case.seed))
+        return path, 1 / case.throws_hz, load_simulator().native_dt(scene)
     if case.bouncing_hz:
         heights = np.linspace(0.3, 1.0, case.spheres)
         times = np.arange(round(BOUNCING * case.bouncing_hz)) / case.bouncing_hz

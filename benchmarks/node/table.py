@@ -46,6 +46,15 @@ def _broken(part: str, case: Mapping[str, Any]) -> Iterator[str]:
         for key, where in CROSSING.items():
             yield from _over(f'crossing p99 ({where})', case[key], BOUNDS['crossing_p99_ms'])
         return
+    if part == 'learn':
+        if case['missed']:
+            yield f'{case["missed"]} steps missed while the ball flew'
+        if case['lost_in_bag'] or case['bag_warnings']:
+            yield f'{case["lost_in_bag"]} predictions not in the bag; {case["bag_warnings"]}'
+        for key, where in LATENESS.items():
+            bound = BOUNDS['lateness_p99_busy_core_ms']
+            yield from _over(f'lateness p99 ({where})', case[key], bound)
+        return
     if case['missed'] or case['counts']['skipped']:
         taken = case.get('missed_while_host_took_time', 0)  # not in older results
         yield (
@@ -76,6 +85,7 @@ def format_part(part: str, report: Mapping[str, Any]) -> str:
         'rate': _rate_cells,
         'horizon': _horizon_cells,
         'crossing': _crossing_cells,
+        'learn': _learn_cells,
         'soak': _soak_cells,
     }[part]
     rows = [{part: name, **columns(case), **_machine_cells(case)} for name, case in cases.items()]
@@ -125,6 +135,18 @@ def _crossing_cells(case: Mapping[str, Any]) -> dict[str, str]:
         'frames': str(case['frames']),
         'without': str(case['without_crossing']),
         **{f'{where} p50/p99/worst ms': _quantiles(case[key]) for key, where in CROSSING.items()},
+    }
+
+
+def _learn_cells(case: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        'throws': str(case['throws']),
+        'scenes taken': str(case['learned_scenes']),
+        'missed': str(case['missed']),
+        'published': str(case['counts']['published']),
+        **{f'{where} p50/p99/worst ms': _quantiles(case[key]) for key, where in LATENESS.items()},
+        'future p50/p99/worst ms': _quantiles(case['horizon_heard_ms']),
+        'without': str(case['without_future']),
     }
 
 
