@@ -46,11 +46,11 @@ def with_plans(
 def _rows(plane: Plane, h: float, first: int, size: int, frame: int) -> Array:
     """Rows of a plane at the start of each substep, shape (size, columns); see `World`."""
     assert plane.plan is not None
-    steps = first + np.arange(size + frame + 1)
+    times = h * np.arange(first, first + size + frame + 1, dtype=np.float64)
     origin = plane.plan.at(np.zeros(1))
-    found = plane.plan.at(h * steps)
+    found = plane.plan.at(times)
     back = origin.quaternions * _INVERSE
-    turns = _matrices(quaternion_multiply(found.quaternions, np.repeat(back, len(steps), axis=0)))
+    turns = _matrices(quaternion_multiply(found.quaternions, np.repeat(back, len(times), axis=0)))
     arm = turns @ (np.asarray(plane.point) - origin.positions[0])
     point, spin = found.positions + arm, found.angular_velocities
     velocity = found.velocities + np.cross(spin, arm)

@@ -78,7 +78,7 @@ class Plan:
 def _motion_of(times: Array, poses: Array, twists: Array) -> PlannedMotion:
     """Motion through poses, shape (k, 7), with twists, shape (k, 6), NaN where not known."""
     places, turns = poses[:, :3], as_unit(poses[:, 3:])
-    known = np.isfinite(twists).all(axis=1)
+    known = np.isfinite(twists.sum(axis=1))
     if known.all():
         return PlannedMotion.of(times, Moments(places, turns, twists[:, :3], twists[:, 3:]))
     ways = [np.diff(places, axis=0), rotation_between(turns[:-1], turns[1:])]
