@@ -16,6 +16,7 @@ import numpy as np
 
 from .world import COLUMNS, World
 from ..scenes.plane import Plane
+from ..scenes.planned_motion import cross
 from ..scenes.state import Array, quaternion_multiply, rotation_between
 
 _INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])
@@ -53,7 +54,7 @@ def _rows(plane: Plane, h: float, first: int, size: int, frame: int) -> Array:
     turns = _matrices(quaternion_multiply(found.quaternions, np.repeat(back, len(times), axis=0)))
     arm = turns @ (np.asarray(plane.point) - origin.positions[0])
     point, spin = found.positions + arm, found.angular_velocities
-    velocity = found.velocities + np.cross(spin, arm)
+    velocity = found.velocities + cross(spin, arm)
     speed, rate = (np.linalg.norm(values, axis=1) for values in (velocity, spin))
     ways = np.diff(point, axis=0)
     chords = rotation_between(found.quaternions[:-1], found.quaternions[1:])

@@ -14,9 +14,11 @@ from csv_balls import bounces, RADIUS, RESTITUTION
 import numpy as np
 import pytest
 from rigid_gns_core import load_scene, load_simulator, Plane, Scene, State, UserError
+from rigid_gns_core.scenes.planned_motion import Moments, PlannedMotion
 from rigid_gns_core.scenes.regions import Regions
 from rigid_gns_core.scenes.tracker import Tracker
 from rigid_gns_core.tracking import StateEstimate
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
 SCRIPT = Path(__file__).parents[2] / 'benchmarks' / 'tracking' / 'thrown_balls.py'
@@ -233,7 +235,8 @@ def test_spheres_have_crossings_of_their_own(simulator) -> None:
     assert [branch.touched for branch in found.branches(1)] == [('sphere',)]
 
 
-def test_a_racket_is_named_where_it_strikes(simulator) -> None:
+@pytest.mark.parametrize('planned', [False, True])
+def test_a_racket_is_named_where_it_strikes(simulator, planned: bool) -> None:
     """A plane that comes at 4 m/s and turns meets a ball at rest 1 m away after 0.24 s."""
     racket = Plane(
         point=(-1.0, 0.0, 0.0),
@@ -244,6 +247,14 @@ def test_a_racket_is_named_where_it_strikes(simulator) -> None:
         velocity=(4.0, 0.0, 0.0),
         angular_velocity=(3.0, 0.0, 0.0),
     )
+    if planned:
+        times = np.linspace(0.0, 1.0, 11)
+        along = np.array([[1.0, 0.0, 0.0]])
+        turns = Rotation.from_rotvec(3.0 * times[:, None] * along).as_quat()
+        places = racket.point + 4.0 * times[:, None] * along
+        still = np.ones((11, 1)) * along
+        plan = PlannedMotion.of(times, Moments(places, turns, 4.0 * still, 3.0 * still))
+        racket = replace(racket.at_rest(), plan=plan)
     scene = Scene(surfaces=(Plane((0.0, 0.0, -9.0)), racket), radius=RADIUS, gravity=0.0)
     found = simulator.forecast(scene, State(positions=[[0.0, 0.05, 0.0]]), [0.5])
     ((time, name),) = found.touches[0][0]

@@ -23,6 +23,7 @@ SCRIPT = ROOT / 'benchmarks' / 'node' / 'node_benchmark.py'
 CASES = {
     'rate': '50 spheres, 71 Hz, every, idle',
     'horizon': '50 spheres of 1 m, tracker at 10 Hz, first',
+    'learn': 'one ball, throws at 240 Hz, learning',
     'soak': '50 spheres of 10 mm, 100 Hz',
 }
 LENGTH = ('--seconds', '2', '--minutes', '0.05')
@@ -54,12 +55,17 @@ def test_each_part_measures_its_case(report: tuple[Path, dict[str, Any]]) -> Non
     assert {part: list(cases) for part, cases in content['parts'].items()} == {
         part: [only] for part, only in CASES.items()
     }
-    rate, horizon, soak = (content['parts'][part][only] for part, only in CASES.items())
-    for case in (rate, horizon, soak):
-        assert case['spheres'] == 50 and case['errors'] == 0 and not case['first_errors']
+    rate, horizon, learn, soak = (content['parts'][part][only] for part, only in CASES.items())
+    for case in (rate, horizon, learn, soak):
+        assert case['errors'] == len(case['first_errors'])
+        # a machine with other work to do may say so
+        assert all('this machine cannot keep up' in line for line in case['first_errors'])
         assert set(case['counts']) == {'published', 'late', 'skipped', 'rejected'}
         assert set(case['load_average']) == {'before', 'after'}
-    for case in (rate, soak):
+    assert rate['spheres'] == horizon['spheres'] == soak['spheres'] == 50
+    # three throws of 0.6 s, with pauses of 0.35 s between: too few for a fit
+    assert learn['throws'] >= 2 and learn['learned_scenes'] == 0 and learn['missed'] >= 0
+    for case in (rate, learn, soak):
         assert case['lost_in_bag'] == case['heard_but_not_in_bag'] == 0
         assert case['in_bag'] == case['counts']['published'] > 0 and not case['bag_warnings']
         assert case['heard'] > 0
