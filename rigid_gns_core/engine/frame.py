@@ -25,7 +25,7 @@ from .workspace import has_room, new_workspace, Workspace, workspace_among
 from .world import UNIT_GRAVITY, weight_of, World, world_among
 from ..kernels.jit import compiled, in_place
 from ..kernels.neighbours import Flags, Indices
-from ..kernels.quaternions import turn
+from ..kernels.quaternions import turn_all
 from ..kernels.vector import length, minus, put, row
 from ..scenes.state import Array
 
@@ -196,8 +196,8 @@ def _advance_part(
             impulses_out=impulses_out,
             islands_out=islands_out,
         )
-        for i in range(len(quaternions_out)):
-            turn(quaternions_out, i, row(motion_out.angular_velocities, i), h)
+        # the rows of impacts are scratch of each substep
+        turn_all(quaternions_out, motion_out.angular_velocities, h, work_out.impacts.rows)
         done += 1
     return done
 

@@ -121,8 +121,11 @@ def _end_pass_of_blocks(blocks_out: Blocks, count: int) -> None:
     """Let velocities around blocks that still change be those of the end of a pass."""
     for q in range(count):
         if blocks_out.on[q]:
+            last = -1  # contacts are sorted by body a
             for place in range(q * WIDTH, q * WIDTH + WIDTH):
-                _update(blocks_out, blocks_out.a[place])
+                if blocks_out.a[place] != last:
+                    last = blocks_out.a[place]
+                    _update(blocks_out, last)
                 _update(blocks_out, blocks_out.b[place])
 
 
