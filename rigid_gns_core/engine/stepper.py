@@ -22,10 +22,13 @@ from ..kernels.flight import accelerations
 from ..kernels.jit import compiling, entry, is_compiled
 from ..kernels.neighbours import Indices
 from ..rollout.stepper import Advance, state_at, Stepper
+from ..running.memory import keep_freed_memory
 from ..scenes.air import Air
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
 
+# with so many spheres, the scratch of a frame is more than the C library keeps by itself
+_LARGE = 2000
 _DIVERGED = 'the rollout diverged: a predicted value is not finite'
 
 
@@ -137,6 +140,8 @@ class EngineStepper(Stepper):
     ) -> None:
         if not is_compiled():
             warm_up()
+        if len(state) >= _LARGE:
+            keep_freed_memory()
         self.settings, self.dt = Settings(substeps=substeps, iterations=rounds), dt
         if world is None:
             world = world_of(scene, len(state), dt / substeps)
