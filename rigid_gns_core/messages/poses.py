@@ -104,7 +104,9 @@ def decode_pose_array(cdr: bytes) -> PoseArrayFrame:
     poses = reader.floats(reader.number('I', 'number of poses'), 7, 'poses')
     reader.end()
     size = np.abs(poses[:, 3:]).max(axis=1)
-    poses[~((size > _LEAST) & (size < np.inf)), 3:] = 0.0  # also NaN
+    known = (size > _LEAST) & (size < np.inf)  # not NaN either
+    if not known.all():
+        poses[~known, 3:] = 0.0
     return PoseArrayFrame(stamp_ns, frame_id, poses)
 
 

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from .jit import entry, plain
 from .pose_noise import normal_spread
 from ..scenes.state import Array
 
@@ -48,13 +49,36 @@ def third_differences(times: Array, positions: Array, seen: NDArray[np.bool_]) -
 
     Args:
         times: Times of the frames [s], shape (4,), at any intervals.
-        positions: Centres [m], shape (4, n, 3).
+        positions: Centres [m], and what is tracked besides, shape (4, n, 3 or more).
         seen: Whether a sphere was seen, shape (4, n); those not seen in all four are left out.
     """
-    gaps = times[:, None] - times + np.eye(4)
-    factors = 1.0 / gaps.prod(axis=1)
-    factors /= np.linalg.norm(factors)
-    whole = positions[:, seen.all(axis=0)]
-    # differences first: they are small where positions are not
-    differences: Array = np.einsum('f,fnc->nc', factors, whole - whole[-1:])
-    return differences.ravel()
+    differences = np.empty(3 * seen.shape[1])
+    count = _differences(plain(times), plain(positions), np.ascontiguousarray(seen), differences)
+    return differences[:count]
+
+
+@entry
+def _differences(
+    times: Array, positions: Array, seen: NDArray[np.bool_], differences_out: Array
+) -> int:
+    factors = np.empty(4)
+    total = 0.0
+    for f in range(4):
+        product = 1.0
+        for other in range(4):
+            if other != f:
+                product *= times[f] - times[other]
+        factors[f] = 1.0 / product
+        total += factors[f] * factors[f]
+    size, count = np.sqrt(total), 0
+    for i in range(seen.shape[1]):
+        if not (seen[0, i] and seen[1, i] and seen[2, i] and seen[3, i]):
+            continue
+        for k in range(3):
+            sum_ = 0.0
+            for f in range(3):
+                # differences first: they are small where positions are not
+                sum_ += factors[f] / size * (positions[f, i, k] - positions[3, i, k])
+            differences_out[count] = sum_
+            count += 1
+    return count

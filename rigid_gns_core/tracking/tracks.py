@@ -19,8 +19,10 @@ from .coasting import coast, turn_on
 from .environment import Environment
 from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
+from .jit import plain
 from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
+from .newest_frame import append_frame
 from .noise_estimate import (
     MAX_DIFFERENCES,
     MIN_DIFFERENCES,
@@ -153,14 +155,16 @@ class Tracks:
 
     def updated(self, frame: PoseArrayFrame, settings: TrackerSettings) -> Tracks:
         """Tracks after the next frame, whose stamp is later than all before."""
+        if not settings.matched and 0 < len(frame.poses) == len(self.ids):
+            grown = self._with_all(frame, settings)
+            if grown is not None:
+                return grown
         step_ns = int(frame.stamp_ns - self.stamps[-1]) if len(self.stamps) else 0
         poses = frame.poses.copy()
         visible = measured(poses)
         poses[~visible] = _LOST
         turned = poses[:, 3:].any(axis=1)
         poses[turned, 3:] = as_unit(poses[turned, 3:])
-        if not settings.matched and len(poses) == len(self.ids) and visible.all():
-            return self._with_all(poses, frame.stamp_ns, settings)
         predicted = self.motion
         if settings.matched:
             predicted = _predict(self, settings, step_ns * 1e-9)
@@ -196,30 +200,35 @@ class Tracks:
             misfits=self.misfits[keep],
         )
         grown = grown._initiate(settings)
-        grown = grown._estimate_noise(settings)
+        noise = grown._noise_after(grown.stamps, grown.poses, grown.seen, settings)
+        grown = replace(grown, noise_estimate=noise)
         if not settings.matched:  # only `window_motion` needs the motion, not the next frame
             return grown
         motion = grown._estimate_motion(max(settings.length, INITIATION_FRAMES), settings)
         return replace(grown, motion=motion, misfits=grown._count_misfits(motion))
 
-    def _with_all(self, poses: Array, stamp_ns: int, settings: TrackerSettings) -> Tracks:
-        """Tracks after a frame that shows all spheres in their order; as of `updated`."""
-        stamps = np.concatenate((self.stamps, (stamp_ns,)), dtype=np.int64)
-        kept = max(settings.fewest, settings.used(stamps, len(self.ids)))
-        tail, seen = slice(-kept + 1, None), np.ones((1, len(poses)), dtype=np.bool_)
-        grown = Tracks(
-            stamps=stamps[-kept:],
+    def _with_all(self, frame: PoseArrayFrame, settings: TrackerSettings) -> Tracks | None:
+        """As `updated`, of a frame of as many poses as spheres; None: one was not measured."""
+        stamp_ns, n = frame.stamp_ns, len(self.ids)
+        grown = np.concatenate((self.stamps, (stamp_ns,)), dtype=np.int64)
+        kept = min(max(settings.fewest, settings.used(grown, n)), len(grown))
+        poses, seen = np.empty((kept, n, 7)), np.empty((kept, n), dtype=np.bool_)
+        before = plain(self.poses), np.ascontiguousarray(self.seen)
+        if not append_frame(plain(frame.poses), *before, poses, seen):
+            return None
+        stamps = grown[-kept:]
+        return Tracks(
+            stamps=stamps,
             ids=self.ids,
-            poses=np.concatenate((self.poses[tail], poses[None])),
-            seen=np.concatenate((self.seen[tail], seen)),
-            last_seen=np.full(len(poses), stamp_ns, dtype=np.int64),
+            poses=poses,
+            seen=seen,
+            last_seen=np.full(n, stamp_ns, dtype=np.int64),
             motion=self.motion,
             next_id=self.next_id,
-            unassociated=(*self.unassociated[-(INITIATION_FRAMES - 1) :], poses[:0]),
-            noise_estimate=self.noise_estimate,
+            unassociated=(*self.unassociated[-(INITIATION_FRAMES - 1) :], poses[0, :0]),
+            noise_estimate=self._noise_after(stamps, poses, seen, settings),
             misfits=self.misfits,
         )
-        return grown._estimate_noise(settings)
 
     def _associate(
         self, poses: Array, predicted: Motion, settings: TrackerSettings, time: float
@@ -278,21 +287,25 @@ class Tracks:
             unassociated=tuple(remaining),
         )
 
-    def _estimate_noise(self, settings: TrackerSettings) -> Tracks:
-        if settings.noise is not None or len(self.stamps) < NOISE_FRAMES or not len(self.ids):
-            return self
+    def _noise_after(
+        self,
+        stamps: NDArray[np.int64],
+        poses: Array,
+        seen: NDArray[np.bool_],
+        settings: TrackerSettings,
+    ) -> NoiseEstimate:
+        """Estimate of the noise with the newest of some frames."""
+        count = seen.shape[1]
+        if settings.noise is not None or len(stamps) < NOISE_FRAMES or not count:
+            return self.noise_estimate
         newest = slice(-NOISE_FRAMES, None)
-        values = third_differences(
-            (self.stamps[newest] - self.stamps[-1]) * 1e-9,
-            self.poses[newest, :, :3],
-            self.seen[newest],
-        )
+        times = (stamps[newest] - stamps[-1]) * 1e-9
+        values = third_differences(times, poses[newest], seen[newest])
         kept = MAX_DIFFERENCES
         if not settings.matched:
             # so that a start depends on the frames of its window alone
-            used = settings.used(self.stamps, len(self.ids))
-            kept = values.size * max(used - NOISE_FRAMES + 1, 0)
-        return replace(self, noise_estimate=self.noise_estimate.updated(values, kept))
+            kept = values.size * max(settings.used(stamps, count) - NOISE_FRAMES + 1, 0)
+        return self.noise_estimate.updated(values, kept)
 
     def _estimate_motion(self, frames: int, settings: TrackerSettings) -> Motion:
         """Motion from the last frames; the prediction where these do not show a sphere twice."""

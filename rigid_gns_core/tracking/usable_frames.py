@@ -17,7 +17,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from .jit import plain
 from .lost_spheres import check_seen, measured, why_lost
+from .newest_frame import is_usual
 from .rejected_frame import RejectedFrame as RejectedFrame
 from .repeats import REPEATS, Repeats
 from ..errors import shown
@@ -297,8 +299,8 @@ def _check_poses(poses: Array, far: float) -> None:
     Raises:
         RejectedFrame: A pose cannot be used; the message says which, and why.
     """
-    if 0.0 < float(np.abs(poses).max(initial=0.0)) <= min(far, _LARGE / 2):
-        return  # as nearly always; four numbers of up to a half have a norm of up to one
+    if is_usual(plain(poses), min(far, _LARGE / 2)):
+        return  # four numbers of up to a half have a norm of up to one
     seen = measured(poses)
     if len(poses) and not seen.any():
         raise RejectedFrame('not finite', why_lost(poses, seen))

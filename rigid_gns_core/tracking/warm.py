@@ -19,6 +19,8 @@ from .environment import Environment
 from .gating import gates
 from .jit import compiling
 from .known_laws import KnownLaws
+from .newest_frame import append_frame, is_usual
+from .noise_estimate import third_differences
 from .start_guess import ALL
 from .velocity import estimate_motion
 from ..scenes.scene import Plane, Scene
@@ -76,3 +78,7 @@ def _call_entries() -> None:
     turn_on(motion.quaternions, motion.angular_velocities, 0.1)
     width = gates(ones, motion.positions, ones, ones, 0.1, seen[0])
     match(motion.positions, motion.positions[:1], width)  # contested: compiles the clusters too
+    poses = np.ones((frames, 2, 7))
+    is_usual(poses[0], 1.0)
+    append_frame(poses[0], poses, seen, poses.copy(), seen.copy())
+    third_differences(np.array([0.0, 0.1, 0.2, 0.3]), poses, seen)

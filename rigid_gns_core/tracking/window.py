@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .environment import Environment
+from .jit import plain
 from .lost_spheres import check_seen, measured, why_lost
+from .newest_frame import is_usual
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
 from .scene_laws import by_window, SceneLaws
@@ -29,6 +30,9 @@ from ..scenes.state import Array, State
 
 # defaults: coast time [sqrt(r / g)] and largest speed of a new track [sqrt(g r)]
 _COAST, _MAX_SPEED = 2.0, 50.0
+
+# largest finite number
+_FINITE = float(np.finfo(np.float64).max)
 
 _NO_TRACKS = Tracks.empty()
 
@@ -244,8 +248,8 @@ class TrackingWindow:
 
     def _seen(self, poses: Array) -> NDArray[np.bool_]:
         """Whether each pose is a measurement, shape (n,), see `lost_at_origin`."""
-        if (poses[:, :3] != 0.0).all() and math.isfinite(poses.sum()):
-            return np.ones(len(poses), dtype=np.bool_)  # as nearly always
+        if is_usual(plain(poses), _FINITE):
+            return np.ones(len(poses), dtype=np.bool_)
         seen = measured(poses)
         there = (poses[:, :3] == 0.0).all(axis=1)
         if not there.any():

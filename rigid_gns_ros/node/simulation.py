@@ -257,6 +257,8 @@ class Simulation:
     def _report_steps(self, step_times: Sequence[float]) -> None:
         self.diagnostics.stepped(step_times)
         self.residual.note()
+        if self.topics.bag is None and not self.topics.step_time.get_subscription_count():
+            return
         for step_time in step_times:
             self.topics.send(self.topics.step_time, encode_float64(step_time))
 
