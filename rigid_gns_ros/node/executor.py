@@ -7,14 +7,12 @@ rclpy makes a wait set of all that a node has for each callback, and a second on
 a callback wakes it; a callback is a task and two coroutines. With 240 frames per second that took
 half of a node's processor time. Here one wait set of subscriptions, timers and guard conditions is
 used again, and a node may say what to call at once. Services, clients and events wait for
-rclpy's own turn, which comes at once where nothing else does. While messages come, services and
-clients are looked at every `PERIOD` seconds; rclpy's turn comes where one is ready, after a timer
-that is called in its way, and at least every `SELDOM` seconds.
+rclpy's own turn, which comes at least every `PERIOD` seconds, and at once where nothing else does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 import time
 from typing import Any, TYPE_CHECKING
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
     from rclpy.context import Context
     from rclpy.node import Node
 
-PERIOD, SELDOM = 0.1, 1.0  # [s]
+PERIOD = 0.1  # [s]
 
 # what to call where a subscription, a timer or a guard condition is ready
 Quick = Mapping[Any, Callable[[], object]]
@@ -49,8 +47,7 @@ class QuickExecutor(SingleThreadedExecutor):
         self._changed: Any = GuardCondition(None, None, context=self.context)
         self._signal: Any = SignalHandlerGuardCondition(context=self.context)
         self._wait_set: Any = None  # None: to be made anew
-        self._look = 0.0  # when services and clients are looked at [s]
-        self._turn = 0.0  # when rclpy's turn comes in any case [s]
+        self._turn = 0.0  # when rclpy's turn comes [s]
         self._idle = True  # whether nothing has come since its last one
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
@@ -62,16 +59,13 @@ class QuickExecutor(SingleThreadedExecutor):
         if timeout_sec is not None:
             super().spin_once(timeout_sec)
             return
-        now = time.monotonic()
-        if now < self._look:
-            self._wait(self._look - now)
-        elif not self._idle and now < self._turn and not self._is_asked():
-            self._idle, self._look = True, now + PERIOD
+        left = self._turn - time.monotonic()
+        if left > 0:
+            self._wait(left)
         elif self._idle or not self._rest():
             if self._idle:
                 super().spin_once()
-            self._idle, now = True, time.monotonic()
-            self._look, self._turn = now + PERIOD, now + SELDOM
+            self._idle, self._turn = True, time.monotonic() + PERIOD
 
     def wake(self) -> None:
         """Note that entities were created or destroyed, or that a shutdown has begun."""
@@ -113,28 +107,22 @@ class QuickExecutor(SingleThreadedExecutor):
         handler.result()  # raises what the callback raised
         return True
 
-    def _on_timer(self) -> None:
-        """Do one thing in rclpy's way; its turn is next, as some timers open it to more."""
-        self._rest()
-        self._look = self._turn = 0.0
-
-    def _is_asked(self) -> bool:
-        """Whether a service or a client is ready, or a task has begun and waits."""
-        if any(not task.done() for task, _, _ in self._tasks):
-            return True
-        if self._wait_set is None:
-            self._make_wait_sets()
-        services, entities = self._services
-        _wait_for(services, entities, 0)
-        kinds = ('service', 'client')
-        return any(services.get_ready_entities(kind) for kind in kinds)
-
     def _wait(self, seconds: float) -> None:
         """Wait so long for subscriptions, timers and guard conditions; do what is ready."""
         if self._wait_set is None:
-            self._make_wait_sets()
-        wait_set = self._wait_set
-        _wait_for(wait_set, self._entities, max(int(seconds * 1e9), 0))
+            self._make_wait_set()
+        wait_set, entities = self._wait_set, self._entities
+        wait_set.clear_entities()
+        entered = []
+        try:
+            for handle, add in entities:
+                handle.__enter__()  # it cannot be destroyed meanwhile
+                entered.append(handle)
+                add(handle)
+            wait_set.wait(max(int(seconds * 1e9), 0))
+        finally:
+            for handle in entered:
+                handle.__exit__(None, None, None)
         ready = [
             pointer
             for kind in ('timer', 'subscription', 'guard_condition')
@@ -145,7 +133,7 @@ class QuickExecutor(SingleThreadedExecutor):
                 self._idle = False
                 call()
 
-    def _make_wait_sets(self) -> None:
+    def _make_wait_set(self) -> None:
         nodes = self.get_nodes()
         quick: dict[Any, Callable[[], object]] = {}
         for node in nodes:
@@ -164,22 +152,9 @@ class QuickExecutor(SingleThreadedExecutor):
             *((one.handle, self._wait_set.add_timer) for one in timers),
             *((one.handle, self._wait_set.add_guard_condition) for one in (*guards, *own)),
         ]
-        services = [one for node in nodes for one in node.services]
-        clients = [one for node in nodes for one in node.clients]
-        counts = (0, 0, 0, len(clients), len(services), 0)
-        asked: Any = rclpy_implementation.WaitSet(*counts, self.context.handle)
-        self._services = (
-            asked,
-            [
-                *((one.handle, asked.add_client) for one in clients),
-                *((one.handle, asked.add_service) for one in services),
-            ],
-        )
         calls: dict[int, Callable[[], object]] = {}
-        for subscription in subscriptions:
-            calls[subscription.handle.pointer] = quick.get(subscription, self._rest)
-        for timer in timers:
-            calls[timer.handle.pointer] = quick.get(timer, self._on_timer)
+        for entity in (*subscriptions, *timers):
+            calls[entity.handle.pointer] = quick.get(entity, self._rest)
         for guard in guards:
             calls[guard.handle.pointer] = quick.get(guard, partial(self._trigger, guard))
         self._calls = calls
@@ -188,20 +163,3 @@ class QuickExecutor(SingleThreadedExecutor):
         """Trigger a guard condition again, whose trigger this wait took."""
         guard.trigger()
         self._rest()
-
-
-def _wait_for(
-    wait_set: Any, entities: Sequence[tuple[Any, Callable[[Any], Any]]], ns: int
-) -> None:
-    """Wait so long [ns] for handles, each with the method of the wait set that adds it."""
-    wait_set.clear_entities()
-    entered = []
-    try:
-        for handle, add in entities:
-            handle.__enter__()  # it cannot be destroyed meanwhile
-            entered.append(handle)
-            add(handle)
-        wait_set.wait(ns)
-    finally:
-        for handle in entered:
-            handle.__exit__(None, None, None)
