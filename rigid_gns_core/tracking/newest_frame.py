@@ -73,7 +73,7 @@ def append_frame(
             return False
         seen_out[last, i] = True
         x, y, z, w = frame[i, 3], frame[i, 4], frame[i, 5], frame[i, 6]
-        norm = math.sqrt(x * x + ((y * y + z * z) + w * w))  # in the order of NumPy's sum
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
         if norm > 0.0 and abs(norm - 1.0) > UNIT:
             for k in range(3, 7):
                 poses_out[last, i, k] = frame[i, k] / norm
