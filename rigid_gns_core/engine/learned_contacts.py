@@ -95,7 +95,7 @@ def find_learned_contacts(
         is_start: Whether `before` was observed.
     """
     count = len(asleep)
-    kicks, pushes = _changes(world, before, after, dt)
+    kicks, pushes = changes_by_laws(world, before, after, dt)
     candidates = find_candidates(world, before.positions, before.velocities, dt, ~asleep, 0.0)
     size, most = 0, len(candidates.a)
     found = LearnedContacts(
@@ -145,7 +145,9 @@ def no_learned_contacts() -> LearnedContacts:
 
 
 @compiled
-def _changes(world: World, before: Spheres, after: Spheres, dt: float) -> tuple[Array, Array]:
+def changes_by_laws(
+    world: World, before: Spheres, after: Spheres, dt: float
+) -> tuple[Array, Array]:
     """Size of the laws' change of each velocity, shape (n,), and that beyond flight, (n, 3)."""
     count = len(before.positions)
     kicks, pushes = np.empty(count), np.empty((count, 3))

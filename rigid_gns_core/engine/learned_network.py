@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from .learned_contacts import FEATURES, LearnedContacts
 from .options import ResidualConfig
+from .springs import SPRINGS
 from ..kernels.jit import compiled, in_place
 from ..scenes.state import Array
 
@@ -57,6 +58,7 @@ class LearnedNetwork(NamedTuple):
     """Weights of a residual network of width W with K vectors; inputs first.
 
     stiffness: of contacts, per effective mass [1/s^2], shape (1,); see `learned_guard.py`.
+    springs: of blows, all 0 where the laws make them, shape (SPRINGS,); see `springs.py`.
     strength: share of the outputs that acts, shape (1,); low, high: range of the features in
     training, shape (FEATURES,).
     mean, deviation: of the features, shape (FEATURES,); first: shape (FEATURES, W); second, last:
@@ -64,6 +66,7 @@ class LearnedNetwork(NamedTuple):
     """
 
     stiffness: Single
+    springs: Single
     strength: Single
     low: Single
     high: Single
@@ -120,6 +123,7 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
 
     made = LearnedNetwork(
         stiffness=taken('stiffness', 1),
+        springs=taken('springs', SPRINGS),
         strength=taken('strength', 1),
         low=taken('low', FEATURES),
         high=taken('high', FEATURES),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rolls out the laws with a residual network: the laws' frame, its correction, guard, sleep."""
+"""Rolls out the laws with a residual network: laws, springs, correction, guard, sleep."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .frame import advance
-from .learned_contacts import find_learned_contacts, LearnedContacts, no_learned_contacts
+from .learned_contacts import (
+    changes_by_laws,
+    find_learned_contacts,
+    LearnedContacts,
+    no_learned_contacts,
+)
 from .learned_guard import limit_energy_of_soft, stores
 from .learned_impulses import correct
 from .learned_network import fade, LearnedNetwork, RangeCounts
@@ -18,6 +23,7 @@ from .motion import Settings
 from .separation import separate
 from .sleep import put_to_sleep, Sleepers
 from .spheres import copy_spheres, is_finite, Spheres, store
+from .springs import follow_springs
 from .stepper import EngineStepper
 from .warm_start import WarmStart
 from .world import World
@@ -30,8 +36,8 @@ from ..scenes.state import Array, State
 class LearnedFrame(NamedTuple):
     """A frame: the laws' state at its end, the contacts of the network, and the corrected state.
 
-    warm_start: of the next frame; acted, removed: islands that the guard limited, and the energy
-    that it took.
+    laws: with blows by springs, where the weights have them; warm_start: of the next frame; acted,
+    removed: islands that the guard limited, and the energy that it took.
     """
 
     laws: Spheres
@@ -67,10 +73,16 @@ def _frame(
         velocities=spheres.velocities,
         angular_velocities=spheres.angular_velocities,
     )
+    has_network, has_springs = network.strength[0] > 0, network.springs[0] > 0
+    if has_springs:
+        kicks, _ = changes_by_laws(world, before, after, dt)
+        asleep = sleepers_out.asleep
+        follow_springs(world, network.springs, before, kicks, dt, asleep, after, islands)
     contacts, stiffness, laws = no_learned_contacts(), 0.0, copy_spheres(after)
-    if network.strength[0] > 0:
+    if has_network or has_springs:
         contacts = find_learned_contacts(world, before, after, dt, sleepers_out.asleep, is_start)
         stiffness = float(network.stiffness[0])
+    if has_network:
         fade(network, contacts, range_out)
         correct(world, network, contacts, dt, after, islands)
     if is_start:  # nobody knows more of what its overlaps hold

@@ -18,6 +18,7 @@ from torch import nn, Tensor
 from ..engine.learned_contacts import FEATURES, LearnedContacts
 from ..engine.learned_network import OUTPUTS
 from ..engine.options import ResidualConfig
+from ..engine.springs import SPRINGS
 
 # range of the features before any is known
 _NO_BOUND = 1e30
@@ -117,6 +118,7 @@ class ResidualNetwork(nn.Module):
     """The residual network; see `engine/learned_network.py`."""
 
     stiffness: Tensor
+    springs: Tensor
     strength: Tensor
     low: Tensor
     high: Tensor
@@ -127,6 +129,7 @@ class ResidualNetwork(nn.Module):
         super().__init__()
         width = config.width
         self.register_buffer('stiffness', torch.zeros(1))
+        self.register_buffer('springs', torch.zeros(SPRINGS))
         self.register_buffer('strength', torch.ones(1))
         self.register_buffer('low', torch.full((FEATURES,), -_NO_BOUND))
         self.register_buffer('high', torch.full((FEATURES,), _NO_BOUND))

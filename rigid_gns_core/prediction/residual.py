@@ -67,6 +67,11 @@ class ResidualSimulator(Simulator):
         """Share of the network's outputs that acts, as held-out tracks have chosen; 0: none."""
         return float(self.network.strength[0])
 
+    @property
+    def has_springs(self) -> bool:
+        """Whether blows are those of springs that training found, see `engine/springs.py`."""
+        return bool(self.network.springs[0] > 0)
+
     def check(self, scene: Scene, count: int, *, stacklevel: int = 2) -> None:
         """Refuse surfaces that move and obstacles, not learned of; warn of other materials."""
         moving = any(plane.moves for plane in scene.surfaces)

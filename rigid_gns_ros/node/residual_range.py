@@ -56,7 +56,8 @@ class ResidualRange:
         contacts, faded = self._contacts.sum, self._faded.sum
         level, message = OK, 'contacts are like those that the network was trained on'
         if not simulator.strength:
-            message = 'the network is switched off, as held-out tracks have chosen: laws alone'
+            left = 'laws with springs' if simulator.has_springs else 'laws alone'
+            message = f'the network is switched off, as held-out tracks have chosen: {left}'
         elif faded > _UNLIKE * contacts:
             level = WARN
             message = (

@@ -19,7 +19,7 @@ import numpy as np
 from .smoothing import near
 from ...kernels.neighbours import Flags
 from ...scenes.scene import Scene
-from ...scenes.state import Array, State
+from ...scenes.state import State
 
 # gaps [radii] up to which spheres may be in contact: noise of a tracker
 _TOUCHING = 0.01
@@ -43,7 +43,7 @@ def states_after_blows(scene: Scene, states: State, h: float) -> tuple[State, Fl
     gravity = np.asarray(scene.gravity, dtype=np.float64)
     x, v = states.positions.copy(), states.velocities.copy()
     w = states.angular_velocities.copy()
-    known = ~_blows(scene, states, h, gravity)
+    known = ~blows_of(scene, states, h)
     is_free = known.copy()
     for m in range(1, _LONGEST + 1):
         ends = np.zeros_like(known)
@@ -61,8 +61,9 @@ def states_after_blows(scene: Scene, states: State, h: float) -> tuple[State, Fl
     return State.unchecked(x, states.quaternions, v, w), known
 
 
-def _blows(scene: Scene, states: State, h: float, gravity: Array) -> Flags:
-    """Whether a sphere is in the middle of a blow; shape (m, n)."""
+def blows_of(scene: Scene, states: State, h: float) -> Flags:
+    """Whether a sphere is in the middle of a blow; shape (m, n). See `states_after_blows`."""
+    gravity = np.asarray(scene.gravity, dtype=np.float64)
     radius = scene.per_sphere('radius', states.positions.shape[1])
     size = float(radius.mean())
     weight = float(np.linalg.norm(gravity)) or 9.81

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from .blows import states_after_blows
+from .blows import blows_of, states_after_blows
 from .smoothing import smoothed_states
 from ...data.records import Record, SAME_STEP
 from ...data.tracks import known_rotations
@@ -74,6 +74,11 @@ class Track:
             states = smoothed_states(units, states.positions, states.quaternions, h)
             turns = _are_tracked(record.trajectory.quaternions)
         return cls(units, states, samples, *states_after_blows(units, states, h), turns)
+
+    def with_blows(self) -> Track:
+        """Track for springs, which follow blows: none is completed, and those are not known."""
+        in_blow = blows_of(self.scene, self.states, UNITS.dt / self.samples)
+        return replace(self, completed=self.states, known=~in_blow)
 
     def at(self, sample: int) -> State:
         """State at a sample."""

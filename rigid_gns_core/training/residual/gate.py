@@ -6,7 +6,8 @@
 Its outputs are multiplied by a strength s. For each s, r is the error of its rollouts over that of
 the laws alone, a mean over short rollouts and over longer ones; the s of the least r is kept if
 r + d < 1, with d the standard error of r over the tracks (jackknife: each is left out once), and
-else s = 0, which is the laws to the bit.
+else s = 0, which is the laws to the bit. Springs of blows are judged first, without the network,
+which then has to be as much better than they are.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .frames import Track
 from .validation import rollout_errors
@@ -35,7 +37,7 @@ _LONGER, _TRACKS = 3, 3
 
 @dataclass(frozen=True)
 class Comparison:
-    """What held-out tracks say: strength, r of it, and its standard error d.
+    """What held-out tracks say: strength, r of it, its standard error d, and whether springs act.
 
     Where the laws are better, the strength is 0, and r and d are those of the best other one;
     without tracks enough, they are None.
@@ -44,6 +46,7 @@ class Comparison:
     strength: float
     ratio: float | None
     deviation: float | None
+    springs: bool = False
 
     def __str__(self) -> str:
         if self.ratio is None:
@@ -54,9 +57,11 @@ class Comparison:
         said = (
             f'{self.ratio:.3f} ± {self.deviation:.3f} of the error of the laws on held-out tracks'
         )
-        if self.strength == 0:
-            return f'{said}: no better, so that it is switched off (strength 0)'
-        return f'{said}, with strength {self.strength:g}'
+        if self.strength > 0:
+            return f'{said}, with strength {self.strength:g}'
+        if self.springs:
+            return f'{said}, by springs of blows alone: the network is switched off (strength 0)'
+        return f'{said}: no better, so that it is switched off (strength 0)'
 
 
 def held_out(records: Sequence[Record], most: int) -> tuple[list[Record], list[Record]]:
@@ -87,23 +92,33 @@ def compare(
         steps: Length of short rollouts [frames].
     """
 
-    def errors(strength: float) -> Array:
-        changed = tensors | {'strength': np.array([strength], np.float32)}
+    def errors(strength: float, springs: NDArray[Any]) -> Array:
+        changed = tensors | {'strength': np.array([strength], np.float32), 'springs': springs}
         return rollout_errors(network_of(changed, model), tracks, (steps, _LONGER * steps))
 
-    of_laws = errors(0.0)
+    springs = tensors['springs']
+    base = of_laws = errors(0.0, np.zeros_like(springs))
     judged = np.isfinite(of_laws).all(axis=1)
     if judged.sum() < _TRACKS:
         return Comparison(0.0, None, None)
-    best = Comparison(0.0, math.inf, 0.0)
+    springs_win = False
+    if springs.any():
+        by_springs = errors(0.0, springs)
+        ratio, deviation = _ratio(by_springs[judged], of_laws[judged])
+        if ratio + deviation < 1:
+            base, springs_win = by_springs, True
+    best, least = base, Comparison(0.0, math.inf, 0.0)
     for strength in STRENGTHS:
-        ratio, deviation = _ratio(errors(strength)[judged], of_laws[judged])
-        if ratio < (best.ratio or math.inf):
-            best = Comparison(strength, ratio, deviation)
-    assert best.ratio is not None and best.deviation is not None
-    if best.ratio + best.deviation < 1:
-        return best
-    return Comparison(0.0, best.ratio, best.deviation)
+        own = errors(strength, springs)
+        ratio, deviation = _ratio(own[judged], base[judged])
+        if ratio < (least.ratio or math.inf):
+            best, least = own, Comparison(strength, ratio, deviation)
+    assert least.ratio is not None and least.deviation is not None
+    network_wins = least.ratio + least.deviation < 1
+    shown = best if network_wins or not springs_win else base
+    ratio, deviation = _ratio(shown[judged], of_laws[judged])
+    acts = bool(springs.any()) and (springs_win or network_wins)
+    return Comparison(least.strength if network_wins else 0.0, ratio, deviation, acts)
 
 
 def keep_what_wins(path: Path, records: Sequence[Record], steps: int) -> Comparison:
@@ -123,9 +138,13 @@ def keep_what_wins(path: Path, records: Sequence[Record], steps: int) -> Compari
         'strength': found.strength,
         'of_laws': found.ratio if found.ratio and math.isfinite(found.ratio) else None,
         'of_laws_standard_error': found.deviation,
+        'springs': found.springs,
     }
     card['validation'] |= said
-    save_weights(path, tensors | {'strength': np.array([found.strength], np.float32)}, card)
+    kept = {'strength': np.array([found.strength], np.float32)}
+    if not found.springs:
+        kept['springs'] = np.zeros_like(tensors['springs'])
+    save_weights(path, tensors | kept, card)
     return found
 
 

@@ -22,6 +22,7 @@ import torch
 from torch import Tensor
 
 from .frames import batch_of, Frame, frames_from, Track
+from .springs import fit_springs
 from .stiffness import stiffness_of
 from ..learner import Learner, Schedule
 from ...data.records import Record
@@ -51,6 +52,7 @@ class ResidualTrainConfig(Schedule):
         spin_weight: s.
         starts: Frames of the laws that begin within each frame of a track, where it has as many
             samples.
+        spring_windows: Starts that the springs of blows are fitted to; 0: no springs.
         pushforward_frames: Length of the network's own rollouts; 0: none.
         pushforward_starts: Rollouts of a round.
         pushforward_rounds: Rounds; the first after an equal share of the steps.
@@ -60,13 +62,15 @@ class ResidualTrainConfig(Schedule):
     position_weight: float = 8.0
     spin_weight: float = 0.15
     starts: int = 2
+    spring_windows: int = 80
     pushforward_frames: int = 4
     pushforward_starts: int = 1000
     pushforward_rounds: int = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_least(self, 0, 'spin_weight', 'pushforward_frames', 'pushforward_rounds')
+        check_least(self, 0, 'spin_weight', 'spring_windows', 'pushforward_frames')
+        check_least(self, 0, 'pushforward_rounds')
         check_least(self, 1, 'starts', 'pushforward_starts')
         check_positive(self, 'position_weight')
 
@@ -100,6 +104,12 @@ class ResidualLearner(Learner[ResidualNetwork]):
             trajectories=len(tracks),
         )
         self.tracks, self.options = list(tracks), LawsOptions()
+        springs = fit_springs(tracks, config.spring_windows, config.seed)
+        stiffness = springs[0] or stiffness_of(tracks)
+        self.network.springs.copy_(torch.as_tensor(springs))
+        self.network.stiffness.fill_(stiffness)
+        if springs[0] > 0:
+            self.tracks = [track.with_blows() for track in tracks]
         self._starts = [
             (t, sample)
             for t, track in enumerate(tracks)
@@ -113,7 +123,6 @@ class ResidualLearner(Learner[ResidualNetwork]):
                 'no frame of the training data has a contact; there is nothing to learn'
             )
         self._fit_normaliser()
-        self.network.stiffness.fill_(stiffness_of(self.tracks))
         self._own: list[Frame] = []
         self._own_weights: dict[str, Tensor] = {}
         self._round = 0
