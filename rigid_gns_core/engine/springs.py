@@ -56,7 +56,7 @@ Single = NDArray[np.float32]
 SPRINGS = 4
 """Numbers of the springs: k [1/s^2], factors of restitution and friction, and q."""
 
-# sqrt(k) h: the error of a blow's speed is below 1 %
+# sqrt(k) h: a blow begins anywhere in a step, which is up to 5 % of its speed
 _ANGLE = 0.4
 # farthest that a sphere moves in a step, and deepest overlap [radii]
 _FAR, _DEEP = 0.1, 0.2
