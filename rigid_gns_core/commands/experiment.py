@@ -67,6 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         const=Path('docs/thesis.md'),
         help='only fill the tables of this page (docs/thesis.md) from --out',
     )
+    parser.add_argument(
+        '--recordings',
+        type=Path,
+        metavar='DIR',
+        help='of worlds: recordings as `rigid-gns benchmark recordings` takes them, instead of '
+        'simulated worlds; --only names sets',
+    )
     add_worker_arguments(parser)
     parser.epilog = (
         'examples:\n'

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .worlds import FRAME, Observed, SAMPLES
 from ..thesis.budget import merged
 from ...data.records import Record
 from ...files.config import find_config, from_mapping, load_yaml
@@ -33,8 +32,9 @@ def gns_recipe(changes: Mapping[str, Any], seed: int) -> GNSTrainConfig:
 
 
 def train_gns(
-    train: Sequence[Observed],
-    validation: Sequence[Observed],
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    samples: int,
     recipe: GNSTrainConfig,
     folder: Path,
     origin: str,
@@ -42,16 +42,17 @@ def train_gns(
     """GNS trained on what was tracked, one pose a frame as it steps; and its validation score.
 
     Its velocities are differences of poses, which is the thesis' way; each track gives
-    `SAMPLES` sequences, one for each sample of a frame that they may begin at.
+    `samples` sequences, one for each sample of a frame that they may begin at.
     """
-    learned = [_frames(one, first) for one in train for first in range(SAMPLES)]
-    held_out = [_frames(one, 0) for one in validation]
+    learned = [_frames(one, first, samples) for one in train for first in range(samples)]
+    held_out = [_frames(one, 0, samples) for one in validation]
     best = Trainer(recipe, learned, held_out, folder, origin).run()
     return load_simulator(folder / 'best'), best
 
 
-def _frames(one: Observed, first: int) -> Record:
+def _frames(one: Record, first: int, samples: int) -> Record:
     """Record of every frame of a track, from one of its first samples on."""
-    tracked = one.tracked
-    poses = tracked.positions[first::SAMPLES], tracked.quaternions[first::SAMPLES]
-    return Record(trajectory=Trajectory.from_poses(*poses, FRAME), scene=one.scene, seed=0)
+    tracked = one.trajectory
+    poses = tracked.positions[first::samples], tracked.quaternions[first::samples]
+    made = Trajectory.from_poses(*poses, samples * tracked.dt)
+    return Record(trajectory=made, scene=one.scene, seed=0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from .fit import fit_laws
 from .judged import errors_of, HORIZONS, own_errors, Rival, speeds_of
-from .worlds import MATERIALS, observe
+from .worlds import MATERIALS, observe, SAMPLES
 from ...files.config import check_least, find_config, from_mapping, load_yaml
 from ...prediction.load import load_simulator
 
@@ -96,7 +96,8 @@ def run_world(world: str, seed: int, budget: WorldsBudget, folder: Path) -> dict
     )
     best = trainer.run()
     chosen = asdict(trainer.comparison) if trainer.comparison else {}
-    gns, score = train_gns(train, validation, baseline, folder / 'gns', origin)
+    plain, others = ([one.record(given) for one in part] for part in (train, validation))
+    gns, score = train_gns(plain, others, SAMPLES, baseline, folder / 'gns', origin)
     rivals = {
         'laws given': Rival(laws, given),
         'laws fitted': Rival(laws, fitted),

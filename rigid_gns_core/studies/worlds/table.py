@@ -18,6 +18,7 @@ from ...files.tables import format_rows
 _STYLES = {
     'laws given': ('#e69f00', '^'),
     'laws fitted': ('#0072b2', 's'),
+    'laws fitted + correction': ('#cc79a7', 'D'),
     'laws fitted + residual': ('#009e73', 'o'),
     'GNS': ('#d55e00', 'v'),
     'world moved by 1 mm': ('#8c8c8c', 'x'),
@@ -32,9 +33,10 @@ def format_world(world: str, results: Sequence[dict[str, Any]]) -> str:
 
     Args:
         world: Name of the world.
-        results: Of `run_world`, one a seed.
+        results: Of `run_world`, one a seed, or a protocol's of `run_recorded`.
     """
-    horizons = list(results[0]['errors'][_FITTED])
+    horizons = _horizons(results)
+    timed = 'frames_per_second' in results[0]
     rows = []
     for name in results[0]['errors']:
         cells = []
@@ -42,9 +44,12 @@ def format_world(world: str, results: Sequence[dict[str, Any]]) -> str:
             values = _centimetres(results, name, horizon)
             told = np.isfinite(values).all()
             cells.append(f'{values.mean():.2f} ± {values.std():.2f}' if told else 'diverged')
-        speed = np.mean([one['frames_per_second'][name] for one in results])
-        rows.append([name, *cells, f'{speed:.0f}'])
-    head = ['mean position error [cm]', *(f'{horizon} s' for horizon in horizons), 'frames/s']
+        if timed:
+            speed = np.mean([one['frames_per_second'][name] for one in results])
+            cells.append(f'{speed:.0f}')
+        rows.append([name, *cells])
+    head = ['mean position error [cm]', *(f'{horizon} s' for horizon in horizons)]
+    head += ['frames/s'] if timed else []
     seeds = ', '.join(str(one['seed']) for one in results)
     return f'world {world}, seeds {seeds}\n{format_rows(head, rows)}'
 
@@ -65,7 +70,7 @@ def draw_world(world: str, results: Sequence[dict[str, Any]], path: Path) -> Non
     figure = Figure(figsize=(9.0, 3.6), layout='constrained', facecolor='white')
     FigureCanvasAgg(figure)
     errors, ratios = figure.subplots(1, 2)
-    horizons = list(results[0]['errors'][_FITTED])
+    horizons = _horizons(results)
     times = [float(horizon) for horizon in horizons]
     fitted = np.array([_centimetres(results, _FITTED, horizon) for horizon in horizons])
     for name in results[0]['errors']:
@@ -88,6 +93,12 @@ def draw_world(world: str, results: Sequence[dict[str, Any]], path: Path) -> Non
         clean_axes(axes)
     errors.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=130)
+
+
+def _horizons(results: Sequence[dict[str, Any]]) -> list[str]:
+    """Times ahead that all seeds have."""
+    first, *others = (one['errors'][_FITTED] for one in results)
+    return [time for time in first if all(time in other for other in others)]
 
 
 def _centimetres(
