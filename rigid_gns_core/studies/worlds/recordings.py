@@ -42,7 +42,8 @@ from ...scenes.similarity import Similarity
 from ...scenes.state import State
 from ...training.recipes import load_recipe
 from ...training.residual.gate import held_out
-from ...training.train import Trainer
+from ...training.residual.learner import NothingToLearnError
+from ...training.train import TrainConfig, Trainer
 
 GIVEN, FITTED = 'laws given', 'laws fitted'
 CORRECTED, RESIDUAL, GNS = 'laws fitted + correction', 'laws fitted + residual', 'GNS'
@@ -84,8 +85,7 @@ def run_recorded(
         raise UserError(f'set {one.name}: {len(records)} trajectories are too few to learn from')
     origin = f'recordings {one.name}'
     recipe = replace(load_recipe('residual'), seed=seed, **budget.changes)
-    trainer = Trainer(recipe, train, validation, folder / 'residual', origin)
-    best = trainer.run()
+    residual, training = _residual(recipe, train, validation, folder / 'residual', origin)
     plain, others = ([_plain(record) for record in part] for part in (train, validation))
     baseline = gns_recipe(budget.gns, seed)
     samples = _samples(fitted, train[0].trajectory.dt)
@@ -95,7 +95,7 @@ def run_recorded(
         GIVEN: (laws, found.scene),
         FITTED: (laws, fitted),
         CORRECTED: (laws, corrected),
-        RESIDUAL: (load_simulator(folder / 'residual' / 'best'), fitted),
+        RESIDUAL: (residual or laws, fitted),
         GNS: (_Unturned(gns), fitted),
     }
     results = []
@@ -113,16 +113,26 @@ def run_recorded(
                     for rival, report in reports.items()
                 },
                 'counts': {time: numbers['n'] for time, numbers in reports[FITTED].items()},
-                'training': {
-                    'steps': recipe.steps,
-                    'validation_error': best,
-                    **(asdict(trainer.comparison) if trainer.comparison else {}),
-                },
+                'training': training,
                 'gns': {'steps': baseline.steps, 'validation_score': score},
                 'budget': asdict(budget),
             }
         )
     return results
+
+
+def _residual(
+    recipe: TrainConfig, train: list[Record], validation: list[Record], folder: Path, origin: str
+) -> tuple[Simulator | None, dict[str, Any]]:
+    """The laws with a residual network, None where no frame has a contact; and how it went."""
+    try:
+        trainer = Trainer(recipe, train, validation, folder, origin)
+        best = trainer.run()
+    except NothingToLearnError as error:
+        return None, {'steps': 0, 'none': str(error)}
+    compared = asdict(trainer.comparison) if trainer.comparison else {}
+    told = {'steps': recipe.steps, 'validation_error': best, **compared}
+    return load_simulator(folder / 'best'), told
 
 
 class _Unturned(Simulator):

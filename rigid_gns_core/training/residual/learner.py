@@ -42,6 +42,10 @@ _LOST = 0.6
 _SMALL = (3e-3, 3e-2, 5e-2)
 
 
+class NothingToLearnError(UserError):
+    """No frame of the training data has what a residual network acts on."""
+
+
 @dataclass(frozen=True)
 class ResidualTrainConfig(Schedule):
     """A training recipe of the residual network; config/train/residual.yaml explains each choice.
@@ -119,7 +123,7 @@ class ResidualLearner(Learner[ResidualNetwork]):
         later = [(t, sample, 1) for t, sample in self._starts[1::2]]
         self._frames += self._collected(later, observed=False)
         if not self._frames:
-            raise UserError(
+            raise NothingToLearnError(
                 'no frame of the training data has a contact; there is nothing to learn'
             )
         self._fit_normaliser()
