@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 
 # steps are taken in blocks of about this time, after which a cancelled job ends [s]
 BLOCK = 10e-3
-# a job is computed at once where it takes less than this [s], and than this share of the time
-# between two: to wake the executor for it costs rclpy half as much as a future of one ball
-SHORT, SHARE = 1e-3, 0.25
+# a job is computed at once where its thread would take less than this share of the time between
+# two, and this [s] less than the executor has: beside the executor, one thread with Python's lock
+# waits for the other, and a future of one ball takes twice as long
+SHARE, SPARE = 0.6, 1e-3
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class Future:
         cdr: trajectory_msgs/MultiDOFJointTrajectory, whose first point is the start.
         positions: Centres at the start and after each step [m], shape (points, n, 3).
         took: Time of the computation [s].
+        worked: Processor time of that [s].
         error: Why it ends early; empty: it does not.
         spread: How sure it is; None: that was not asked for.
     """
@@ -71,6 +73,7 @@ class Future:
     cdr: bytes
     positions: Array
     took: float
+    worked: float
     error: str
     spread: Spread | None = None
 
@@ -92,8 +95,7 @@ class Horizon:
         self._waiting: Callable[[], Job | None] | None = None
         self._running: Result[Future | None] | None = None
         self._cancelled = threading.Event()
-        # spheres, steps and time [s] of the last job
-        self._last: tuple[int, int, float] | None = None
+        self._last: Future | None = None
         self._begun = 0.0  # when a job was begun last [s]
 
     @property
@@ -101,20 +103,20 @@ class Horizon:
         """Whether a job runs or waits."""
         return self._running is not None or self._waiting is not None
 
-    def request(self, make: Callable[[], Job | None], *, at_once: bool = False) -> bool:
+    def request(self, make: Callable[[], Job | None], *, left: float = 0.0) -> bool:
         """Request a trajectory; False where it replaces an older request that still waited.
 
         Args:
             make: Makes the job when its turn comes, so that dropped requests cost nothing; returns
                 None where there is nothing to compute.
-            at_once: Whether there is time to compute a short job within this call.
+            left: How long this call may take [s].
         """
         superseded, idle, self._waiting = self._waiting is not None, not self.busy, make
-        self._begin(at_once=at_once and idle)
+        self._begin(left if idle else 0.0)
         return not superseded
 
-    def take(self) -> Future | None:
-        """The result, where it is ready; the waiting job is begun then.
+    def take(self, left: float = 0.0) -> Future | None:
+        """The result, where it is ready; the waiting job is begun then, as by `request`.
 
         Raises:
             Exception: What the computation raised; a rollout that diverged does not raise.
@@ -123,11 +125,10 @@ class Horizon:
         if running is None or not running.done():
             return None
         self._running = None
-        self._begin()
-        future = running.result()
-        if future is not None:
-            self._last = len(future.job.ids), future.job.steps, future.took
-        return future
+        future = None if running.exception() else running.result()
+        self._last = future or self._last
+        self._begin(left)
+        return running.result()
 
     def cancel(self) -> None:
         """Drop the waiting and the running job."""
@@ -140,7 +141,7 @@ class Horizon:
         self.cancel()
         self._pool.shutdown()
 
-    def _begin(self, *, at_once: bool = False) -> None:
+    def _begin(self, left: float = 0.0) -> None:
         while self._running is None and self._waiting is not None:
             make, self._waiting = self._waiting, None
             job = make()
@@ -148,7 +149,7 @@ class Horizon:
                 continue
             job = replace(job, first=self._first(job))
             before, self._begun = self._begun, time.perf_counter()
-            if at_once and self._is_short(job, self._begun - before):
+            if self._is_short(job, min(left - SPARE, SHARE * (self._begun - before))):
                 self._running = Result()
                 try:
                     self._running.set_result(compute(job, self._cancelled.is_set))
@@ -158,24 +159,28 @@ class Horizon:
             self._running = self._pool.submit(compute, job, self._cancelled.is_set)
             self._running.add_done_callback(lambda _: self._done())
 
-    def _is_short(self, job: Job, interval: float) -> bool:
-        """Whether a job that comes so long after the last one takes a small part of that time."""
-        if self._last is None or job.spread is not None:
+    def _is_short(self, job: Job, time_left: float) -> bool:
+        """Whether a job is like the last one, which took less than a time [s]."""
+        last = self._last
+        if last is None or len(job.ids) > len(last.job.ids) or job.steps > last.job.steps:
             return False
-        spheres, steps, took = self._last
-        alike = len(job.ids) <= spheres and job.steps <= steps
-        return alike and took < min(SHORT, SHARE * interval)
+        return last.worked < time_left and _samples(job) <= _samples(last.job)
 
     def _first(self, job: Job) -> int:
-        if self._last is None or len(job.ids) > self._last[0]:
+        last = self._last
+        if last is None or len(job.ids) > len(last.job.ids):
             return 1
-        _, steps, took = self._last
-        return min(max(int(steps * BLOCK / took), 1), job.steps)
+        return min(max(int(last.job.steps * BLOCK / last.took), 1), job.steps)
+
+
+def _samples(job: Job) -> int:
+    """Samples of a job; -1: its spread is not wanted."""
+    return job.spread.samples if job.spread is not None else -1
 
 
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Result of a job; None where it was cancelled."""
-    begun = time.perf_counter()
+    begun, working = time.perf_counter(), time.thread_time()
     rollout, points, error = job.rollout, 1, ''
     # rows of the message
     poses = np.empty((job.steps + 1, len(job.ids), 7))
@@ -195,8 +200,8 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     spread = None
     if job.spread is not None:
         spread = spread_of_future(job.spread, points, rollout.dt)
-    took = time.perf_counter() - begun
-    return Future(job, cdr, poses[..., :3], took, error, spread)
+    took, worked = time.perf_counter() - begun, time.thread_time() - working
+    return Future(job, cdr, poses[..., :3], took, worked, error, spread)
 
 
 def _fill(poses_out: Array, twists_out: Array, states: State) -> None:

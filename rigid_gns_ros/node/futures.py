@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.forecasts.crossing_planes import planes_of
 from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.horizon import Future, Horizon, Job, SHORT
+from rigid_gns_core.forecasts.horizon import Future, Horizon, Job
 from rigid_gns_core.forecasts.spread import Spread, SpreadJob, text_of
 from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.rollout.rollout import steps_of
@@ -42,6 +42,7 @@ class Futures:
         diagnostics: Counts results and failures.
         warn: Called with a kind and a sentence, possibly often.
         surfaces: Gives the surfaces that bodies carry, at a stamp [ns], for a horizon [s].
+        left: Gives how long the executor has nothing else to do at a given time [s].
         parameters: Parameters of the node by name.
     """
 
@@ -56,11 +57,12 @@ class Futures:
         diagnostics: Diagnostics,
         warn: Callable[[str, str], None],
         surfaces: Callable[[int, float], Mapping[int, Plane]],
+        left: Callable[[], float],
         parameters: Mapping[str, Any],
     ) -> None:
         self._model, self._window, self._surfaces = model, window, surfaces
         self._topics, self._markers, self._diagnostics = topics, markers, diagnostics
-        self._warn = warn
+        self._warn, self._left = warn, left
         self._seconds = float(parameters['horizon'])
         self.samples = int(parameters['samples'])
         self.planes: Mapping[str, Plane] = planes_of(str(parameters['crossing_planes']))
@@ -97,15 +99,11 @@ class Futures:
         """End the computing thread."""
         self._horizon.close()
 
-    def request(self, left: float) -> None:
-        """Request the trajectory from the newest frame.
-
-        Args:
-            left: How long the executor has nothing else to do at a given time [s].
-        """
+    def request(self) -> None:
+        """Request the trajectory from the newest frame."""
         if not (self._seconds and self.heard):
             return
-        if not self._horizon.request(self._begin, at_once=left > SHORT):
+        if not self._horizon.request(self._begin, left=self._left()):
             self._diagnostics.future_superseded()
         self._on_ready()  # a short one is there, without a wake-up of the executor
 
@@ -149,12 +147,14 @@ class Futures:
         return Job(rollout, stamp_ns, steps, window.frame_id, window.ids, spread)
 
     def _on_ready(self) -> None:
-        try:
-            future = self._horizon.take()
-        except Exception as error:  # of the thread: it must not end the node
-            self._none(f'no future: {type(error).__name__}: {error}')
-            return
-        if future is not None:
+        while True:
+            try:
+                future = self._horizon.take(self._left())
+            except Exception as error:  # of the thread: it must not end the node
+                self._none(f'no future: {type(error).__name__}: {error}')
+                continue
+            if future is None:
+                return
             self._publish(future)
 
     def _none(self, why: str) -> None:

@@ -126,6 +126,7 @@ class Simulation:
             diagnostics=self.diagnostics,
             warn=self.warn,
             surfaces=surfaces.at,
+            left=lambda: self._alarm.left,
             parameters=parameters,
         )
         for text in odd_parameters(parameters):
@@ -202,7 +203,7 @@ class Simulation:
         elif predictor.has_diverged():
             self._restart(now, 'diverged')
         if predictor.forecast is not None and not self.paused:
-            self.futures.request(self._alarm.left)
+            self.futures.request()
 
     def _check_count(self, count: int) -> None:
         for text in self._model.check(count):

@@ -320,11 +320,10 @@ def test_what_is_dropped_is_never_begun(
 def test_a_job_like_a_short_one_is_computed_at_once(
     bench_of: Bench, model: Forecaster, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def request(job: Job, *, at_once: bool = True) -> None:
-        bench_of.horizon.request(lambda: job, at_once=at_once)
+    def request(job: Job, *, left: float = np.inf) -> None:
+        bench_of.horizon.request(lambda: job, left=left)
 
-    monkeypatch.setattr(horizon, 'SHORT', np.inf)  # of any time
-    monkeypatch.setattr(horizon, 'SHARE', np.inf)
+    monkeypatch.setattr(horizon, 'SHARE', np.inf)  # of any time
     request(job(model, falling(0.0), 0, 3))  # who knows how long
     by_thread = bench_of.next()
     request(job(model, falling(0.0), 0, 3))
@@ -333,7 +332,7 @@ def test_a_job_like_a_short_one_is_computed_at_once(
     assert not bench_of.horizon.busy and not bench_of.ready.is_set()
     request(job(model, falling(0.0), 1, 4))  # longer
     assert bench_of.next()
-    request(job(model, falling(0.0), 2, 4), at_once=False)
+    request(job(model, falling(0.0), 2, 4), left=0.0)
     assert bench_of.next()
     broken = job(model, falling(0.0), 5, 4)
     broken.rollout.stepper = Broken(broken.rollout.stepper, RuntimeError('not thought of'))
