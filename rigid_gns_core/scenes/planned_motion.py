@@ -11,14 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .state import (
-    Array,
-    as_unit,
-    LARGEST,
-    quaternion_multiply,
-    rotate_quaternions,
-    rotation_between,
-)
+from .state import Array, as_unit, LARGEST, rotate_quaternions, rotation_between
 from ..errors import UserError
 
 Vector = tuple[float, float, float]
@@ -26,7 +19,6 @@ Quaternion = tuple[float, float, float, float]
 
 _WIDTHS = {'positions': 3, 'quaternions': 4, 'velocities': 3, 'angular_velocities': 3}
 _UNIT = 1e-3  # of the length of a quaternion from 1
-_INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
@@ -124,26 +116,6 @@ class PlannedMotion:
             )
             found.velocities[out] = found.angular_velocities[out] = 0.0
         return found
-
-    def scaled(self, length: float, time: float, quaternion: Array) -> PlannedMotion:
-        """In units of `length` [m] and `time` [s], turned by a rotation, shape (4,)."""
-        knots, given = np.array(self.times), self.moments
-        turn = np.broadcast_to(quaternion, given.quaternions.shape)
-        back = turn * _INVERSE
-
-        def turned(vectors: Array, scale: float) -> Array:
-            pure = np.concatenate([vectors, np.zeros((len(vectors), 1))], axis=1)
-            return scale * quaternion_multiply(quaternion_multiply(turn, pure), back)[:, :3]
-
-        return PlannedMotion.of(
-            knots / time,
-            Moments(
-                turned(given.positions, 1.0 / length),
-                as_unit(quaternion_multiply(turn, given.quaternions)),
-                turned(given.velocities, time / length),
-                turned(given.angular_velocities, time),
-            ),
-        )
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -25,6 +25,7 @@ from .air import Air
 from .contact_law import ContactLaw
 from .obstacle import Obstacle
 from .plane import Vector
+from .planned_motion import Moments, PlannedMotion
 from .scene import Plane, Scene
 from .state import Array, as_unit, LARGEST, quaternion_multiply, State
 from ..errors import UserError
@@ -85,7 +86,7 @@ class Similarity:
                 velocity=self._velocity(plane.velocity),
                 angular_velocity=self._turned(plane.angular_velocity, self.time),
                 surface_velocity=self._velocity(plane.surface_velocity),
-                plan=plane.plan and plane.plan.scaled(self.length, self.time, self.quaternion),
+                plan=plane.plan and self._plan(plane.plan),
             )
             for plane in scene.surfaces
         )
@@ -110,6 +111,10 @@ class Similarity:
             direction=near.direction and self._turned(near.direction, 1.0),
             contact=self._law(near.contact),
         )
+
+    def _plan(self, plan: PlannedMotion) -> PlannedMotion:
+        moved = self.to_model(State.unchecked(**plan.moments._asdict()))
+        return PlannedMotion.of(np.array(plan.times) / self.time, Moments(**vars(moved)))
 
     def _velocity(self, velocity: Vector) -> Vector:
         return self._turned(velocity, self.time / self.length)
