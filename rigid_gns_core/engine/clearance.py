@@ -6,6 +6,9 @@
 from __future__ import annotations
 
 from .broad_phase import PAD
+from .plane_motion import speed_of_plane
+from .solids import is_near_solid, is_solid
+from .spheres import Spheres
 from .world import weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.lanes import larger, Mask, smaller
@@ -68,3 +71,27 @@ def pass_clear(offset: Vector, way: Vector, near: float) -> Mask:
     share = -dot(offset, way) / larger(dot(way, way), 1e-300)
     nearest = plus(offset, times(smaller(larger(share, 0.0), 1.0), way))
     return length(nearest) > near
+
+
+@in_place
+def flies_clear_of_surface(
+    world: World, plane: int, before: Spheres, after: Spheres, i: int, margin: float, dt: float
+) -> bool:
+    """Whether sphere i flies from one state to another clear of a surface, which may move."""
+    p, q = row(before.positions, i), row(after.positions, i)
+    if world.moving:
+        speed = max(speed_of_plane(world, plane, p), speed_of_plane(world, plane, q))
+        margin += 1.1 * speed * dt  # its path bends as it turns
+    if is_solid(world, plane):
+        return not is_near_solid(world, plane, p, margin + length(minus(q, p)))
+    return is_clear(world, plane, p, q, margin)
+
+
+@in_place
+def fly_clear_of_each_other(
+    before: Spheres, after: Spheres, i: int, j: int, margin: float
+) -> bool:
+    """Whether two spheres fly from one state to another clear of each other."""
+    offset = minus(row(before.positions, i), row(before.positions, j))
+    end = minus(row(after.positions, i), row(after.positions, j))
+    return pass_clear(offset, minus(end, offset), margin)

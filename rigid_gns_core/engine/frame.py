@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One frame: K substeps of the spheres that may touch something, free flight of all others."""
+"""One frame: K substeps of the spheres that may touch something, free flight of all others.
+
+A sphere that touches nothing flies in one step from the start of the frame.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 from .broad_phase import Candidates, find_candidates, PAD
 from .contacts import find_impacts
 from .flight import fly, Paths, reach_in_wind, reach_of
+from .free_groups import without_free_groups
 from .groups import contacts_by_island
 from .impulses import Impulses, no_impulses
 from .islands import Islands, join, no_islands
@@ -18,7 +22,7 @@ from .plane_bodies import bodies_of_planes
 from .plane_motion import advance_planes, set_clock
 from .separation import separate_once
 from .sleep import Sleepers, wake
-from .spheres import copy_spheres, Spheres
+from .spheres import copy_spheres, replace_others, Spheres
 from .substep import substep
 from .warm_start import active_impulses, impulses_of, no_contacts, WarmStart, with_sleepers
 from .workspace import has_room, new_workspace, Workspace, workspace_among
@@ -61,12 +65,15 @@ def advance(
     """
     candidates, awake = wake(world, spheres.positions, spheres.velocities, dt, sleepers_out)
     islands, h, started = no_islands(len(awake)), dt / settings.substeps, 0
-    now, after, old = spheres, copy_spheres(spheres), warm_start
+    now, free, old = spheres, copy_spheres(spheres), warm_start
     clock = world.twists.clock[0]
+    fly(world, spheres, islands.touched, awake, dt, free)
+    near = weight_of(world) * h**2
+    candidates = without_free_groups(world, candidates, spheres, free, dt, near)
     if len(candidates.a) == 0:
-        fly(world, spheres, islands.touched, awake, dt, after)
         advance_planes(world, dt)
-        return after, with_sleepers(no_contacts(), old, awake, len(world.point)), islands
+        return free, with_sleepers(no_contacts(), old, awake, len(world.point)), islands
+    after = copy_spheres(free)
     # for how long candidates hold, and how much farther out they are
     part, span, spare = settings.substeps, dt, 0.0
     if candidates.pairs > _MANY:
@@ -144,8 +151,7 @@ def advance(
         if not has_room(room, len(members), 1 + moved, len(local.a)):
             room = new_workspace(len(members), 1 + moved, local)
     set_clock(world, clock + dt)
-    # spheres without contact fly in one step from the start of the frame
-    fly(world, spheres, islands.touched, awake, dt, after)
+    replace_others(free, islands.touched, after)
     new = active_impulses(candidates.key, impulses)
     return after, with_sleepers(new, old, awake, len(world.point)), islands
 

@@ -5,20 +5,19 @@
 
 from __future__ import annotations
 
-from .clearance import is_clear, margin_of_flight, pass_clear
+from .clearance import flies_clear_of_surface, fly_clear_of_each_other, margin_of_flight
 from .flight import fly_one
 from .frame import advance
 from .guard import limit_energy
 from .islands import Islands
 from .motion import Settings
-from .plane_motion import advance_planes, speed_of_plane
+from .plane_motion import advance_planes
 from .sleep import put_to_sleep, Sleepers
-from .solids import is_near_solid, is_solid
 from .spheres import is_finite, part_of, Spheres, store
 from .warm_start import no_contacts, WarmStart
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.vector import length, minus, row, Vector
+from ..kernels.vector import length, row
 
 # with more spheres, that no two of them meet costs as much as to find those that may
 FEW = 8
@@ -125,20 +124,12 @@ def only_fly(
         if not light:
             return False
         for plane in range(len(world.point)):
-            p, q = row(before.positions, i), row(after_out.positions, i)
-            moved = 0.0
-            if world.moving:
-                speed = max(speed_of_plane(world, plane, p), speed_of_plane(world, plane, q))
-                moved = 1.1 * speed * dt  # its path bends as it turns
-            if not _is_clear(world, plane, p, q, margin + moved):
+            if not flies_clear_of_surface(world, plane, before, after_out, i, margin, dt):
                 return False
         for j in range(i):
-            p, q = row(before.positions, j), row(after_out.positions, j)
             velocity, after = row(before.velocities, j), row(after_out.velocities, j)
             _, other = margin_of_flight(world, j, velocity, after, dt)
-            offset = minus(row(before.positions, i), p)
-            way = minus(minus(row(after_out.positions, i), q), offset)
-            if not pass_clear(offset, way, margin + other):
+            if not fly_clear_of_each_other(before, after_out, i, j, margin + other):
                 return False
     if sleeps:
         for i in range(count):
@@ -150,11 +141,3 @@ def only_fly(
             sleepers_out.quiet[i] = 0
     advance_planes(world, dt)
     return True
-
-
-@in_place
-def _is_clear(world: World, plane: int, p: Vector, q: Vector, margin: float) -> bool:
-    """As `clearance.is_clear`, of solids too."""
-    if is_solid(world, plane):
-        return not is_near_solid(world, plane, p, margin + length(minus(q, p)))
-    return is_clear(world, plane, p, q, margin)

@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Flags
+from ..kernels.vector import put, row
 from ..scenes.state import Array
 
 
@@ -79,3 +81,15 @@ def store(spheres: Spheres, frame: int, frames_out: Spheres) -> None:
             frames_out.angular_velocities[frame, i, k] = spheres.angular_velocities[i, k]
         for k in range(4):
             frames_out.quaternions[frame, i, k] = spheres.quaternions[i, k]
+
+
+@in_place
+def replace_others(spheres: Spheres, kept: Flags, spheres_out: Spheres) -> None:
+    """Write the states of all but some spheres, shape (n,), into those of others."""
+    for i in range(len(kept)):
+        if not kept[i]:
+            put(spheres_out.positions, i, row(spheres.positions, i))
+            put(spheres_out.velocities, i, row(spheres.velocities, i))
+            put(spheres_out.angular_velocities, i, row(spheres.angular_velocities, i))
+            for part in range(4):
+                spheres_out.quaternions[i, part] = spheres.quaternions[i, part]

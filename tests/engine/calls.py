@@ -9,7 +9,8 @@ import numpy as np
 from rigid_gns_core.engine.broad_phase import find_candidates
 from rigid_gns_core.engine.contact_law import find_law, new_law, target_of
 from rigid_gns_core.engine.contacts import Contacts, find_impacts
-from rigid_gns_core.engine.flight import Paths
+from rigid_gns_core.engine.flight import fly, Paths
+from rigid_gns_core.engine.free_groups import without_free_groups
 from rigid_gns_core.engine.groups import contacts_by_island
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
@@ -30,6 +31,16 @@ njit = numba.njit(error_model='numpy')
 def candidates(world, positions, velocities, dt, awake):
     """See `find_candidates`."""
     return find_candidates(world, positions, velocities, dt, awake, 0.0)
+
+
+@njit
+def candidates_that_may_touch(world, spheres, dt, near):
+    """Those of `candidates` that `without_free_groups` keeps, and the state if all fly."""
+    everyone = np.ones(len(spheres.positions), np.bool_)
+    after = copy_spheres(spheres)
+    fly(world, spheres, ~everyone, everyone, dt, after)
+    found = find_candidates(world, spheres.positions, spheres.velocities, dt, everyone, 0.0)
+    return without_free_groups(world, found, spheres, after, dt, near), after
 
 
 @njit
