@@ -17,7 +17,7 @@ import numpy as np
 from .world import COLUMNS, World
 from ..scenes.plane import Plane
 from ..scenes.planned_motion import cross
-from ..scenes.state import Array, quaternion_multiply, rotation_between
+from ..scenes.state import Array, quaternion_multiply, rotation_between, rotation_matrices
 
 _INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])
 
@@ -25,7 +25,7 @@ _INVERSE = np.array([-1.0, -1.0, -1.0, 1.0])
 def with_plans(
     world: World, planes: Sequence[Plane], *, first: int, substeps: int, frame: int
 ) -> World:
-    """World with the motion of its planes from one substep on, for so many.
+    """World with the motion of its planes from one substep on, for so many; itself without plans.
 
     Args:
         world: Of the scene.
@@ -34,24 +34,31 @@ def with_plans(
         substeps: How many follow.
         frame: Substeps of a frame.
     """
+    if not world.moving or all(plane.plan is None for plane in planes):
+        return world
     h = world.twists.step
     # what is found at the end of the last frame is in the substep after it
     size = substeps + 1
     path = np.zeros((size, len(world.point), len(COLUMNS)))
     for index, plane in enumerate(planes):
         if plane.plan is not None:
-            path[:, index] = _rows(plane, h, first, size, frame)
+            path[:, index] = motion_rows(plane, h, first, size, frame)
     return world._replace(twists=world.twists._replace(path=path, first=first))
 
 
-def _rows(plane: Plane, h: float, first: int, size: int, frame: int) -> Array:
-    """Rows of a plane at the start of each substep, shape (size, columns); see `World`."""
+def motion_rows(plane: Plane, h: float, first: int, size: int, frame: int) -> Array:
+    """Rows of a plane at the start of each substep, shape (size, columns); see `World`.
+
+    The first one may be before time 0.
+    """
     assert plane.plan is not None
     times = h * np.arange(first, first + size + frame + 1, dtype=np.float64)
     origin = plane.plan.at(np.zeros(1))
     found = plane.plan.at(times)
     back = origin.quaternions * _INVERSE
-    turns = _matrices(quaternion_multiply(found.quaternions, np.repeat(back, len(times), axis=0)))
+    turns = rotation_matrices(
+        quaternion_multiply(found.quaternions, np.repeat(back, len(times), axis=0))
+    )
     arm = turns @ (np.asarray(plane.point) - origin.positions[0])
     point, spin = found.positions + arm, found.angular_velocities
     velocity = found.velocities + cross(spin, arm)
@@ -80,14 +87,3 @@ def _rows(plane: Plane, h: float, first: int, size: int, frame: int) -> Array:
         ],
         axis=1,
     )
-
-
-def _matrices(quaternions: Array) -> Array:
-    """Rotation matrices, shape (k, 3, 3)."""
-    x, y, z, w = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)

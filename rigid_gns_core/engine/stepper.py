@@ -146,7 +146,6 @@ class EngineStepper(Stepper):
         if world is None:
             world = world_of(scene, len(state), dt / substeps)
         self.world, self.planes = world, scene.surfaces
-        self.planned = any(plane.plan is not None for plane in scene.surfaces)
         # what rests on a surface that moves may be carried anywhere
         self.guards, self.sleeps = guard, sleep and not self.world.moving
         self.sleepers = all_awake(self.world.radius[:-1], float(np.linalg.norm(scene.gravity)))
@@ -173,15 +172,10 @@ class EngineStepper(Stepper):
     def advance(self, steps: int) -> Advance:
         """Advance by several dt; see `Stepper`."""
         states = Spheres(*(np.empty((steps, *values.shape)) for values in self.spheres))
-        if self.planned:
-            frame = self.settings.substeps
-            self.world = with_plans(
-                self.world,
-                self.planes,
-                first=frame * self.frames,
-                substeps=frame * steps,
-                frame=frame,
-            )
+        frame = self.settings.substeps
+        self.world = with_plans(
+            self.world, self.planes, first=frame * self.frames, substeps=frame * steps, frame=frame
+        )
         done, self.warm_start, acted, removed = self._advance(states)
         self.frames += done
         self.acted += acted
@@ -256,9 +250,8 @@ def advance_starts(
         angular_velocities=np.array(starts.angular_velocities),
     )
     frames, world = Spheres(**vars(frames_out)), world_of(scene, spheres, dt / substeps)
-    if any(plane.plan is not None for plane in scene.surfaces):
-        count_of = substeps * (frames_out.positions.shape[1] - 1)
-        world = with_plans(world, scene.surfaces, first=0, substeps=count_of, frame=substeps)
+    count_of = substeps * (frames_out.positions.shape[1] - 1)
+    world = with_plans(world, scene.surfaces, first=0, substeps=count_of, frame=substeps)
     for values, part in zip(frames, begin, strict=True):
         values[:, 0] = part
     done = np.ones(count, np.int64)

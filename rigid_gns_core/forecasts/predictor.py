@@ -179,7 +179,8 @@ class Predictor:
         predicted = forecast.recall(newest)
         if predicted is None or known is None or known.ids != window.ids:
             return
-        distances = np.linalg.norm(predicted - window.start()[1].positions, axis=1)
+        state = window.start(tuple(self._surfaces(newest).values()))[1]
+        distances = np.linalg.norm(predicted - state.positions, axis=1)
         self._error_seen = TrackingError(newest, float(distances.mean()), float(distances.max()))
 
     @property
@@ -302,8 +303,8 @@ class Predictor:
     def _new_forecast(self, reason: Reason) -> Forecast:
         window = self._window
         try:
-            stamp, state = window.start()
-            surfaces = self._surfaces(stamp)
+            surfaces = self._surfaces(self._newest)
+            stamp, state = window.start(tuple(surfaces.values()))
             forecast = self._model.forecast(state, stamp, window.ids, surfaces)
         except UserError as error:
             raise PredictionError(

@@ -36,11 +36,12 @@ def shown_bounces(laws: Laws, found: Sequence[Stretch], group: int) -> Array:
     """Approach speed [m/s] and restitution of bounces on a group of surfaces, shape (bounces, 2).
 
     The normal velocities are those of parabolas under gravity through the frames on each side.
+    There are none of obstacles, whose normal is another one in each frame.
     """
     bounces: list[tuple[float, float]] = []
     for one in found:
         model = laws.models[min(one.sphere, len(laws.models) - 1)]
-        for k in laws.groups[group]:
+        for k in (k for k in laws.groups[group] if k < model.surfaces):
             plane = model.planes[k]
             normal = plane[9:12]
             heights = (one.positions - plane[:3]) @ normal - model.radius

@@ -106,8 +106,7 @@ def learn(
             all that earn their place.
 
     Raises:
-        UserError: There are too few tracks, or none has enough frames, a surface changes place, or
-            there are obstacles.
+        UserError: There are too few tracks, or none has enough frames, or a surface changes place.
     """
     for k, surface in enumerate(scene.surfaces):
         if surface.changes_place:
@@ -115,12 +114,6 @@ def learn(
                 f'surface {k} of the scene moves, and tracks do not say where it was; fit a scene '
                 'without it, and add it to the result'
             )
-    if scene.obstacles:
-        raise UserError(
-            f'the scene has obstacles ({len(scene.obstacles)}), and no fit knows contacts with '
-            'those; fit a scene without them to tracks that do not meet them, and add them to the '
-            'result'
-        )
     recorded = tracks
     laws = Laws(scene, max(len(labels), 1))
     noise = 1e-3
@@ -291,8 +284,11 @@ def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple
     notes = []
     for g, (hits, stays) in enumerate(zip(met.impacts, met.stays, strict=True)):
         if not hits and not stays:
-            surfaces = ', '.join(str(k) for k in laws.groups[g])
-            notes.append(f'contact {g} (surface {surfaces}): no ball meets it, kept as given')
+            count = len(laws.scene.surfaces)
+            first = laws.groups[g][0] < count
+            numbers = ', '.join(str(k if first else k - count) for k in laws.groups[g])
+            what = f'{"surface" if first else "obstacle"} {numbers}'
+            notes.append(f'contact {g} ({what}): no ball meets it, kept as given')
     for line in ladder.table:
         if line.name.startswith('without') and line.kept:
             term = line.name.removeprefix('without ')

@@ -17,7 +17,8 @@ from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 from ..tracking.ball_contact import LAW
-from ..tracking.ball_model import BallModel, plane_rows
+from ..tracking.ball_model import BallModel
+from ..tracking.surface_rows import fixed_rows, of_rows, parts_of
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Parameter:
     """One shared parameter.
 
     Args:
-        name: `air.FIELD`, `gravity.AXIS`, `contact N.FIELD` of the N-th group of surfaces, or
+        name: `air.FIELD`, `gravity.AXIS`, `contact N.FIELD` of the N-th group of bodies, or
             `surface N.height`, `.tilt_x`, `.tilt_y` of the N-th surface. `contact N.lean` turns
             the walls of a group over the ball: how far above its middle they meet it.
         start: Value at the start, and the mean of a weak prior.
@@ -75,6 +76,9 @@ class Laws:
         count: Number of spheres.
 
     Attributes:
+        groups: Bodies by their contact laws, each a number: of the surfaces, and of the obstacles
+            after them.
+        rows: Of each body, its rows in `BallModel.planes`.
         shown: Values that tracks show without a fit, where fits begin, by parameter.
     """
 
@@ -82,6 +86,9 @@ class Laws:
         self.scene, self.count = scene, count
         self.models = [BallModel.of(scene, i, count) for i in range(count)]
         self.groups = _groups(scene)
+        sizes = [1] * len(scene.surfaces) + [parts_of(one) for one in scene.obstacles]
+        ends = np.cumsum(sizes, dtype=int).tolist()
+        self.rows = [range(end - size, end) for size, end in zip(sizes, ends, strict=True)]
         self.shown: dict[str, float] = {}
 
     def start_of(self, name: str) -> Parameter:
@@ -110,9 +117,8 @@ class Laws:
         if field == 'lean':
             return Parameter(name, 0.0, 0.05, -0.4, 0.4, 'rad')
         width, low, high, unit = CONTACT[field]
-        law = dict(
-            zip(LAW, self.models[0].laws[self.groups[int(part.split()[1])][0]], strict=True)
-        )
+        first = self.rows[self.groups[int(part.split()[1])][0]][0]
+        law = dict(zip(LAW, self.models[0].laws[first], strict=True))
         drop = law['restitution'] - law['restitution_slow']
         start = drop if field == 'restitution_drop' else law[field]
         return Parameter(name, float(np.clip(start, low, high)), width, low, high, unit)
@@ -125,8 +131,9 @@ class Laws:
             part, field = name.split('.')
             if not part.startswith('contact') or field == 'lean':
                 continue
-            for k in self.groups[int(part.split()[1])]:
-                _set_law(laws[k], field, value)
+            for body in self.groups[int(part.split()[1])]:
+                for k in self.rows[body]:
+                    _set_law(laws[k], field, value)
         return [
             replace(model, ball=self._ball(i, values), planes=rows, laws=laws)
             for i, model in enumerate(self.models)
@@ -157,7 +164,7 @@ class Laws:
         for group, numbers in enumerate(self.groups):
             lean = values.get(f'contact {group}.lean', 0.0)
             for k in numbers if lean else ():
-                if abs(np.dot(planes[k].normal, self.scene.up)) < WALL:
+                if k < len(planes) and abs(np.dot(planes[k].normal, self.scene.up)) < WALL:
                     normal = np.asarray(planes[k].normal) - lean * self.scene.up
                     planes[k] = replace(planes[k], normal=tuple(normal))
         for k, plane in enumerate(planes):
@@ -171,24 +178,29 @@ class Laws:
         return tuple(planes)
 
     def scene_at(self, values: Mapping[str, float]) -> Scene:
-        """The scene with these values; surfaces whose law is fitted get one of their own."""
-        planes = list(self.surfaces_at(values))
-        rows = self.models_at(values)[0].laws
+        """The scene with these values; bodies whose law is fitted get one of their own."""
+        planes, obstacles = list(self.surfaces_at(values)), list(self.scene.obstacles)
+        rows, count = self.models_at(values)[0].laws, len(planes)
         for number, group in enumerate(self.groups):
             if any(name.startswith(f'contact {number}.') for name in values):
                 for k in group:
-                    law = _law_of(rows[k])
-                    planes[k] = replace(planes[k], contact=law, restitution=None, friction=None)
+                    own: dict[str, Any] = {'contact': _law_of(rows[self.rows[k][0]])}
+                    own |= {'restitution': None, 'friction': None}
+                    if k < count:
+                        planes[k] = replace(planes[k], **own)
+                    else:
+                        obstacles[k - count] = replace(obstacles[k - count], **own)
         return replace(
             self.scene,
             surfaces=tuple(planes),
+            obstacles=tuple(obstacles),
             gravity=tuple(self.gravity_at(values)),
             air=self.air_at(values),
         )
 
     def _planes(self, values: Mapping[str, float]) -> Array:
         if any(name.startswith('surface') or name.endswith('.lean') for name in values):
-            return plane_rows(self.surfaces_at(values))
+            return of_rows(fixed_rows(self.surfaces_at(values), self.scene.obstacles))
         return self.models[0].planes
 
     def _ball(self, i: int, values: Mapping[str, float]) -> Array:
@@ -217,8 +229,13 @@ def _set_law(law: Array, field: str, value: float) -> None:
 
 
 def _groups(scene: Scene) -> list[list[int]]:
-    """Surfaces by their contact laws: those of equal values in the scene share one."""
+    """Bodies by their contact laws: those of equal values in the scene share one.
+
+    No obstacle shares that of a surface: a rim is of another material than a table.
+    """
     groups: dict[tuple[object, ...], list[int]] = {}
-    for k, plane in enumerate(scene.surfaces):
-        groups.setdefault((plane.contact, plane.restitution, plane.friction), []).append(k)
+    for k, plane in enumerate(scene.fixed_materials):
+        apart = k >= len(scene.surfaces)
+        key = (apart, plane.contact, plane.restitution, plane.friction)
+        groups.setdefault(key, []).append(k)
     return list(groups.values())

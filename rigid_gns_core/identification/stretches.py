@@ -111,11 +111,7 @@ def stretches(
 
 def _clearance(model: BallModel, times: Array, positions: Array) -> Array:
     """Least distance from a surface in the time after each frame in which a velocity shows [m]."""
-    if not len(model.planes):
-        return np.full(len(times), np.inf)
-    heights = np.stack(
-        [(positions - plane[:3]) @ plane[9:12] - model.radius for plane in model.planes]
-    ).min(axis=0)
+    heights = model.heights(positions).min(axis=0, initial=np.inf)
     ends = np.searchsorted(times, times + _SHOWS)
     return np.array([heights[i : max(end, i + 1)].min() for i, end in enumerate(ends)])
 

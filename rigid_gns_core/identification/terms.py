@@ -32,7 +32,7 @@ class Met:
 
     Args:
         flights: Number of stretches in the air.
-        impacts: Number of stretches with impacts, by group of surfaces.
+        impacts: Number of stretches with impacts, by group of surfaces and obstacles.
         stays: Number of stretches on a surface, by group.
         surfaces: Surfaces with impacts.
         interval: From frame to frame [s].
@@ -49,22 +49,20 @@ def met_by(laws: Laws, found: Sequence[Stretch], noise: float) -> Met:
     """What balls meet: surfaces that frames come near to, and those that balls stay on."""
     impacts, stays = [0] * len(laws.groups), [0] * len(laws.groups)
     group_of = {k: g for g, group in enumerate(laws.groups) for k in group}
+    body_of = {row: k for k, rows in enumerate(laws.rows) for row in rows}
     surfaces: dict[int, int] = {}
     flights = 0
     for one in found:
         model = laws.models[min(one.sphere, len(laws.models) - 1)]
         flights += one.on == FREE
         if one.on != FREE:
-            stays[group_of[one.on]] += 1
-        lowest = [
-            ((one.positions - plane[:3]) @ plane[9:12] - model.radius).min()
-            for plane in model.planes
-        ]
-        for k, height in enumerate(lowest):
-            step = np.linalg.norm(np.diff(one.positions, axis=0), axis=1).max()
-            if k != one.on and height < 5 * noise + 0.5 * step:
-                surfaces[k] = surfaces.get(k, 0) + 1
+            stays[group_of[body_of[one.on]]] += 1
+        step = np.linalg.norm(np.diff(one.positions, axis=0), axis=1).max()
+        for k, height in enumerate(model.heights(one.positions).min(axis=1)):
+            if k != body_of.get(one.on) and height < 5 * noise + 0.5 * step:
                 impacts[group_of[k]] += 1
+                if k < model.surfaces:
+                    surfaces[k] = surfaces.get(k, 0) + 1
     touched = tuple(k for k, count in sorted(surfaces.items()) if count >= _FEWEST)
     interval = float(np.median(np.concatenate([np.diff(one.times) for one in found])))
     return Met(flights, tuple(impacts), tuple(stays), touched, interval)
@@ -126,8 +124,10 @@ def further_terms(laws: Laws, met: Met) -> list[Rung]:
         if count >= _FEWEST:
             names = (f'contact {g}.restitution_drop', f'contact {g}.restitution_speed')
             terms.append(_adding(f'restitution over speed, {g}', names))
-            walls = [np.dot(laws.scene.surfaces[k].normal, laws.scene.up) for k in laws.groups[g]]
-            if min(np.abs(walls)) < WALL:
+            planes = [
+                laws.scene.surfaces[k] for k in laws.groups[g] if k < len(laws.scene.surfaces)
+            ]
+            if any(abs(np.dot(plane.normal, laws.scene.up)) < WALL for plane in planes):
                 terms.append(_adding(f'lean of walls, {g}', (f'contact {g}.lean',)))
     for g, count in enumerate(met.stays):
         if count >= _FEWEST:

@@ -190,6 +190,19 @@ def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:
     return np.asarray(apart - np.reshape(radii, (-1, 1)))
 
 
+def depths(scene: Scene, places: Array) -> Iterator[tuple[str, Array]]:
+    """How deep centres are where none can be [m], shape (n,), and in words where that is.
+
+    Behind each endless surface at rest and inside each obstacle; negative outside.
+    """
+    for index, plane in enumerate(scene.surfaces):
+        if plane.is_half_space:
+            depth = (np.asarray(plane.point) - places) @ np.asarray(plane.normal)
+            yield f'behind surface {index}', depth
+    for index, obstacle in enumerate(scene.obstacles):
+        yield f'inside obstacle {index}', -obstacle.closest(places)[0]
+
+
 def _is_clear(scene: Scene, places: Array, radius: float, gap: float, floor: int) -> bool:
     """Whether spheres keep the gap to all bodies, but may lie on surface `floor`."""
     gaps = np.full(len(scene.fixed_materials), gap)

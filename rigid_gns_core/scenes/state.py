@@ -303,3 +303,14 @@ def rotate_quaternions(quaternions: ArrayLike, rotation: ArrayLike) -> Array:
     product = quaternion_multiply(turn, quaternions)
     norm: Array = np.linalg.norm(product, axis=-1, keepdims=True)
     return product / norm
+
+
+def rotation_matrices(quaternions: Array) -> Array:
+    """Rotation matrices of quaternions, shape (k, 4), shape (k, 3, 3)."""
+    x, y, z, w = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)

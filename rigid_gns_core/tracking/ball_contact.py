@@ -3,20 +3,30 @@
 
 """What a surface does to one ball: impact, sliding and rolling.
 
-Surfaces are rows of two arrays: `planes`, see `PLANE`, and `laws`, see `LAW`.
+Surfaces are rows of two arrays: `planes`, see `ball_surfaces`, and `laws`, see `LAW`.
 """
 
 from __future__ import annotations
 
 import math
 
+from .ball_surfaces import (
+    AT_REST,
+    beside,
+    columns,
+    facing,
+    height,
+    KIND,
+    MOVES,
+    normal_of,
+    PUSH,
+    touch_of,
+)
 from .jit import in_place
 from ..kernels.flight import acceleration, Flight
 from ..kernels.vector import across, cross, dot, length, minus, plus, times, Vector
 from ..scenes.state import Array
 
-# columns of `planes`: point [m], rows of `Plane.axes`, half lengths [m]
-PLANE = 14
 # columns of `laws`, see `ContactLaw` and its curve of restitution
 LAW = (
     'restitution_slow',
@@ -29,37 +39,29 @@ LAW = (
     'spinning_friction',
 )
 FREE = -1
+# a ball that leaves a surface more slowly than this stays on it [m/s]: it would rise 0.02 mm
+RESTING = 0.02
 # slip below which a ball rolls [radii/s]
 _ROLLS = 1e-7
 
 
 @in_place
-def normal_of(planes: Array, k: int) -> Vector:
-    """Unit normal of a plane."""
-    return planes[k, 9], planes[k, 10], planes[k, 11]
+def touched(
+    planes: Array, p: Vector, before: Vector, q: Vector, v: Vector, now: float, h: float,
+    radius: float, on: int,
+) -> tuple[int, float]:  # fmt: skip
+    """First surface but `on` that a step leads into, or FREE, and the share of it before that.
 
-
-@in_place
-def height(planes: Array, k: int, p: Vector, radius: float) -> float:
-    """Distance of the ball's surface from an endless plane [m]."""
-    d = minus(p, (planes[k, 0], planes[k, 1], planes[k, 2]))
-    return dot(d, normal_of(planes, k)) - radius
-
-
-@in_place
-def beside(planes: Array, k: int, p: Vector) -> bool:
-    """Whether a centre is beyond an end of a plane."""
-    d = minus(p, (planes[k, 0], planes[k, 1], planes[k, 2]))
-    along = d[0] * planes[k, 3] + d[1] * planes[k, 4] + d[2] * planes[k, 5]
-    side = d[0] * planes[k, 6] + d[1] * planes[k, 7] + d[2] * planes[k, 8]
-    return abs(along) > planes[k, 12] or abs(side) > planes[k, 13]
-
-
-@in_place
-def touched(planes: Array, p: Vector, q: Vector, v: Vector, radius: float, on: int) -> int:
-    """First plane but `on` that a step from p to q, with velocity v there, leads into; or FREE."""
+    The step takes h from p, with velocity `before`, to q, with v.
+    """
     hit, first = FREE, math.inf
     for k in range(len(planes)):
+        if planes[k, KIND] != AT_REST:
+            a = times(1.0 / h, minus(v, before))
+            share = touch_of(planes, k, p, before, a, now, h, radius) / h
+            if share < first:
+                hit, first = k, share
+            continue
         if k == on or dot(v, normal_of(planes, k)) >= 0.0:
             continue
         end = height(planes, k, q, radius)
@@ -71,7 +73,35 @@ def touched(planes: Array, p: Vector, q: Vector, v: Vector, radius: float, on: i
         share = begin / (begin - end) if begin > 0.0 else 0.0
         if share < first:
             hit, first = k, share
-    return hit
+    return hit, first
+
+
+@in_place
+def meet(
+    planes: Array, laws: Array, k: int, p: Vector, v: Vector, w: Vector, now: float,
+    flight: Flight, inertia: float,
+) -> tuple[Vector, Vector, float, float, float]:  # fmt: skip
+    """Impact on what is no plane at rest.
+
+    A ball that stays on it hops: it rises with `RESTING` at least, and friction acts in each blow.
+
+    Returns:
+        Velocity and spin after it, approach speed, the speed at which the ball leaves the surface,
+        and the pull to it.
+    """
+    _, n, surface = facing(planes, k, p, now, flight.radius)
+    pull = -dot(acceleration(v, w, flight), n)
+    if planes[k, KIND] == MOVES:
+        pull += dot(columns(planes, k, PUSH), n)
+    v = minus(v, surface)
+    speed = -dot(v, n)
+    if speed > 0.0:
+        v, w = bounce(v, w, n, flight.radius, inertia, laws, k)
+    rise = dot(v, n)
+    if pull > 0.0 and rise < RESTING:
+        v = plus(v, times(RESTING - rise, n))
+        rise = RESTING
+    return plus(v, surface), w, speed, rise, pull
 
 
 @in_place

@@ -4,14 +4,15 @@
 """Path of one ball through a scene at given times: flight, impacts, sliding and rolling.
 
 It depends on a start and on three arrays: `ball`, shape (1, 14), a row of `Air.flight` and the
-inertia factor, and `planes` and `laws` of `ball_contact`.
+inertia factor, `planes` of `ball_surfaces` and `laws` of `ball_contact`.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from .ball_contact import beside, bounce, FREE, glide, height, normal_of, touched
+from .ball_contact import bounce, FREE, glide, meet, RESTING, touched
+from .ball_surfaces import AT_REST, beside, height, KIND, normal_of
 from .jit import entry, in_place
 from ..kernels.flight import acceleration, Flight, flight_at, mean_accelerations, spin_after
 from ..kernels.vector import across, cross, dot, plus, times, Vector
@@ -19,8 +20,6 @@ from ..scenes.state import Array
 
 # longest step [s]; with steps of a tenth, flights with bounces differ by less than 1e-8 m
 LONGEST = 0.008
-# a ball that leaves a surface more slowly than this stays on it [m/s]: it would rise 0.02 mm
-RESTING = 0.02
 # steps between two stamps besides those that its time takes: more are not taken, as of a ball that
 # two surfaces clamp
 _MOST_STEPS = 64
@@ -139,31 +138,44 @@ def advance(
             if pull <= 0.0 or height(planes, on, q, radius) > _LEFT or beside(planes, on, q):
                 on = FREE
                 continue
-            hit = touched(planes, p, q, after, radius, on)
+            hit, share = touched(planes, p, v, q, after, now, h, radius, on)
             if hit < 0:
                 p, v, w, now = q, after, turned, now + h
                 continue
-            a = times(1.0 / h, plus(after, times(-1.0, v)))
-            time = time_on_surface(p, v, a, h, radius, planes, hit)
+            a, time = times(1.0 / h, plus(after, times(-1.0, v))), share * h
+            if planes[hit, KIND] == AT_REST:
+                time = time_on_surface(p, v, a, h, radius, planes, hit)
             p = plus(p, times(time, plus(v, times(0.5 * time, a))))
             v = plus(v, times(time, a))
             w = plus(w, times(time / h, plus(turned, times(-1.0, w))))
             now += time
-            count = note(contacts_out, count, now, hit, -dot(v, normal_of(planes, hit)))
-            v, w = bounce(v, w, normal_of(planes, hit), radius, inertia, laws, hit)
+            if planes[hit, KIND] == AT_REST:
+                speed = -dot(v, normal_of(planes, hit))
+                v, w = bounce(v, w, normal_of(planes, hit), radius, inertia, laws, hit)
+            else:
+                v, w, speed, _, _ = meet(planes, laws, hit, p, v, w, now, flight, inertia)
+            count = note(contacts_out, count, now, hit, speed)
             rise = dot(v, n)
             if rise > RESTING:
                 on, longest = FREE, min(rise / pull, LONGEST)
             continue
         q, after = fly(p, v, w, h, flight)
-        hit = touched(planes, p, q, after, radius, FREE)
+        hit, share = touched(planes, p, v, q, after, now, h, radius, FREE)
         if hit < 0:
             p, v, w, now = q, after, spin_after(w, flight, h), now + h
             continue
-        time = time_of_impact(p, v, w, h, flight, planes, hit)
+        time = share * h
+        if planes[hit, KIND] == AT_REST:
+            time = time_of_impact(p, v, w, h, flight, planes, hit)
         p, v = fly(p, v, w, time, flight)
         w = spin_after(w, flight, time)
         now += time
+        if planes[hit, KIND] != AT_REST:
+            v, w, speed, rise, pull = meet(planes, laws, hit, p, v, w, now, flight, inertia)
+            count = note(contacts_out, count, now, hit, speed)
+            if pull > 0.0:  # to the top of a low bounce, as below
+                longest = min(rise / pull, LONGEST)
+            continue
         n = normal_of(planes, hit)
         count = note(contacts_out, count, now, hit, -dot(v, n))
         if dot(v, n) < 0.0:

@@ -11,9 +11,11 @@ import numpy as np
 
 from .ball_contact import FREE
 from .ball_fit import fit_start
+from .ball_surfaces import facing, KIND, SOLID
 from .jit import compiled, entry, in_place
 from .spin_windows import SpinWindows
 from .start_guess import first_frames, guess_start, prior_of_window, surface_of_start
+from ..kernels.vector import length, minus, row
 from ..scenes.state import Array
 
 # least number of frames of a window, and of a part of one
@@ -26,30 +28,28 @@ _STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
 
 
 @in_place
-def _begins_near(ball: Array, planes: Array, positions: Array, frames: int) -> bool:
+def _begins_near(ball: Array, planes: Array, times: Array, positions: Array, frames: int) -> bool:
     """Whether the ball comes within a radius of a surface in the first frames."""
     for i in range(min(frames, len(positions))):
         for k in range(len(planes)):
-            off = 0.0
-            for c in range(3):
-                off += planes[k, 9 + c] * (positions[i, c] - planes[k, c])
-            if off < 2.0 * ball[0, 7]:
+            off, _, _ = facing(planes, k, row(positions, i), times[i], ball[0, 7])
+            if off < ball[0, 7]:
                 return True
     return False
 
 
 @in_place
-def _may_touch(ball: Array, planes: Array, positions: Array) -> bool:
+def _may_touch(ball: Array, planes: Array, times: Array, positions: Array) -> bool:
     """Whether the ball may have touched a surface in or between frames: its plane, however far."""
     for k in range(len(planes)):
         nearest, farthest, before = math.inf, 0.0, 0.0
         for i in range(len(positions)):
-            off = -ball[0, 7]
-            for c in range(3):
-                off += planes[k, 9 + c] * (positions[i, c] - planes[k, c])
+            off, _, _ = facing(planes, k, row(positions, i), times[i], ball[0, 7])
             nearest = min(nearest, off)
             if i > 0:
                 farthest = max(farthest, abs(off - before))
+            if i > 0 and planes[k, KIND] == SOLID:  # past which a step may lead
+                farthest = max(farthest, length(minus(row(positions, i), row(positions, i - 1))))
             before = off
         if nearest < farthest + ball[0, 7]:
             return True
@@ -209,7 +209,7 @@ def estimate_window(
         if best >= 0 and m - begin < _FEW:
             break
         seen, places = times[begin:], positions[begin:]
-        frames, touches = first_frames(seen), _may_touch(ball, planes, places)
+        frames, touches = first_frames(seen), _may_touch(ball, planes, seen, places)
         # without a contact there is none that must be met with a known path, nor one to be made
         count = len(planes) if touches else 0
         one = _estimate(
@@ -228,7 +228,7 @@ def estimate_window(
             covariance,
         )
         doubted = best < 0 and one[3] > _DOUBTED
-        if doubted and _begins_near(ball, planes, places, frames + FEWEST):
+        if doubted and _begins_near(ball, planes, seen, places, frames + FEWEST):
             # an impact may be in the frames of the first guess
             again = _estimate(
                 ball,

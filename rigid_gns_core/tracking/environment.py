@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .impacts import Surfaces
+from ..scenes.obstacle import Obstacle
 from ..scenes.plane import SOLID
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -26,10 +27,12 @@ class Environment:
     Args:
         surfaces: Surfaces and gravity, for compiled code.
         radius: Radius [m]: one for all spheres, shape (), or one per sphere id, shape (n,).
+        obstacles: Obstacles but boxes, whose plates are surfaces.
     """
 
     surfaces: Surfaces
     radius: Array
+    obstacles: tuple[Obstacle, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene) -> Environment:
@@ -64,7 +67,7 @@ class Environment:
             inertia=float(np.mean(scene.inertia_factor)),
             known=True,
         )
-        return cls(surfaces, np.asarray(scene.radius, dtype=np.float64))
+        return cls(surfaces, np.asarray(scene.radius, dtype=np.float64), scene.obstacles)
 
     @classmethod
     def unknown(cls, gravity: ArrayLike, radius: float) -> Environment:
@@ -97,7 +100,7 @@ class Environment:
         return self.surfaces.known
 
     def overlaps_origin(self) -> bool:
-        """Whether a sphere at the origin would reach into a surface by a fifth of its radius."""
+        """Whether a sphere at the origin would reach into something by a fifth of its radius."""
         surfaces = self.surfaces
         least = 0.8 * float(self.radius.min())
         for k, point in enumerate(surfaces.points):
@@ -105,7 +108,7 @@ class Environment:
             over = (np.abs([x, y]) <= surfaces.half_lengths[k]).all()
             if over and (abs(height) if surfaces.two_sided[k] else height) < least:
                 return True
-        return False
+        return any(one.closest(np.zeros((1, 3)))[0][0] < least for one in self.obstacles)
 
     def radii(self, ids: NDArray[np.int64]) -> Array:
         """Radius of each sphere [m], shape (n,); an id that the scene lacks gets the largest."""

@@ -90,8 +90,9 @@ def _lasting(flagged: NDArray[np.bool_], times: Array) -> NDArray[np.bool_]:
 
 def _near_surfaces(model: BallModel, positions: Array) -> NDArray[np.bool_]:
     near = np.zeros(len(positions), dtype=bool)
-    for plane in model.planes:
+    heights = model.heights(positions)[model.surfaces :]
+    for plane in model.planes[: model.surfaces]:
         local = (positions - plane[:3]) @ plane[3:12].reshape(3, 3).T
-        inside = (np.abs(local[:, :2]) <= plane[12:] + model.radius).all(axis=1)
+        inside = (np.abs(local[:, :2]) <= plane[12:14] + model.radius).all(axis=1)
         near |= inside & (np.abs(local[:, 2]) < (1.0 + _NEAR) * model.radius)
-    return near
+    return near | (heights < _NEAR * model.radius).any(axis=0)

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from ..kernels.machine_code import Function, MachineCode
 from ..scenes.state import Array
 
-_CODE = MachineCode('tracking', Path(__file__).parent, Path(__file__).parents[1] / 'kernels')
+_CORE = Path(__file__).parents[1]
+_CODE = MachineCode('tracking', Path(__file__).parent, _CORE / 'engine', _CORE / 'kernels')
 compiling = partial(_CODE.compiling, 'the tracking filter', 'about half a minute')
 
 

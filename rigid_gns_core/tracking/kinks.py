@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ball_model import BallModel
+from .ball_surfaces import AT_REST, BEGIN, END, facing, KIND, MOVES, normal_of, over
 from .jit import entry, in_place, plain
 from ..kernels.neighbours import Indices
+from ..kernels.vector import dot, row, Vector
 from ..scenes.state import Array
 
 # steps from frame to frame of which the median is the velocity on each side, fewer at the ends:
@@ -95,8 +97,8 @@ def find_kinks(
         x = (medians[largest + _SIDE, 0] - medians[largest, 0]) / sizes[largest]
         y = (medians[largest + _SIDE, 1] - medians[largest, 1]) / sizes[largest]
         z = (medians[largest + _SIDE, 2] - medians[largest, 2]) / sizes[largest]
-        near = positions[max(first - _SIDE + 1, 0) : end + _SIDE + 1]
-        if not _explained(ball, planes, near, x, y, z):
+        near = slice(max(first - _SIDE + 1, 0), end + _SIDE + 1)
+        if not _explained(ball, planes, times[near], positions[near], (x, y, z)):
             begin = first
             for k in range(first, end):
                 if sizes[k] >= _PLATEAU * sizes[largest]:
@@ -110,6 +112,8 @@ def find_kinks(
 def _on_surface(ball: Array, planes: Array, positions: Array, i: int) -> bool:
     for k in range(len(planes)):
         pull, height = 0.0, -ball[0, 7]
+        if planes[k, KIND] != AT_REST:
+            continue
         for c in range(3):
             pull += planes[k, 9 + c] * ball[0, c]
             height += planes[k, 9 + c] * (positions[i, c] - planes[k, c])
@@ -119,16 +123,29 @@ def _on_surface(ball: Array, planes: Array, positions: Array, i: int) -> bool:
 
 
 @in_place
-def _explained(ball: Array, planes: Array, positions: Array, x: float, y: float, z: float) -> bool:
-    """Whether a surface explains a jump along (x, y, z) in some frames."""
+def _explained(ball: Array, planes: Array, times: Array, positions: Array, jump: Vector) -> bool:
+    """Whether a surface explains a jump along a unit vector in some frames."""
     reach = 0.0
     for i in range(len(positions) - 1):
         step = 0.0
         for c in range(3):
             step += (positions[i + 1, c] - positions[i, c]) ** 2
         reach = max(reach, math.sqrt(step))
+    near = reach + _AT * ball[0, 7]
     for k in range(len(planes)):
-        if x * planes[k, 9] + y * planes[k, 10] + z * planes[k, 11] <= _ALONG:
+        if planes[k, KIND] != AT_REST:
+            # its normal is another one in each frame
+            for i in range(len(positions)):
+                place = row(positions, i)
+                off, normal, _ = facing(planes, k, place, times[i], ball[0, 7])
+                there = abs(off) < near and dot(jump, normal) > _ALONG
+                if there and planes[k, KIND] == MOVES:
+                    now = planes[k, BEGIN] <= times[i] <= planes[k, END]
+                    there = now and over(planes, k, place, times[i], reach)
+                if there:
+                    return True
+            continue
+        if dot(jump, normal_of(planes, k)) <= _ALONG:
             continue
         nearest, inside = math.inf, True
         for i in range(len(positions)):
@@ -142,6 +159,6 @@ def _explained(ball: Array, planes: Array, positions: Array, x: float, y: float,
             nearest = min(nearest, height)
             inside = inside and abs(along) <= planes[k, 12] + reach
             inside = inside and abs(side) <= planes[k, 13] + reach
-        if inside and nearest < reach + _AT * ball[0, 7]:
+        if inside and nearest < near:
             return True
     return False

@@ -20,6 +20,7 @@ from .ball_batch import estimate_balls
 from .ball_contact import FREE
 from .ball_estimate import BallEstimate, forecast_ball
 from .ball_model import BallModel
+from .ball_surfaces import KIND, MOVES
 from .ball_window import FEWEST
 from .jit import plain
 from .motion_models import Motion
@@ -27,6 +28,8 @@ from .pose_noise import rotating
 from .spin_windows import SpinWindows
 from .start_correction import StartCorrection
 from .start_prior import StartPrior
+from .surface_rows import at_time
+from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 from ..scenes.tracker import Tracker
@@ -95,6 +98,20 @@ class KnownLaws:
             return known
         return replace(known, fewest=_FEWEST, worst=_WORST)
 
+    def among(self, scene: Scene, moving: tuple[Plane, ...], spheres: tuple[int, ...]) -> Self:
+        """The same with planes that change place besides; the other arguments are as of `of`."""
+        count = scene.sphere_count or 1
+        models = tuple(
+            model.among(scene, moving, min(sphere, count - 1), count)
+            for model, sphere in zip(self.models, spheres, strict=True)
+        )
+        return replace(self, models=models)
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether a plane changes place."""
+        return bool((self.models[0].planes[:, KIND] == MOVES).any())
+
     @cached_property
     def arrays(self) -> tuple[Array, Array, Array]:
         """Balls, planes and laws as `estimate_balls` takes them."""
@@ -132,8 +149,13 @@ class KnownLaws:
         states, covariances = np.zeros((count, 9)), np.zeros((count, 9, 9))
         ends = np.zeros((count, 3), dtype=np.int64)
         begin = int(np.searchsorted(times, times[-1] - tracker.memory - 1e-9))
+        balls, planes, laws = self.arrays
+        if self.moves:
+            planes = at_time(planes, float(times[-1]))
         estimate_balls(
-            *self.arrays,
+            balls,
+            planes,
+            laws,
             np.array([noise, tracker.drift, tracker.impact]),
             self.windows,
             plain(times),
@@ -151,15 +173,14 @@ class KnownLaws:
         found = ends[:, 0] >= 0
         if self.correction is not None:
             flying = np.flatnonzero(found & (ends[:, 1] == FREE))
-            radii = self.arrays[0][flying, 7]
+            radii = balls[flying, 7]
             states[flying] = self.correction.corrected(states[flying], covariances[flying], radii)
         covariances *= tracker.spread
         for ball in np.flatnonzero(found & (ends[:, 0] < len(times) - 1)):
             last, on, _ = ends[ball]
             estimate = BallEstimate(states[ball], covariances[ball], int(on), 0.0, 0.0, 0)
-            states[ball], covariances[ball] = _coasted(
-                self.models[ball], estimate, tracker, float(times[last]), float(times[-1])
-            )
+            model, spell = replace(self.models[ball], planes=planes), (times[last], times[-1])
+            states[ball], covariances[ball] = _coasted(model, estimate, tracker, *spell)
         return states, covariances, found, found & (ends[:, 2] == 0)
 
 

@@ -17,8 +17,9 @@ import math
 
 import numpy as np
 
-from .ball_contact import FREE, normal_of
+from .ball_contact import FREE
 from .ball_path import advance, LONGEST, Place, place_of, put_state
+from .ball_surfaces import normal_of
 from .jit import compiled, entry, in_place
 from ..kernels.flight import Flight, flight_at, spin_after
 from ..kernels.vector import cross, dot, length, minus, plus, times, Vector

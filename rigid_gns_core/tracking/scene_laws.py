@@ -15,6 +15,7 @@ from .pose_noise import rotating
 from .stamp_jitter import newest_noise
 from .state_estimate import motion_covariance, StateEstimate
 from .tracks import TrackerSettings, Tracks
+from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -48,10 +49,18 @@ class SceneLaws:
     def _of_ids(self, ids: tuple[int, ...]) -> KnownLaws:
         return KnownLaws.of(self.scene, ids)
 
-    def estimate(self, tracks: Tracks, settings: TrackerSettings) -> StateEstimate:
-        """State at the newest frame, and its covariance, from all frames in memory."""
+    def estimate(
+        self, tracks: Tracks, settings: TrackerSettings, carried: tuple[Plane, ...] = ()
+    ) -> StateEstimate:
+        """State at the newest frame, and its covariance, from all frames in memory.
+
+        `carried` are planes that change place besides those of the scene, as they are then.
+        """
         noise = tracks.noise(settings)
-        laws = self._of_ids(tuple(tracks.ids.tolist()))
+        ids = tuple(tracks.ids.tolist())
+        laws = self._of_ids(ids)
+        if carried:
+            laws = laws.among(self.scene, carried, ids)
         times, places = (tracks.stamps - tracks.stamps[-1]) * 1e-9, tracks.poses[..., :3]
 
         def otherwise() -> tuple[Motion, Array]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .ball_contact import FREE
+from .ball_surfaces import AT_REST, KIND
 from .jit import entry
 from .spin_windows import spin_at, SpinWindows
 from ..scenes.state import Array
@@ -48,7 +49,7 @@ def surface_of_start(
         pull = 0.0
         for c in range(3):
             pull += planes[k, 9 + c] * ball[0, c]
-        stays = pull < 0.0
+        stays = pull < 0.0 and planes[k, KIND] == AT_REST
         for i in range(count):
             along = side = off = 0.0
             for c in range(3):

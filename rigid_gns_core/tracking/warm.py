@@ -14,6 +14,7 @@ from .ball_contact import FREE
 from .ball_estimate import estimate_ball
 from .ball_model import BallModel
 from .ball_slopes import normal_equations
+from .ball_surfaces import PLANE
 from .coasting import turn_on
 from .environment import Environment
 from .gating import gates
@@ -54,7 +55,7 @@ def warm_up_identification() -> None:
     noise = np.array([1e-3, 1e-2, 0.02])
     with compiling():
         found = estimate_ball(model, noise, None, times, places)
-        none = np.zeros((0, 1, 14)), np.zeros((0, 1, 14)), np.zeros((0, 1, 8)), np.zeros(0)
+        none = np.zeros((0, 1, 14)), np.zeros((0, 1, PLANE)), np.zeros((0, 1, 8)), np.zeros(0)
         laws = (model.ball, model.planes, model.laws)
         ends = np.zeros((9, 9)), np.zeros(9)
         frames = (float(times[0]), times, places)

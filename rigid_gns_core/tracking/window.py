@@ -25,6 +25,7 @@ from .usable_frames import clock_was_set, FrameOrder
 from .warm import warm_up, warm_up_laws
 from ..errors import UserError
 from ..messages.poses import PoseArrayFrame
+from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
 
@@ -120,6 +121,7 @@ class TrackingWindow:
         # at the newest frame, computed on demand
         self._state: State | None = None
         self._estimate: StateEstimate | None = None
+        self._carried: tuple[Plane, ...] = ()  # surfaces that it knows
         self._repeats = Repeats(radius)
         self.lost = ''  # what is wrong with the first lost pose of the newest frame
         self.arrival_ns = 0  # of the newest frame, by the node's clock
@@ -312,20 +314,24 @@ class TrackingWindow:
         few = len(self._tracks.ids) <= self.settings.most
         return self._laws is not None and self.length > 1 and few
 
-    def start(self) -> tuple[int, State]:
-        """Stamp [ns] of the newest frame, and the state at it, from the whole window."""
+    def start(self, carried: tuple[Plane, ...] = ()) -> tuple[int, State]:
+        """Stamp [ns] of the newest frame, and the state at it, from the whole window.
+
+        `carried` are surfaces that bodies carry, as they are then.
+        """
         if self._laws_hold:
-            stamp, estimate = self.estimate()
+            stamp, estimate = self.estimate(carried)
             return stamp, estimate.state
         if self._state is None:
             self._state = self._tracks.window_motion(self.settings).state
         return int(self._tracks.stamps[-1]), self._state
 
-    def estimate(self) -> tuple[int, StateEstimate]:
+    def estimate(self, carried: tuple[Plane, ...] = ()) -> tuple[int, StateEstimate]:
         """As `start`, with the covariance of the state."""
-        if self._estimate is None:
+        if self._estimate is None or carried != self._carried:
+            self._carried = carried
             if self._laws is not None and self._laws_hold:
-                self._estimate = self._laws.estimate(self._tracks, self.settings)
+                self._estimate = self._laws.estimate(self._tracks, self.settings, carried)
             else:
                 _, covariance = by_window(self._tracks, self.settings)
                 self._estimate = StateEstimate(self.start()[1], covariance)

@@ -114,12 +114,13 @@ class Futures:
             return None  # the tracker paused, and there are too few frames again
         uncertain = self.samples > 0 or self.planes
         try:
+            surfaces = self._surfaces(window.stamp_ns or 0, self._seconds)
+            carried = tuple(surfaces.values())
             if uncertain:
-                stamp_ns, estimate = window.estimate()
+                stamp_ns, estimate = window.estimate(carried)
                 state = estimate.state
             else:
-                stamp_ns, state = window.start()
-            surfaces = self._surfaces(stamp_ns, self._seconds)
+                stamp_ns, state = window.start(carried)
             rollout = self._model.forecast(state, stamp_ns, window.ids, surfaces).rollout
         except UserError as error:
             self._none(f'no future from these tracked frames: {error}')

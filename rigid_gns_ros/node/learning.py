@@ -63,11 +63,6 @@ class Learning:
                 'learn is set, but a surface of the scene moves, and tracks do not say where it '
                 'was; leave it out of the scene, or bind it to a topic by moving_surfaces'
             )
-        if scene.obstacles:
-            raise UserError(
-                'learn is set, but the scene has obstacles, and no fit knows contacts with those; '
-                'leave learn off'
-            )
         warm_up_laws()  # not in the middle of a run
         self._model, self._window, self._given = model, window, scene
         self._take, self._log, self._warn = take, log, Warner(log)

@@ -15,6 +15,7 @@ from ..tracked_frames import Segment
 from ...errors import UserError
 from ...forecasts.forecaster import scene_of
 from ...prediction.load import load_simulator
+from ...scenes.placement import depths
 from ...scenes.scene import Scene
 from ...scenes.state import Trajectory
 from ...tracking.pose_noise import PoseNoise
@@ -51,16 +52,14 @@ def fitting_scene(part: Segment, scene: Scene, noise: PoseNoise, where: str) -> 
         )
     radius = scene.per_sphere('radius', count)
     allowed = _BEHIND * radius + 5.0 * noise.position
-    for index, plane in enumerate(scene.surfaces):
-        if not plane.is_half_space:
-            continue
-        depth = (np.asarray(plane.point) - part.poses[..., :3]) @ np.asarray(plane.normal)
+    for place, deep in depths(scene, part.poses[..., :3].reshape(-1, 3)):
+        depth = deep.reshape(part.poses.shape[:2])
         if (depth > allowed).any():
             frame, sphere = np.unravel_index(int((depth - allowed).argmax()), depth.shape)
             raise ImportBagError(
-                f'{where}: the centre of sphere {sphere} is {depth[frame, sphere]:.3g} m behind '
-                f'surface {index} of the scene at {part.times[frame]:.3g} s, expected in front of '
-                'it; are positions in metres, z up, and is it the right --scene?'
+                f'{where}: the centre of sphere {sphere} is {depth[frame, sphere]:.3g} m {place} '
+                f'of the scene at {part.times[frame]:.3g} s, expected in front of or outside it; '
+                'are positions in metres, z up, and is it the right --scene?'
             )
     return scene
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...data.csv_tracks import CsvTrack
+from ...scenes.placement import depths
 from ...scenes.scene import Scene
 from ...scenes.state import Array
 
@@ -26,7 +27,7 @@ _COARSE = 2.0
 _JUMP, _FASTER = 2.0, 4.0
 # it is in two places where it returns to within this part of a step, in so many of its steps
 _RETURN, _RETURNS, _RETURNED = 0.3, 3, 0.1
-# a centre this far behind an endless surface does not fit the scene [radii]
+# a centre this deep behind an endless surface or in an obstacle does not fit the scene [radii]
 _BEHIND = 0.2
 
 
@@ -155,22 +156,21 @@ def _repeats(own: _Samples) -> _Found:
 
 
 def _behind(own: _Samples) -> _Found:
-    """A centre behind an endless surface."""
+    """A centre behind an endless surface, or inside an obstacle."""
     allowed = _BEHIND * own.radius + 5.0 * own.noise
-    for index, plane in enumerate(own.scene.surfaces):
-        if not plane.is_half_space or not len(own.places):
-            continue
-        depth = (np.asarray(plane.point) - own.places) @ np.asarray(plane.normal)
+    if not len(own.places):
+        return None
+    for where, depth in depths(own.scene, own.places):
         place = int(depth.argmax())
         if depth[place] > allowed:
             far = depth[place] > 100 * own.radius
             remedy = (
                 'give --scale or --up where units or axes differ'
                 if far
-                else ("move the scene's surface, or the tracker's origin")
+                else f"move the scene's {where.split()[1]}, or the tracker's origin"
             )
             return place, (
-                f'its centre is {depth[place]:.3g} m behind surface {index} of the scene, '
+                f'its centre is {depth[place]:.3g} m {where} of the scene, '
                 f'expected at most {allowed:.3g} m; {remedy}, or name the right --scene'
             )
     return None

@@ -119,9 +119,8 @@ def reproduce(bag: Bag, topics: Topics, model: str | None = None) -> Reproductio
         try:
             if error:
                 raise BagError(error)
-            forecast = model_in_scene.forecast(
-                window.start()[1], start.stamp_ns, window.ids, start.surfaces
-            )
+            _, state = window.start(tuple(start.surfaces.values()))
+            forecast = model_in_scene.forecast(state, start.stamp_ns, window.ids, start.surfaces)
         except UserError as reason:
             result.unknown += len(own)
             result.notes.append(f'start at {seconds(start.stamp_ns)} s: {reason}')

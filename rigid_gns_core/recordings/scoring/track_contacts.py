@@ -117,6 +117,8 @@ def _near(track: Track, sphere: int, scene: Scene, radii: Array) -> NDArray[np.b
         points, _ = closest_points(scene.surfaces, places)
         apart = np.linalg.norm(points - places[:, None], axis=-1).min(axis=1)
         gaps = apart - radii[sphere]
+    for obstacle in scene.obstacles:
+        gaps = np.minimum(gaps, obstacle.closest(places)[0] - radii[sphere])
     for other in range(len(radii)):
         seen_at, seen = track.samples(other)
         if other == sphere or not len(seen_at):
