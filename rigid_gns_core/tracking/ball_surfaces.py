@@ -110,16 +110,19 @@ def _touch_of_solid(
     section, begin = planes[k, SECTION:SECTION_END], 0.0
     local = _local(planes, k, minus(p, columns(planes, k, 0)))
     v, a = _local(planes, k, v), _local(planes, k, a)
-    near = _nearest(planes, k, local)
-    if near.distance - radius <= _TOUCH * radius:
-        if dot(near.normal, v) < 0.0:  # not one whose centre is in the solid
+    near, far = _nearest(planes, k, local), (1.0 + _TOUCH) * radius
+    if near.distance <= far:
+        rate, bend = dot(near.normal, v), dot(near.normal, a)
+        if rate < 0.0:  # not one whose centre is in the solid
             return 0.0 if near.distance > 0.0 else math.inf
         begin = _LEAVES
-        local = position_on_path(local, v, a, begin)
-        v = velocity_on_path(v, a, begin)
-        near = _nearest(planes, k, local)
-        if near.distance - radius <= _TOUCH * radius:
-            return math.inf
+        near = _nearest(planes, k, position_on_path(local, v, a, begin))
+        if near.distance <= far and bend < 0.0:  # until it turns back
+            begin = rate / -bend
+            near = _nearest(planes, k, position_on_path(local, v, a, begin))
+        if begin > h or near.distance <= far:
+            return begin if begin <= h and bend < 0.0 else math.inf
+        local, v = position_on_path(local, v, a, begin), velocity_on_path(v, a, begin)
     return begin + first_touch_of_solid(
         section, local, v, a, near.radial, False, radius, h - begin
     )
