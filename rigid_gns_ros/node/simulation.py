@@ -187,13 +187,15 @@ class Simulation:
     def _follow(self, now: int) -> None:
         """Start, restart or continue the forecast with the newest frame."""
         window, predictor = self.window, self.predictor
+        ready = self._bodies.ready(window.stamp_ns or 0)
         if self._markers.watched:
-            stamp_ns, state = window.start()
+            carried = self.surfaces.at(window.stamp_ns or 0) if ready else {}
+            stamp_ns, state = window.start(tuple(carried.values()))
             self._markers.tracked(stamp_ns, state.positions, window.ids)
-        if not self._bodies.ready(window.stamp_ns or 0):
+            if ready:
+                self._markers.carried(stamp_ns, carried)
+        if not ready:
             return
-        if self._markers.watched and window.stamp_ns:
-            self._markers.carried(window.stamp_ns, self.surfaces.at(window.stamp_ns))
         if predictor.forecast is None:
             self._start(now)
         elif self.paused:

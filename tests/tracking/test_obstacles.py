@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_gns_core import ContactLaw, Obstacle, Plane, Scene
+from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.planned_motion import Moments, PlannedMotion
 from rigid_gns_core.tracking import estimate_state
 from rigid_gns_core.tracking.ball_contact import FREE
@@ -19,6 +20,7 @@ from rigid_gns_core.tracking.environment import Environment
 from rigid_gns_core.tracking.kinks import kinks
 from rigid_gns_core.tracking.path_slopes import path_and_slopes
 from scipy.optimize import brentq
+from tracking_windows import tracking_window
 
 R, NOISE, RATE = 0.02, 1e-3, 240.0
 PULL = np.array([0.0, 0.0, -9.81])
@@ -203,6 +205,25 @@ def test_an_estimate_goes_through_a_contact_with_a_wall_that_moves(
         off = np.concatenate([known.state.positions[0], known.state.velocities[0]]) - true[-1, :6]
         total += off @ np.linalg.solve(known.covariance[0, :6, :6], off)
     assert 25.0 < total < 130.0  # as above
+
+
+def test_a_window_knows_the_surfaces_that_bodies_carry() -> None:
+    """A start with the wall is far better known than one without, and is asked for anew."""
+    times = np.arange(0.0, 0.13, 1 / RATE)
+    scene, true, _ = off_moving_wall(times, 2.0, 0.0)
+    window = tracking_window(gravity=SCENE.gravity, radius=R, scene=SCENE, noise=NOISE)
+    rng = np.random.default_rng(5)
+    for k, state in enumerate(true):
+        pose = np.concatenate([state[:3] + rng.normal(0.0, NOISE, 3), [0.0, 0.0, 0.0, 1.0]])
+        frame = PoseArrayFrame(10**12 + round(k / RATE * 1e9), 'world', pose[None])
+        window.add(frame, frame.stamp_ns)
+    blind = window.estimate()[1]
+    known = window.estimate(scene.surfaces)[1]
+    assert window.estimate(scene.surfaces)[1] is known
+    np.testing.assert_allclose(known.state.velocities[0], true[-1, 3:6], atol=0.1)
+    assert known.covariance[0, 3, 3] < 0.5 * blind.covariance[0, 3, 3]
+    again = window.estimate()[1]
+    np.testing.assert_array_equal(again.state.velocities, blind.state.velocities)
 
 
 def test_a_wall_that_is_somewhere_else_leaves_what_came_since() -> None:

@@ -15,6 +15,7 @@ from rigid_gns_core.engine.options import ResidualConfig
 from rigid_gns_core.errors import UserError
 from rigid_gns_core.files.checkpoint import CheckpointError
 from rigid_gns_core.prediction.load import load_simulator
+from rigid_gns_core.scenes.obstacle import Obstacle
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.training.recipes import load_recipe
@@ -200,6 +201,14 @@ def test_a_step_that_is_no_part_of_a_frame_is_refused():
     other = replace(record, trajectory=replace(record.trajectory, dt=0.07))
     with pytest.raises(UserError, match='time step'):
         Track.of(other)
+
+
+def test_obstacles_and_surfaces_that_move_are_refused():
+    post = replace(LAWS, obstacles=Obstacle('cylinder', radius=1.0, length=2.0))
+    belt = replace(LAWS, surfaces=Plane(surface_velocity=(1.0, 0.0, 0.0)))
+    for scene, what in ((post, 'obstacles'), (belt, 'surfaces that move')):
+        with pytest.raises(UserError, match=f'has {what}, but a residual network sees'):
+            Track.of(replace(RECORDS[0], scene=scene))
 
 
 def test_stiffness_of_springs_is_found():

@@ -50,9 +50,17 @@ class Track:
         """Track of a record; the states of a tracked one are smoothed.
 
         Raises:
-            UserError: A frame is no whole number of the record's steps, or it has too few.
+            UserError: A frame is no whole number of the record's steps, it has too few, or its
+                scene has obstacles or surfaces that move.
         """
         scene = record.scene
+        moving = any(plane.moves for plane in scene.surfaces)
+        if moving or scene.obstacles:
+            what = 'surfaces that move' if moving else 'obstacles'
+            raise UserError(
+                f'record {record.name!r} has {what}, but a residual network sees contacts with '
+                'planes at rest and spheres alone; leave such records out'
+            )
         similarity = Similarity.between(scene, UNITS)
         frame = UNITS.dt * similarity.time
         samples = round(frame / record.trajectory.dt)
