@@ -12,6 +12,7 @@ import math
 
 from .ball_surfaces import (
     AT_REST,
+    belt,
     beside,
     columns,
     facing,
@@ -39,8 +40,9 @@ LAW = (
     'spinning_friction',
 )
 FREE = -1
-# a ball that leaves a surface more slowly than this stays on it [m/s]: it would rise 0.02 mm
-RESTING = 0.02
+# a ball that leaves a plane at rest more slowly than this stays on it [m/s]: it would rise by
+# 0.02 mm; on anything else it hops at this speed, by 0.13 mm
+RESTING, HOPPING = 0.02, 0.05
 # slip below which a ball rolls [radii/s]
 _ROLLS = 1e-7
 
@@ -77,13 +79,23 @@ def touched(
 
 
 @in_place
+def struck(
+    planes: Array, laws: Array, k: int, v: Vector, w: Vector, radius: float, inertia: float
+) -> tuple[Vector, Vector]:
+    """Velocity and spin after an impact on a plane at rest, with a belt or without."""
+    moving = belt(planes, k)
+    v, w = bounce(minus(v, moving), w, normal_of(planes, k), radius, inertia, laws, k)
+    return plus(v, moving), w
+
+
+@in_place
 def meet(
     planes: Array, laws: Array, k: int, p: Vector, v: Vector, w: Vector, now: float,
     flight: Flight, inertia: float,
 ) -> tuple[Vector, Vector, float, float, float]:  # fmt: skip
     """Impact on what is no plane at rest.
 
-    A ball that stays on it hops: it rises with `RESTING` at least, and friction acts in each blow.
+    A ball that stays on it hops: it rises with `HOPPING` at least, and friction acts in each blow.
 
     Returns:
         Velocity and spin after it, approach speed, the speed at which the ball leaves the surface,
@@ -98,9 +110,9 @@ def meet(
     if speed > 0.0:
         v, w = bounce(v, w, n, flight.radius, inertia, laws, k)
     rise = dot(v, n)
-    if pull > 0.0 and rise < RESTING:
-        v = plus(v, times(RESTING - rise, n))
-        rise = RESTING
+    if pull > 0.0 and rise < HOPPING:
+        v = plus(v, times(HOPPING - rise, n))
+        rise = HOPPING
     return plus(v, surface), w, speed, rise, pull
 
 

@@ -125,8 +125,8 @@ def forecast_ball(
     impacts = np.zeros((MOST_CONTACTS, 3))
     start, change = estimate.state.copy(), np.eye(9)
     if estimate.on != FREE:  # the path takes what comes to the spin of rolling
-        normal = model.planes[estimate.on, 9:12]
-        start[6:] -= np.cross(normal, start[3:6]) / model.radius
+        normal, moving = model.planes[estimate.on, 9:12], model.belt(estimate.on)
+        start[6:] -= np.cross(normal, start[3:6] - moving) / model.radius
         change[6:, 3:6] = -_crossing(normal) / model.radius
     found, _ = path_and_slopes(
         start,
@@ -157,8 +157,8 @@ def sampled_covariances(
     root = axes * np.sqrt(np.maximum(values, 0.0))
     drawn = estimate.state + np.random.default_rng(seed).normal(size=(samples, 9)) @ root.T
     if estimate.on != FREE:
-        normal = model.planes[estimate.on, 9:12]
-        drawn[:, 6:] -= np.cross(normal, drawn[:, 3:6]) / model.radius
+        normal, moving = model.planes[estimate.on, 9:12], model.belt(estimate.on)
+        drawn[:, 6:] -= np.cross(normal, drawn[:, 3:6] - moving) / model.radius
     stamps = np.ascontiguousarray(stamps)
     places = np.empty((samples, len(stamps), 3))
     states, impacts = np.zeros((len(stamps), 9)), np.zeros((MOST_CONTACTS, 3))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .ball_contact import LAW
+from .ball_surfaces import BELT
 from .jit import plain
 from .start_guess import surface_of_start
 from .surface_rows import fixed_rows, moving_rows, of_rows, Row
@@ -81,6 +82,10 @@ class BallModel:
             planes=np.concatenate([self.planes, of_rows(rows)]),
             laws=np.concatenate([self.laws, _laws_of(scene, rows, sphere, count)]),
         )
+
+    def belt(self, on: int) -> Array:
+        """Velocity of the belt on a plane at rest, by its row [m/s], shape (3,)."""
+        return self.planes[on, BELT : BELT + 3]
 
     def heights(self, positions: Array) -> Array:
         """Distance of the ball's surface from what stays [m], shape (surfaces + obstacles, m).

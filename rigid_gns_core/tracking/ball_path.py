@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .ball_contact import bounce, FREE, glide, meet, RESTING, touched
-from .ball_surfaces import AT_REST, beside, height, KIND, normal_of
+from .ball_contact import FREE, glide, meet, RESTING, struck, touched
+from .ball_surfaces import AT_REST, belt, beside, height, KIND, normal_of
 from .jit import entry, in_place
 from ..kernels.flight import acceleration, Flight, flight_at, mean_accelerations, spin_after
-from ..kernels.vector import across, cross, dot, plus, times, Vector
+from ..kernels.vector import across, cross, dot, minus, plus, times, Vector
 from ..scenes.state import Array
 
 # longest step [s]; with steps of a tenth, flights with bounces differ by less than 1e-8 m
@@ -108,7 +108,8 @@ def place_of(start: Array, begin: float, on: int, planes: Array, radius: float) 
     """Place of a start, see `path`."""
     v, w = (start[3], start[4], start[5]), (start[6], start[7], start[8])
     if on >= 0:
-        w = plus(w, times(1.0 / radius, cross(normal_of(planes, on), v)))
+        along = minus(v, belt(planes, on))
+        w = plus(w, times(1.0 / radius, cross(normal_of(planes, on), along)))
     return Place(begin, (start[0], start[1], start[2]), v, w, on, LONGEST)
 
 
@@ -131,9 +132,11 @@ def advance(
         h = min(stamp - now, longest)
         longest = LONGEST
         if on >= 0:
-            n = normal_of(planes, on)
+            n, moving = normal_of(planes, on), belt(planes, on)
             v = across(v, n)
-            h, after, turned, pull = glide(v, w, n, h, flight, inertia, laws, on)
+            along = minus(v, moving)
+            h, after, turned, pull = glide(along, w, n, h, flight, inertia, laws, on)
+            after = plus(after, moving)
             q = plus(p, times(0.5 * h, plus(v, after)))
             if pull <= 0.0 or height(planes, on, q, radius) > _LEFT or beside(planes, on, q):
                 on = FREE
@@ -151,7 +154,7 @@ def advance(
             now += time
             if planes[hit, KIND] == AT_REST:
                 speed = -dot(v, normal_of(planes, hit))
-                v, w = bounce(v, w, normal_of(planes, hit), radius, inertia, laws, hit)
+                v, w = struck(planes, laws, hit, v, w, radius, inertia)
             else:
                 v, w, speed, _, _ = meet(planes, laws, hit, p, v, w, now, flight, inertia)
             count = note(contacts_out, count, now, hit, speed)
@@ -179,7 +182,7 @@ def advance(
         n = normal_of(planes, hit)
         count = note(contacts_out, count, now, hit, -dot(v, n))
         if dot(v, n) < 0.0:
-            v, w = bounce(v, w, n, radius, inertia, laws, hit)
+            v, w = struck(planes, laws, hit, v, w, radius, inertia)
         rise, pull = dot(v, n), -dot(acceleration(v, w, flight), n)
         if pull > 0.0 and rise < RESTING:
             on = hit
@@ -212,7 +215,7 @@ def path(
 
     Args:
         start: Position, velocity, angular velocity, shape (9,). On a surface the last is what
-            comes to that of rolling, n x v / r.
+            comes to that of rolling, n x v / r with v relative to the belt.
         begin: Time of the start [s].
         stamps: Times [s], none before `begin`, rising, shape (m,).
         ball: See the module, as of the next two.

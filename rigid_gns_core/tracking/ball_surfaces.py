@@ -22,8 +22,8 @@ KIND = 14
 AT_REST, SOLID, MOVES = 0.0, 1.0, 2.0
 # a solid: the first columns of `engine.world.World.solids`
 SECTION, SECTION_END = 15, 22
-# a plane that moves: velocity of its point and spin at a time [s], their rates of change, the
-# velocity of a belt on it, and between which times [s] all that holds
+# a plane at rest: velocity of a belt on it [m/s]; one that moves: that, velocity of its point and
+# spin at a time [s], their rates of change, and between which times [s] all that holds
 VELOCITY, SPIN, PUSH, TWIST, BELT, SINCE, BEGIN, END = 15, 18, 21, 24, 27, 30, 31, 32
 PLANE = 33
 # a sphere that leaves a solid is looked for anew after this time [s]
@@ -44,6 +44,12 @@ def columns(planes: Array, k: int, first: int) -> Vector:
 def normal_of(planes: Array, k: int) -> Vector:
     """Unit normal of a plane at rest."""
     return planes[k, 9], planes[k, 10], planes[k, 11]
+
+
+@in_place
+def belt(planes: Array, k: int) -> Vector:
+    """Velocity of the belt on a plane at rest [m/s], which may be none."""
+    return columns(planes, k, BELT)
 
 
 @in_place
@@ -71,7 +77,7 @@ def facing(
     Of a plane as if it had no end.
     """
     if planes[k, KIND] == AT_REST:
-        return height(planes, k, p, radius), normal_of(planes, k), _STILL
+        return height(planes, k, p, radius), normal_of(planes, k), belt(planes, k)
     if planes[k, KIND] == SOLID:
         near = _nearest(planes, k, _local(planes, k, minus(p, columns(planes, k, 0))))
         normal = plus(

@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from .ball_contact import FREE
+from .ball_contact import FREE, HOPPING
 from .ball_fit import fit_start
-from .ball_surfaces import facing, KIND, SOLID
+from .ball_surfaces import AT_REST, facing, KIND, SOLID
 from .jit import compiled, entry, in_place
 from .spin_windows import SpinWindows
 from .start_guess import first_frames, guess_start, prior_of_window, surface_of_start
-from ..kernels.vector import length, minus, row
+from ..kernels.vector import dot, length, minus, row
 from ..scenes.state import Array
 
 # least number of frames of a window, and of a part of one
@@ -25,6 +25,8 @@ MOST_CONTACTS = 32
 # do not know, as a net or a racket, may be in it; and a loss at which another guess is made
 _PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
 _STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
+# a ball this near to what is no plane at rest, and as slow as a hop, lies on it [m]
+_HOP = 1e-3
 
 
 @in_place
@@ -140,6 +142,15 @@ def _estimate(
             away += planes[where, 9 + c] * state_out[3 + c]
         for c in range(3):
             state_out[3 + c] -= away * planes[where, 9 + c]
+    for k in range(len(planes)):  # nor is that of a hop
+        p = (state_out[0], state_out[1], state_out[2])
+        v = (state_out[3], state_out[4], state_out[5])
+        off, normal, surface = facing(planes, k, p, times[-1], ball[0, 7])
+        speed = dot(minus(v, surface), normal)
+        hops = planes[k, KIND] != AT_REST and abs(off) < _HOP
+        if hops and abs(speed) < 2.0 * HOPPING:
+            for c in range(3):
+                state_out[3 + c] -= speed * normal[c]
     doubt = loss + 4.0 * (1.0 - weights.mean())
     if weights[-FEWEST:].max() == 0.0:  # where the ball is by now, the path is not
         doubt += _MET

