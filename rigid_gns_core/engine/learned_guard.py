@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from .broad_phase import Candidates
 from .guard import energy_of, limit_energy, limit_energy_beyond
 from .islands import groups_of, Islands
-from .learned_contacts import LearnedContacts
 from .shielding import offset_from_plane
 from .spheres import Spheres
 from .world import World
@@ -31,7 +31,7 @@ def limit_energy_of_soft(
     world: World,
     before: Spheres,
     islands: Islands,
-    contacts: LearnedContacts,
+    candidates: Candidates,
     stiffness: float,
     dt: float,
     stored_out: Array,
@@ -42,7 +42,7 @@ def limit_energy_of_soft(
         return limit_energy(world, before, islands, dt, after_out)
     stored, after = stored_out, after_out
     done = limit_energy_beyond(world, before, islands, dt, stored, after)
-    most, groups = stores(world, after.positions, contacts, stiffness), groups_of(islands)
+    most, groups = stores(world, after.positions, candidates, stiffness), groups_of(islands)
     held = stored.copy()
     stored[:] = 0.0
     for island in range(len(groups.grounded)):
@@ -62,24 +62,23 @@ def limit_energy_of_soft(
 
 
 @compiled
-def stores(world: World, positions: Array, contacts: LearnedContacts, stiffness: float) -> Array:
+def stores(world: World, positions: Array, candidates: Candidates, stiffness: float) -> Array:
     """Most that the overlaps of each sphere store; half of one of two spheres is each one's."""
-    most, is_met = np.zeros(len(positions)), np.zeros(len(positions), np.bool_)
-    for c in range(len(contacts.a)):
-        a, b = contacts.a[c], contacts.b[c]
-        is_met[a] = True
-        if b >= 0:
-            is_met[b] = True
-            gap = length(minus(row(positions, a), row(positions, b)))
-            overlap = max(0.0, world.radius[a] + world.radius[b] - gap)
-            mass = 1.0 / (world.inverse_mass[a] + world.inverse_mass[b])
-            energy = 0.5 * mass * stiffness * overlap**2
+    most = np.zeros(len(positions))
+    for c in range(len(candidates.a)):
+        a, b, plane = candidates.a[c], candidates.b[c], candidates.plane[c]
+        if plane < 0:
+            touching = world.radius[a] + world.radius[b]
+            distance = length(minus(row(positions, a), row(positions, b)))
+        else:
+            touching = world.radius[a]
+            distance = length(offset_from_plane(world, plane, row(positions, a)))
+        overlap = max(0.0, touching - distance)
+        mass = 1.0 / (world.inverse_mass[a] + world.inverse_mass[b])
+        energy = 0.5 * mass * stiffness * overlap**2
+        if plane < 0:
             most[a] += 0.5 * energy
             most[b] += 0.5 * energy
-    for i in range(len(positions)):
-        if is_met[i]:
-            for plane in range(len(world.point)):
-                offset = offset_from_plane(world, plane, row(positions, i))
-                overlap = max(0.0, world.radius[i] - length(offset))
-                most[i] += 0.5 / world.inverse_mass[i] * stiffness * overlap**2
+        else:
+            most[a] += energy
     return most

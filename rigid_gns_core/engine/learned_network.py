@@ -31,19 +31,20 @@ from .learned_contacts import FEATURES, LearnedContacts
 from .options import ResidualConfig
 from .springs import SPRINGS
 from ..kernels.jit import compiled, in_place
+from ..kernels.neighbours import Indices
+from ..kernels.single_lanes import add_product, ROWS, Single, WIDTH
 from ..scenes.state import Array
 
 OUTPUTS = 6
 """Numbers that the network gives for a contact."""
-
-Single = NDArray[np.float32]
 
 
 class Exchange(NamedTuple):
     """Weights of one exchange between contacts that share a body; inputs first.
 
     edge: B, shape (W + 4 K, W); bias: shape (W,); own, other: C and D, shape (W, W); vectors: P
-    and Q, shape (W, 2 K); vectors_bias: shape (2 K,).
+    and Q, shape (W, 2 K); vectors_bias: shape (2 K,). Zeros fill W and all outputs up to a
+    multiple of `WIDTH`, here and in `LearnedNetwork`.
     """
 
     edge: Single
@@ -111,14 +112,27 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
             raise ValueError(f'{name} has shape {tensors[name].shape}, expected {shape}')
         return np.ascontiguousarray(tensors[name].T, dtype=np.float32)
 
+    def matrix(name: str, outputs: int, inputs: int, wide: int = 0) -> Single:
+        """Matrix with zeros for outputs, and after the first `wide` inputs, to fill registers."""
+        weights = taken(f'{name}.weight', outputs, inputs)
+        made = np.zeros((inputs - wide + _widened(wide), _widened(outputs)), np.float32)
+        made[:wide, :outputs] = weights[:wide]
+        made[_widened(wide) :, :outputs] = weights[wide:]
+        return made
+
+    def bias(name: str, outputs: int) -> Single:
+        made = np.zeros(_widened(outputs), np.float32)
+        made[:outputs] = taken(f'{name}.bias', outputs)
+        return made
+
     def exchange(name: str) -> Exchange:
         return Exchange(
-            edge=taken(f'{name}.edge.weight', width, width + 4 * vectors),
-            bias=taken(f'{name}.edge.bias', width),
-            own=taken(f'{name}.own.weight', width, width),
-            other=taken(f'{name}.other.weight', width, width),
-            vectors=taken(f'{name}.vectors.weight', 2 * vectors, width),
-            vectors_bias=taken(f'{name}.vectors.bias', 2 * vectors),
+            edge=matrix(f'{name}.edge', width, width + 4 * vectors, width),
+            bias=bias(f'{name}.edge', width),
+            own=matrix(f'{name}.own', width, width, width),
+            other=matrix(f'{name}.other', width, width, width),
+            vectors=matrix(f'{name}.vectors', 2 * vectors, width, width),
+            vectors_bias=bias(f'{name}.vectors', 2 * vectors),
         )
 
     made = LearnedNetwork(
@@ -129,20 +143,24 @@ def network_of(tensors: Mapping[str, NDArray[Any]], config: ResidualConfig) -> L
         high=taken('high', FEATURES),
         mean=taken('mean', FEATURES),
         deviation=taken('deviation', FEATURES),
-        first=taken('first.weight', width, FEATURES),
-        first_bias=taken('first.bias', width),
-        second=taken('second.weight', width, width),
-        second_bias=taken('second.bias', width),
+        first=matrix('first', width, FEATURES),
+        first_bias=bias('first', width),
+        second=matrix('second', width, width, width),
+        second_bias=bias('second', width),
         exchange=exchange('exchange'),
         exchange_again=exchange('exchange_again'),
-        last=taken('last.weight', width, width),
-        last_bias=taken('last.bias', width),
-        out=taken('out.weight', OUTPUTS, width),
-        out_bias=taken('out.bias', OUTPUTS),
+        last=matrix('last', width, width, width),
+        last_bias=bias('last', width),
+        out=matrix('out', OUTPUTS, width, width),
+        out_bias=bias('out', OUTPUTS),
     )
     if left:
         raise ValueError(f'unknown weight {min(left)!r}')
     return made
+
+
+def _widened(columns: int) -> int:
+    return -(-columns // WIDTH) * WIDTH
 
 
 @compiled
@@ -166,6 +184,21 @@ def fade(network: LearnedNetwork, contacts_out: LearnedContacts, range_out: Arra
         range_out[2] = max(range_out[2], far)
 
 
+class _Sides(NamedTuple):
+    """Contacts as their bodies see them: e sides, and empty ones up to a multiple of `ROWS`.
+
+    contact: which one it is of; own, other: number of the body among those in contact, and of the
+    other one, the last number being that of all surfaces; normal, slip: seen from it. Shapes (e,)
+    and (e, 3).
+    """
+
+    contact: Indices
+    own: Indices
+    other: Indices
+    normal: Single
+    slip: Single
+
+
 @compiled
 def outputs_of(network: LearnedNetwork, contacts: LearnedContacts, count: int) -> Array:
     """Outputs for each contact, before their bounds; shape (c, OUTPUTS).
@@ -175,98 +208,123 @@ def outputs_of(network: LearnedNetwork, contacts: LearnedContacts, count: int) -
         contacts: Of `count` spheres.
         count: Spheres.
     """
-    size, width = len(contacts.a), len(network.first_bias)
-    edges = np.zeros((size, 2, width), np.float32)
-    wide, narrow = np.empty(width, np.float32), np.empty(FEATURES, np.float32)
-    for c in range(size):
-        for side in range(2 if contacts.b[c] >= 0 else 1):
-            for f in range(FEATURES):
-                value = np.float32(contacts.features[c, side, f])
-                narrow[f] = (value - network.mean[f]) / network.deviation[f]
-            _dense(narrow, network.first, network.first_bias, wide)
-            _ramp(wide)
-            _dense(wide, network.second, network.second_bias, edges[c, side])
-            _ramp(edges[c, side])
-    _exchange(network.exchange, contacts, count, edges)
-    _exchange(network.exchange_again, contacts, count, edges)
-    outputs, one = np.zeros((size, OUTPUTS)), np.empty(OUTPUTS, np.float32)
-    for c in range(size):
-        for side in range(2 if contacts.b[c] >= 0 else 1):
-            _dense(edges[c, side], network.last, network.last_bias, wide)
-            _ramp(wide)
-            _dense(wide, network.out, network.out_bias, one)
-            for k in range(OUTPUTS):
-                outputs[c, k] += one[k]
+    sides, bodies = _sides_of(contacts, count)
+    size, rows, width = len(sides.contact), _rows(len(sides.contact)), len(network.first_bias)
+    inputs = np.zeros((rows, FEATURES), np.float32)
+    for e in range(size):
+        c = sides.contact[e]
+        side = 0 if contacts.a[c] == bodies[sides.own[e]] else 1
+        for f in range(FEATURES):
+            value = np.float32(contacts.features[c, side, f])
+            inputs[e, f] = (value - network.mean[f]) / network.deviation[f]
+    # beside each edge there is room for what it sees of the vectors
+    edges = np.empty((rows, len(network.exchange.edge)), np.float32)
+    spare = np.empty_like(edges)
+    _layer(inputs, network.first, network.first_bias, spare)
+    _layer(spare, network.second, network.second_bias, edges)
+    _exchange(network.exchange, sides, len(bodies), edges, spare)
+    _exchange(network.exchange_again, sides, len(bodies), spare, edges)
+    _layer(edges, network.last, network.last_bias, spare)
+    last = np.empty((rows, len(network.out_bias)), np.float32)
+    last[:] = network.out_bias
+    add_product(spare, network.out, last)
+    outputs = np.zeros((len(contacts.a), OUTPUTS))
+    for e in range(size):
+        for k in range(OUTPUTS):
+            outputs[sides.contact[e], k] += last[e, k]
     return outputs
 
 
 @compiled
+def _sides_of(contacts: LearnedContacts, count: int) -> tuple[_Sides, Indices]:
+    """Sides of the contacts, and the spheres in contact."""
+    place, met = np.full(count, -1), 0
+    size = len(contacts.a)
+    for c in range(len(contacts.a)):
+        for i in (contacts.a[c], contacts.b[c]):
+            if i >= 0 and place[i] < 0:
+                place[i] = met
+                met += 1
+        size += contacts.b[c] >= 0
+    sides = _Sides(
+        contact=np.empty(size, np.int64),
+        own=np.empty(size, np.int64),
+        other=np.empty(size, np.int64),
+        normal=np.empty((size, 3), np.float32),
+        slip=np.empty((size, 3), np.float32),
+    )
+    bodies, e = np.empty(met, np.int64), 0
+    for c in range(len(contacts.a)):
+        a, b = contacts.a[c], contacts.b[c]
+        for side in range(2 if b >= 0 else 1):
+            i, j, sign = (a, b, 1.0) if side == 0 else (b, a, -1.0)
+            bodies[place[i]] = i
+            sides.contact[e], sides.own[e] = c, place[i]
+            sides.other[e] = place[j] if j >= 0 else met
+            for axis in range(3):
+                sides.normal[e, axis] = sign * contacts.normal[c, axis]
+                sides.slip[e, axis] = sign * contacts.slip[c, axis]
+            e += 1
+    return sides, bodies
+
+
+@in_place
+def _rows(size: int) -> int:
+    return (size + ROWS - 1) // ROWS * ROWS
+
+
+@in_place
+def _layer(inputs: Single, matrix: Single, bias: Single, out: Single) -> None:
+    """R(inputs matrix + bias)."""
+    for e in range(len(inputs)):
+        for k in range(len(bias)):
+            out[e, k] = bias[k]
+    add_product(inputs, matrix, out)
+    _ramp(len(bias), out)
+
+
+@compiled
 def _exchange(
-    weights: Exchange, contacts: LearnedContacts, count: int, edges_out: NDArray[np.float32]
+    weights: Exchange, sides: _Sides, bodies: int, edges: Single, edges_out: Single
 ) -> None:
-    """One exchange between contacts that share a body."""
-    edges, size, width = edges_out, len(contacts.a), len(weights.bias)
-    vectors = len(weights.vectors_bias) // 2
-    sums = np.zeros((count + 1, width), np.float32)
-    pushes = np.zeros((count + 1, vectors, 3), np.float32)
-    some = np.empty(2 * vectors, np.float32)
-    for c in range(size):
-        for side in range(2 if contacts.b[c] >= 0 else 1):
-            i, sign = contacts.a[c], np.float32(1.0)
-            if side == 1:
-                i, sign = contacts.b[c], np.float32(-1.0)
-            for k in range(width):
-                sums[i, k] += edges[c, side, k]
-            _dense(edges[c, side], weights.vectors, weights.vectors_bias, some)
-            for k in range(vectors):
-                for axis in range(3):
-                    n = sign * np.float32(contacts.normal[c, axis])
-                    t = sign * np.float32(contacts.slip[c, axis])
-                    pushes[i, k, axis] += some[k] * n + some[vectors + k] * t
+    """One exchange between contacts that share a body; `edges` get what they see of vectors."""
+    size, rows, width = len(sides.contact), len(edges), len(weights.bias)
+    vectors, wide = (len(weights.edge) - width) // 4, len(weights.vectors_bias)
+    some = np.empty((rows, wide), np.float32)
+    some[:] = weights.vectors_bias
+    add_product(edges, weights.vectors, some)
+    sums = np.zeros((_rows(bodies + 1), width), np.float32)
+    pushes = np.zeros((bodies + 1, vectors, 3), np.float32)
+    for e in range(size):
+        i = sides.own[e]
+        for k in range(width):
+            sums[i, k] += edges[e, k]
+        for k in range(vectors):
+            for axis in range(3):
+                pushes[i, k, axis] += some[e, k] * sides.normal[e, axis]
+                pushes[i, k, axis] += some[e, vectors + k] * sides.slip[e, axis]
     own, other = np.zeros_like(sums), np.zeros_like(sums)
-    none, is_used = np.zeros(width, np.float32), np.zeros(count + 1, np.bool_)
-    for c in range(size):
-        is_used[contacts.a[c]] = is_used[contacts.b[c]] = True  # -1 is the last one
-    for i in range(count):
-        if is_used[i]:
-            _dense(sums[i], weights.own, none, own[i])
-            _dense(sums[i], weights.other, none, other[i])
-    inner = np.empty(width + 4 * vectors, np.float32)
-    for c in range(size):
-        for side in range(2 if contacts.b[c] >= 0 else 1):
-            i, j, sign = contacts.a[c], contacts.b[c], np.float32(1.0)
-            if side == 1:
-                i, j, sign = contacts.b[c], contacts.a[c], np.float32(-1.0)
-            inner[:width] = edges[c, side]
-            for k in range(vectors):
-                for part in range(4):
-                    inner[width + part * vectors + k] = 0.0
-                for axis in range(3):
-                    n = sign * np.float32(contacts.normal[c, axis])
-                    t = sign * np.float32(contacts.slip[c, axis])
-                    inner[width + k] += pushes[i, k, axis] * n
-                    inner[width + vectors + k] += pushes[i, k, axis] * t
-                    inner[width + 2 * vectors + k] += pushes[j, k, axis] * n
-                    inner[width + 3 * vectors + k] += pushes[j, k, axis] * t
-            _dense(inner, weights.edge, weights.bias, edges[c, side])
-            for k in range(width):
-                edges[c, side, k] += own[i, k] + other[j, k]
-            _ramp(edges[c, side])
+    add_product(sums, weights.own, own)
+    add_product(sums, weights.other, other)
+    for e in range(size):
+        i, j = sides.own[e], sides.other[e]
+        for k in range(width):
+            edges_out[e, k] = weights.bias[k] + own[i, k] + other[j, k]
+        for k in range(vectors):
+            for part in range(4):
+                edges[e, width + part * vectors + k] = 0.0
+            for axis in range(3):
+                n, t = sides.normal[e, axis], sides.slip[e, axis]
+                edges[e, width + k] += pushes[i, k, axis] * n
+                edges[e, width + vectors + k] += pushes[i, k, axis] * t
+                edges[e, width + 2 * vectors + k] += pushes[j, k, axis] * n
+                edges[e, width + 3 * vectors + k] += pushes[j, k, axis] * t
+    add_product(edges, weights.edge, edges_out)
+    _ramp(width, edges_out)
 
 
 @in_place
-def _dense(inputs: Single, matrix: Single, bias: Single, out: Single) -> None:
-    """Affine map; inputs that the ramp has made zero cost nothing."""
-    for k in range(len(out)):
-        out[k] = bias[k]
-    for i in range(len(inputs)):
-        value = inputs[i]
-        if value != 0:
-            for k in range(len(out)):
-                out[k] += value * matrix[i, k]
-
-
-@in_place
-def _ramp(values_out: Single) -> None:
-    for k in range(len(values_out)):
-        values_out[k] = max(values_out[k], np.float32(0.0))
+def _ramp(width: int, values_out: Single) -> None:
+    for e in range(len(values_out)):
+        for k in range(width):
+            values_out[e, k] = max(values_out[e, k], np.float32(0.0))

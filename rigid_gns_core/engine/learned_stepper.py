@@ -9,7 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .broad_phase import find_candidates
 from .frame import advance
+from .guard import limit_energy
+from .islands import Islands
 from .learned_contacts import (
     changes_by_laws,
     find_learned_contacts,
@@ -23,11 +26,12 @@ from .motion import Settings
 from .separation import separate
 from .sleep import put_to_sleep, Sleepers
 from .spheres import copy_spheres, is_finite, Spheres, store
-from .springs import follow_springs
+from .springs import follow_springs, SPARE
 from .stepper import EngineStepper
 from .warm_start import WarmStart
 from .world import World
 from ..kernels.jit import compiled, entry
+from ..kernels.neighbours import Flags
 from ..rollout.stepper import Advance
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import Array, State
@@ -67,34 +71,61 @@ def _frame(
     if is_start:
         separate(world, dt, spheres.positions)
     after, warm_start, islands = advance(world, spheres, dt, warm_start, settings, sleepers_out)
+    contacts, laws, acted, removed = no_learned_contacts(), after, 0, 0.0
+    if network.strength[0] > 0 or network.springs[0] > 0:
+        contacts, laws, acted, removed = _learned(
+            world, network, seen, spheres, dt, guards, is_start, sleepers_out.asleep,
+            stored_out, range_out, after, islands,
+        )  # fmt: skip
+    elif guards:
+        acted, removed = limit_energy(world, spheres, islands, dt, after)
+    if sleeps:
+        put_to_sleep(world.radius[:-1], islands, dt, after, sleepers_out)
+    return LearnedFrame(laws, contacts, after, warm_start, acted, removed)
+
+
+@compiled
+def _learned(
+    world: World,
+    network: LearnedNetwork,
+    seen: Array,
+    spheres: Spheres,
+    dt: float,
+    guards: bool,
+    is_start: bool,
+    asleep: Flags,
+    stored_out: Array,
+    range_out: Array,
+    after_out: Spheres,
+    islands_out: Islands,
+) -> tuple[LearnedContacts, Spheres, int, float]:
+    """Springs, network, and guard after a frame of the laws; as in `LearnedFrame`."""
+    contacts, after, laws = no_learned_contacts(), after_out, after_out
     before = Spheres(
         positions=seen,
         quaternions=spheres.quaternions,
         velocities=spheres.velocities,
         angular_velocities=spheres.angular_velocities,
     )
-    has_network, has_springs = network.strength[0] > 0, network.springs[0] > 0
-    if has_springs:
+    springs, stiffness = network.springs, float(network.stiffness[0])
+    spare = SPARE if springs[0] > 0 else 0.0
+    near = find_candidates(world, seen, before.velocities, dt, ~asleep, spare)
+    if springs[0] > 0:
         kicks, _ = changes_by_laws(world, before, after, dt)
-        asleep = sleepers_out.asleep
-        follow_springs(world, network.springs, before, kicks, dt, asleep, after, islands)
-    contacts, stiffness, laws = no_learned_contacts(), 0.0, copy_spheres(after)
-    if has_network or has_springs:
-        contacts = find_learned_contacts(world, before, after, dt, sleepers_out.asleep, is_start)
-        stiffness = float(network.stiffness[0])
-    if has_network:
+        follow_springs(world, springs, near, before, kicks, dt, asleep, after, islands_out)
+    if network.strength[0] > 0:
+        laws = copy_spheres(after)
+        contacts = find_learned_contacts(world, near, before, after, dt, asleep, is_start)
         fade(network, contacts, range_out)
-        correct(world, network, contacts, dt, after, islands)
+        correct(world, network, contacts, dt, after, islands_out)
     if is_start:  # nobody knows more of what its overlaps hold
-        stored_out[:] = stores(world, seen, contacts, stiffness)
+        stored_out[:] = stores(world, seen, near, stiffness)
     acted, removed = 0, 0.0
     if guards:
         acted, removed = limit_energy_of_soft(
-            world, spheres, islands, contacts, stiffness, dt, stored_out, after
+            world, spheres, islands_out, near, stiffness, dt, stored_out, after
         )
-    if sleeps:
-        put_to_sleep(world.radius[:-1], islands, dt, after, sleepers_out)
-    return LearnedFrame(laws, contacts, after, warm_start, acted, removed)
+    return contacts, laws, acted, removed
 
 
 @entry

@@ -25,16 +25,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .broad_phase import Candidates, find_candidates, PAD
+from .broad_phase import Candidates, PAD
 from .flight import reach_of
-from .islands import connect, groups_of, Islands
+from .islands import connect, groups_of, Islands, no_islands, root_of
 from .rectangle import from_plane, is_over_face
 from .shielding import offset_from_plane
 from .spheres import copy_spheres, Spheres
 from .world import given_law, SLIDE, SLOW, weight_of, World
 from ..kernels.flight import acceleration, flight_at
 from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import Flags
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.quaternions import turn
 from ..kernels.vector import (
     across,
@@ -56,12 +56,13 @@ Single = NDArray[np.float32]
 SPRINGS = 4
 """Numbers of the springs: k [1/s^2], factors of restitution and friction, and q."""
 
+SPARE = 0.6
+"""How much farther than it would fly a sphere may be struck [radii]."""
+
 # sqrt(k) h: a blow begins anywhere in a step, which is up to 5 % of its speed
 _ANGLE = 0.4
 # farthest that a sphere moves in a step, and deepest overlap [radii]
 _FAR, _DEEP = 0.1, 0.2
-# how much farther than it would fly a sphere may be struck [radii]
-_SPARE = 0.6
 # least restitution of a dashpot, and change of velocity [m/s] up to which a sphere is at rest
 _LEAST, REST = 0.01, 0.02
 # overlaps [those of the weight] beyond which a start is in the middle of a blow
@@ -92,6 +93,7 @@ class _Touch(NamedTuple):
 def follow_springs(
     world: World,
     springs: Single,
+    near: Candidates,
     before: Spheres,
     kicks: Array,
     dt: float,
@@ -104,6 +106,7 @@ def follow_springs(
     Args:
         world: What does not move.
         springs: k, factors of restitution and friction, and q; shape (SPRINGS,).
+        near: Candidates of the frame, looked for `SPARE` farther out.
         before: State at the start of the frame.
         kicks: How much the laws changed velocities, 0 in flight, shape (n,).
         dt: Length of the frame.
@@ -112,10 +115,10 @@ def follow_springs(
         islands_out: Contacts are added.
     """
     count, stiffness = len(asleep), float(springs[0])
-    candidates = find_candidates(world, before.positions, before.velocities, dt, ~asleep, _SPARE)
-    is_struck = _struck(world, candidates, before.positions, kicks, stiffness)
+    is_struck = _struck(world, near, before.positions, kicks, stiffness)
     if not is_struck.any():
         return
+    members, candidates = _in_reach(near, is_struck, asleep)
     inverse = world.inverse_mass.copy()
     for i in range(count):
         if asleep[i]:
@@ -126,21 +129,20 @@ def follow_springs(
     h, force, torque = dt / steps, np.zeros((count + 1, 3)), np.zeros((count + 1, 3))
     pairs = _pairs_of(world, candidates, springs, inverse, h)
     pull = np.empty((count, 3))
-    for i in range(count):
+    for i in members:
         put(pull, i, (world.flight[i, 0], world.flight[i, 1], world.flight[i, 2]))
         if world.in_air:
             v, w = row(before.velocities, i), row(before.angular_velocities, i)
             put(pull, i, acceleration(v, w, flight_at(world.flight, i)))
     for step in range(steps + 1):
-        force[:] = 0.0
-        torque[:] = 0.0
         for c in range(len(candidates.a)):
             _press(world, candidates, pairs, c, float(springs[3]), h, made, force, torque, is_lost)
         half = 0.5 if step in (0, steps) else 1.0
-        _move(world, asleep, pull, force, torque, half * h, h, step < steps, made, angles, is_lost)
-    for i in range(count):
+        drift = h if step < steps else 0.0
+        _move(world, members, pull, force, torque, half * h, drift, made, angles, is_lost)
+    for i in members:
         turn(made.quaternions, i, row(angles, i), 1.0)
-    _mark_lost(world, before, made, dt, is_lost)
+    _mark_lost(world, members, before, made, dt, is_lost)
     for c in range(len(candidates.a)):
         a, b = candidates.a[c], candidates.b[c]
         if pairs.touched[c]:
@@ -151,6 +153,28 @@ def follow_springs(
             else:
                 connect(islands_out, a, b)
     _take(is_struck, is_lost, made, after_out, islands_out)
+
+
+@compiled
+def _in_reach(near: Candidates, is_struck: Flags, asleep: Flags) -> tuple[Indices, Candidates]:
+    """Spheres that a blow may reach through candidates, and the candidates among these."""
+    count = len(asleep)
+    linked, reached = no_islands(count), np.zeros(count + 1, np.bool_)
+    for c in range(len(near.a)):
+        a, b = near.a[c], near.b[c]
+        if b < count and not asleep[a] and not asleep[b]:
+            connect(linked, a, b)
+    for i in range(count):
+        if is_struck[i]:
+            reached[root_of(linked.parent, i)] = True
+    for i in range(count):
+        reached[i] = reached[root_of(linked.parent, i)] and not asleep[i]
+    reached[count] = False
+    kept = np.flatnonzero(reached[near.a] | reached[near.b])
+    candidates = Candidates(
+        a=near.a[kept], b=near.b[kept], plane=near.plane[kept], key=near.key[kept], pairs=0
+    )
+    return np.flatnonzero(reached), candidates
 
 
 @compiled
@@ -288,40 +312,40 @@ def _press(
 @in_place
 def _move(
     world: World,
-    asleep: Flags,
+    members: Indices,
     pull: Array,
-    force: Array,
-    torque: Array,
+    force_out: Array,
+    torque_out: Array,
     kick: float,
-    h: float,
-    drifts: bool,
+    drift: float,
     made_out: Spheres,
     angles_out: Array,
     lost_out: Flags,
 ) -> None:
-    """Velocities by forces in the time `kick`, then positions by h where it drifts."""
-    for i in range(len(asleep)):
-        if asleep[i]:
-            continue
-        change = plus(row(pull, i), times(world.inverse_mass[i], row(force, i)))
+    """Velocities by forces in the time `kick`, then positions in `drift`; forces are 0 then."""
+    for i in members:
+        change = plus(row(pull, i), times(world.inverse_mass[i], row(force_out, i)))
         add_to(made_out.velocities, i, times(kick, change))
-        change = times(kick * world.inverse_inertia[i], row(torque, i))
+        change = times(kick * world.inverse_inertia[i], row(torque_out, i))
         add_to(made_out.angular_velocities, i, change)
-        if drifts:
-            way = times(h, row(made_out.velocities, i))
-            add_to(made_out.positions, i, way)
-            add_to(angles_out, i, times(h, row(made_out.angular_velocities, i)))
-            if not length(way) <= _FAR * world.radius[i]:
-                lost_out[i] = True
+        way = times(drift, row(made_out.velocities, i))
+        add_to(made_out.positions, i, way)
+        add_to(angles_out, i, times(drift, row(made_out.angular_velocities, i)))
+        if not length(way) <= _FAR * world.radius[i]:
+            lost_out[i] = True
+        put(force_out, i, (0.0, 0.0, 0.0))
+        put(torque_out, i, (0.0, 0.0, 0.0))
 
 
 @in_place
-def _mark_lost(world: World, before: Spheres, made: Spheres, dt: float, lost_out: Flags) -> None:
+def _mark_lost(
+    world: World, members: Indices, before: Spheres, made: Spheres, dt: float, lost_out: Flags
+) -> None:
     """Mark spheres that left the room in which their contacts were looked for."""
     weight = weight_of(world)
-    for i in range(len(made.positions)):
+    for i in members:
         reach = reach_of(length(row(before.velocities, i)), weight, dt)
-        reach += (PAD + _SPARE) * world.radius[i]
+        reach += (PAD + SPARE) * world.radius[i]
         gone = length(minus(row(made.positions, i), row(before.positions, i)))
         lost_out[i] |= not gone <= reach
 
