@@ -209,7 +209,7 @@ def outputs_of(network: LearnedNetwork, contacts: LearnedContacts, count: int) -
         count: Spheres.
     """
     sides, bodies = _sides_of(contacts, count)
-    size, rows, width = len(sides.contact), _rows(len(sides.contact)), len(network.first_bias)
+    size, rows = len(sides.contact), _rows(len(sides.contact))
     inputs = np.zeros((rows, FEATURES), np.float32)
     for e in range(size):
         c = sides.contact[e]

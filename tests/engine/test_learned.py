@@ -26,10 +26,10 @@ OPTIONS = asdict(LawsOptions())
 GRAVITY = 9.81
 
 
-def random_network(seed=0):
+def random_network(seed=0, config=CONFIG):
     """A network that does much, and nothing sensible."""
     torch.manual_seed(seed)
-    network = ResidualNetwork(CONFIG)
+    network = ResidualNetwork(config)
     with torch.no_grad():
         network.out.weight.mul_(30.0)
     return network
@@ -63,10 +63,13 @@ def learned(scene, state, **changes_of_options):
     return LearnedStepper(WEIGHTS, scene, state, 0.1, **(OPTIONS | changes_of_options))
 
 
-def test_engine_and_torch_agree():
+@pytest.mark.parametrize('config', [CONFIG, ResidualConfig(width=20, vectors=9)])
+def test_engine_and_torch_agree(config):
     """They round float32 sums in other orders: 1e-5 of changes of some m/s."""
     scene, state = heap()
-    stepper = learned(scene, state, guard=False, sleep=False)
+    network = random_network(config=config)
+    options = OPTIONS | {'guard': False, 'sleep': False}
+    stepper = LearnedStepper(network_of(tensors_of(network), config), scene, state, 0.1, **options)
     frame, world = stepper.frame(), stepper.world
     assert len(frame.contacts.a) > 10
     bodies = np.stack([world.radius, world.inverse_mass, world.inverse_inertia])
@@ -74,7 +77,7 @@ def test_engine_and_torch_agree():
     known = np.ones(len(state), bool)
     contacts, bodies, *_ = batch_of([Frame(frame.contacts, bodies, errors, known)])
     with torch.no_grad():
-        _, velocities, spins = changes(NETWORK(contacts), contacts, bodies, 0.1)
+        _, velocities, spins = changes(network(contacts), contacts, bodies, 0.1)
     done = frame.after.velocities - frame.laws.velocities
     assert np.abs(done).max() > 0.5
     np.testing.assert_allclose(done, velocities, atol=1e-5)

@@ -13,12 +13,14 @@ from rigid_gns_core.commands.cli import main
 from rigid_gns_core.data.records import Record
 from rigid_gns_core.engine.options import ResidualConfig
 from rigid_gns_core.errors import UserError
-from rigid_gns_core.files.checkpoint import CheckpointError
+from rigid_gns_core.files.checkpoint import CheckpointError, tensors_of
+from rigid_gns_core.networks.residual import ResidualNetwork
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.obstacle import Obstacle
 from rigid_gns_core.scenes.scene import Plane, Scene
 from rigid_gns_core.scenes.state import State, Trajectory
 from rigid_gns_core.training.recipes import load_recipe
+from rigid_gns_core.training.residual import gate
 from rigid_gns_core.training.residual.blows import states_after_blows
 from rigid_gns_core.training.residual.frames import Track
 from rigid_gns_core.training.residual.gate import held_out
@@ -90,6 +92,38 @@ def test_what_does_not_win_is_switched_off(tmp_path):
         for name in (tmp_path / 'best', 'laws')
     )
     assert made.positions.tobytes() == laws.positions.tobytes()
+
+
+@pytest.mark.parametrize(
+    ('springs', 'network', 'both', 'strength', 'has_springs', 'ratio'),
+    [
+        (1.1, 1.2, 1.3, 0.0, False, 1.2),  # the best of those with a network is told
+        (0.8, 0.9, 0.9, 0.0, True, 0.8),
+        (0.8, 0.9, 0.6, 1.0, True, 0.6),
+        (1.1, 0.7, 0.9, 1.0, False, 0.7),
+        (0.8, 0.6, 0.9, 1.0, False, 0.6),
+        (np.inf, 0.7, np.inf, 1.0, False, 0.7),
+    ],
+)
+def test_springs_and_network_are_judged_alone_and_together(
+    monkeypatch, springs, network, both, strength, has_springs, ratio
+):
+    """Errors over those of the laws; a quarter of the strength does a quarter of it."""
+
+    def errors(weights, tracks, horizons):
+        has, s = weights.springs[0] > 0, weights.strength[0]
+        alone, full = (springs, both) if has else (1.0, network)
+        own = full if s == 1 else alone + s * (full - alone) if np.isfinite(full) else alone
+        return np.outer(1.0 + 0.1 * np.arange(len(tracks)), [own, own])
+
+    monkeypatch.setattr(gate, 'rollout_errors', errors)
+    tensors = tensors_of(ResidualNetwork(CONFIG.model))
+    tensors['springs'] = np.array([3e4, 1.0, 1.0, 0.8], np.float32)
+    found = gate.compare(tensors, CONFIG.model, [None] * 4, 3)
+    assert (found.strength, found.springs) == (strength, has_springs)
+    # of laws that win, the best of the others is told: a quarter of the network
+    told = 1 + (ratio - 1) / 4 if not (strength or has_springs) else ratio
+    assert found.ratio == pytest.approx(told)
 
 
 def test_without_held_out_tracks_it_is_switched_off(tmp_path):

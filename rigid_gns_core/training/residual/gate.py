@@ -7,7 +7,7 @@ Its outputs are multiplied by a strength s. For each s, r is the error of its ro
 the laws alone, a mean over short rollouts and over longer ones; the s of the least r is kept if
 r + d < 1, with d the standard error of r over the tracks (jackknife: each is left out once), and
 else s = 0, which is the laws to the bit. Springs of blows are judged first, without the network,
-which then has to be as much better than they are.
+which then, with and without them, has to be as much better than what was kept.
 """
 
 from __future__ import annotations
@@ -96,29 +96,25 @@ def compare(
         changed = tensors | {'strength': np.array([strength], np.float32), 'springs': springs}
         return rollout_errors(network_of(changed, model), tracks, (steps, _LONGER * steps))
 
-    springs = tensors['springs']
-    base = of_laws = errors(0.0, np.zeros_like(springs))
+    springs, none = tensors['springs'], np.zeros_like(tensors['springs'])
+    of_laws = errors(0.0, none)
     judged = np.isfinite(of_laws).all(axis=1)
     if judged.sum() < _TRACKS:
         return Comparison(0.0, None, None)
-    springs_win = False
-    if springs.any():
-        by_springs = errors(0.0, springs)
-        ratio, deviation = _ratio(by_springs[judged], of_laws[judged])
-        if ratio + deviation < 1:
-            base, springs_win = by_springs, True
-    best, least = base, Comparison(0.0, math.inf, 0.0)
-    for strength in STRENGTHS:
-        own = errors(strength, springs)
-        ratio, deviation = _ratio(own[judged], base[judged])
-        if ratio < (least.ratio or math.inf):
-            best, least = own, Comparison(strength, ratio, deviation)
-    assert least.ratio is not None and least.deviation is not None
-    network_wins = least.ratio + least.deviation < 1
-    shown = best if network_wins or not springs_win else base
-    ratio, deviation = _ratio(shown[judged], of_laws[judged])
-    acts = bool(springs.any()) and (springs_win or network_wins)
-    return Comparison(least.strength if network_wins else 0.0, ratio, deviation, acts)
+    has_springs = bool(springs.any())
+    alone = [[(0.0, springs)]] if has_springs else []
+    either = (springs, none) if has_springs else (none,)
+    kept, base = (0.0, none), of_laws[judged]
+    for trials in [*alone, [(strength, own) for own in either for strength in STRENGTHS]]:
+        made = [errors(*trial)[judged] for trial in trials]
+        compared = [_ratio(own, base) for own in made]
+        best = min(range(len(trials)), key=lambda k: compared[k][0])
+        if sum(compared[best]) < 1:
+            kept, base = trials[best], made[best]
+    strength, acting = kept
+    acts = strength > 0 or bool(acting.any())
+    ratio, deviation = _ratio(base if acts else made[best], of_laws[judged])
+    return Comparison(strength, ratio, deviation, bool(acting.any()))
 
 
 def keep_what_wins(path: Path, records: Sequence[Record], steps: int) -> Comparison:
