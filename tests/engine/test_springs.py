@@ -28,14 +28,14 @@ STIFFNESS = 30000.0
 """Contacts of 18 ms where a frame is 100 ms."""
 
 
-def springs(size, restitution=1.0, friction=1.0, ratio=0.8, seed=0):
+def springs(size, stiffness=STIFFNESS, restitution=1.0, friction=1.0, ratio=0.8, seed=0):
     """Weights with springs, and with a random network of so large outputs."""
     torch.manual_seed(seed)
     network = ResidualNetwork(CONFIG)
     with torch.no_grad():
         network.out.weight.mul_(size)
-        network.stiffness.fill_(STIFFNESS)
-        network.springs.copy_(torch.tensor([STIFFNESS, restitution, friction, ratio]))
+        network.stiffness.fill_(stiffness)
+        network.springs.copy_(torch.tensor([stiffness, restitution, friction, ratio]))
     return network_of(tensors_of(network), CONFIG)
 
 
@@ -161,7 +161,10 @@ def test_momenta_of_a_free_cluster_stay():
 
 @pytest.mark.parametrize('seed', range(3))
 def test_energy_with_what_contacts_store_never_rises(seed):
-    weights, (scene, state) = springs(30.0, seed=seed), heap(seed)
+    rng, (scene, state) = np.random.default_rng(seed), heap(seed)
+    low, high = [math.log(3e2), 0.2, 0.0, 0.02], [math.log(2e5), 1.5, 3.0, 1.0]  # as training's
+    log, *others = rng.uniform(low, high)
+    weights = springs(30.0, math.exp(log), *others, seed=seed)
     mass, radius = np.asarray(scene.mass), np.asarray(scene.radius)
     stepper, totals = stepper_of(scene, state, weights), []
     for _ in range(200):
