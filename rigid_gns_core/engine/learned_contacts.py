@@ -103,7 +103,16 @@ def find_learned_contacts(
     """
     count = len(asleep)
     kicks, pushes = changes_by_laws(world, before, after, dt)
-    size, most = 0, len(candidates.a)
+    chosen = np.empty(len(candidates.a), np.int64)
+    size, most = 0, 0
+    for k in range(len(chosen)):  # of those in flight there may be thousands
+        a, b = candidates.a[k], candidates.b[k]
+        fixed = b == count
+        if not (asleep[a] or (not fixed and asleep[b])):
+            kick = kicks[a] + (0.0 if fixed else kicks[b])
+            if kick > _REST or overlap_of(world, candidates, k, before.positions) > 0:
+                chosen[most] = k
+                most += 1
     found = LearnedContacts(
         a=np.empty(most, np.int64),
         b=np.empty(most, np.int64),
@@ -114,12 +123,9 @@ def find_learned_contacts(
         features=np.zeros((most, 2, FEATURES)),
         scale=np.empty(most),
     )
-    for k in range(most):
-        a, b = candidates.a[k], candidates.b[k]
-        fixed = b == count
-        if asleep[a] or (not fixed and asleep[b]):
-            continue
-        kick = kicks[a] + (0.0 if fixed else kicks[b])
+    for k in chosen[:most]:
+        b = candidates.b[k]
+        kick = kicks[candidates.a[k]] + (kicks[b] if b < count else 0.0)
         if _describe(world, before, after, dt, candidates, k, pushes, kick, size, found):
             found.features[size, :, FEATURES - 1] = 1.0 if is_start else 0.0
             size += 1
@@ -148,6 +154,16 @@ def no_learned_contacts() -> LearnedContacts:
         features=np.empty((0, 2, FEATURES)),
         scale=np.empty(0),
     )
+
+
+@in_place
+def overlap_of(world: World, candidates: Candidates, k: int, positions: Array) -> float:
+    """How deep the bodies of candidate k overlap; 0: they do not."""
+    a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
+    touching, place = world.radius[a], row(positions, a)
+    if plane >= 0:
+        return max(0.0, touching - length(offset_from_plane(world, plane, place)))
+    return max(0.0, touching + world.radius[b] - length(minus(place, row(positions, b))))
 
 
 @compiled

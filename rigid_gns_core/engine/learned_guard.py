@@ -18,11 +18,10 @@ import numpy as np
 from .broad_phase import Candidates
 from .guard import energy_of, limit_energy, limit_energy_beyond
 from .islands import groups_of, Islands
-from .shielding import offset_from_plane
+from .learned_contacts import overlap_of
 from .spheres import Spheres
 from .world import World
 from ..kernels.jit import compiled
-from ..kernels.vector import length, minus, row
 from ..scenes.state import Array
 
 
@@ -66,17 +65,11 @@ def stores(world: World, positions: Array, candidates: Candidates, stiffness: fl
     """Most that the overlaps of each sphere store; half of one of two spheres is each one's."""
     most = np.zeros(len(positions))
     for c in range(len(candidates.a)):
-        a, b, plane = candidates.a[c], candidates.b[c], candidates.plane[c]
-        if plane < 0:
-            touching = world.radius[a] + world.radius[b]
-            distance = length(minus(row(positions, a), row(positions, b)))
-        else:
-            touching = world.radius[a]
-            distance = length(offset_from_plane(world, plane, row(positions, a)))
-        overlap = max(0.0, touching - distance)
+        a, b = candidates.a[c], candidates.b[c]
+        overlap = overlap_of(world, candidates, c, positions)
         mass = 1.0 / (world.inverse_mass[a] + world.inverse_mass[b])
         energy = 0.5 * mass * stiffness * overlap**2
-        if plane < 0:
+        if candidates.plane[c] < 0:
             most[a] += 0.5 * energy
             most[b] += 0.5 * energy
         else:
