@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .broad_phase import Candidates
-from .rectangle import from_plane
+from .rectangle import from_plane, is_over_face
 from .shielding import offset_from_plane
 from .spheres import Spheres
 from .world import World
@@ -230,10 +230,12 @@ def _describe(
     w, w_after = row(before.angular_velocities, a), row(after.angular_velocities, a)
     v_b, w_b, v_b_after, w_b_after, push_b = zero, zero, zero, zero, zero
     if fixed:
-        axes = world.axes[plane]
-        offset = from_plane(axes, offset_from_plane(world, plane, row(before.positions, a)))
+        axes, local = world.axes[plane], offset_from_plane(world, plane, row(before.positions, a))
+        offset = from_plane(axes, local)
         offset_after = from_plane(axes, offset_from_plane(world, plane, row(after.positions, a)))
         mean = plus(v, times(0.5 * dt, gravity))
+        if is_over_face(local):  # the nearest point of a face moves along
+            mean = minus(mean, across(mean, row(axes, 2)))
     else:
         offset = minus(row(before.positions, a), row(before.positions, b))
         offset_after = minus(row(after.positions, a), row(after.positions, b))

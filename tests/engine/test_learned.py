@@ -96,6 +96,18 @@ def test_without_contacts_it_is_the_laws():
         assert getattr(states, name).tobytes() == values.tobytes()
 
 
+@pytest.mark.parametrize('slip', [0.0, 20.0])
+def test_a_bounce_is_seen_however_fast_it_slips(slip):
+    """It touches the floor after 50 of 100 ms, wherever along the floor that is."""
+    start = State(positions=[[0, 0, 2.0]], velocities=[[slip, 0, -20.0]])
+    scene = Scene(surfaces=(Plane(),), gravity=(0.0, 0.0, 0.0))
+    contacts = learned(scene, start).frame().contacts
+    assert contacts.a.tolist() == [0]
+    np.testing.assert_allclose(contacts.normal, [[0, 0, 1]], atol=1e-15)
+    _, _, gap_then, share_of_frame, touches, *_ = contacts.features[0, 0]
+    np.testing.assert_allclose([gap_then, share_of_frame, touches], [0, 0.5, 1], atol=1e-12)
+
+
 def test_a_heap_at_rest_is_the_laws():
     """Its contacts have no scale, so that a network cannot shake it."""
     scene = Scene(surfaces=Plane.box(6.0, 6.0), radius=1.0)
