@@ -17,13 +17,14 @@ from .separation import separate
 from .sleep import all_awake, Sleepers, wake_all
 from .spheres import part_of, Spheres
 from .warm_start import cold_start, WarmStart
-from .world import World, world_of
-from ..kernels.flight import accelerations
+from .world import still_world, World, world_of
 from ..kernels.jit import compiling, entry, is_compiled
 from ..kernels.neighbours import Indices
+from ..rollout.crossing import first_passages
+from ..rollout.paths import Paths
 from ..rollout.stepper import Advance, state_at, Stepper
+from ..rollout.touches import touches_of
 from ..running.memory import keep_freed_memory
-from ..scenes.air import Air
 from ..scenes.scene import Plane, Scene
 from ..scenes.state import State
 
@@ -107,8 +108,17 @@ def warm_up() -> None:
     start = State(positions=np.array([[0.0, 0.0, 1.2], [0.0, 0.5, 3.0]]))
     with compiling():
         EngineStepper(scene, start, 0.1, substeps=1, rounds=1).step()
-        flight, speeds = Air().flight(np.ones(2), np.ones(2), scene.gravity), np.zeros((1, 2, 3))
-        accelerations(speeds, speeds, flight, np.empty((1, 2, 3)))
+        _read_paths(scene, start)
+
+
+def _read_paths(scene: Scene, start: State) -> None:
+    """The same of what reads the paths of rollouts, with a blow."""
+    states = State.unchecked(*(np.stack([[field, field]]) for field in vars(start).values()))
+    states.velocities[:, 1, :, 2] = 10.0
+    paths = Paths.of(scene, states, 0.1, exact=True)
+    paths.at(np.array([0.05]))
+    first_passages(paths, 0, scene.surfaces[0], 0.1)
+    touches_of(paths, scene, 0)
 
 
 class EngineStepper(Stepper):
@@ -122,8 +132,7 @@ class EngineStepper(Stepper):
         rounds: M, iterations of the solver in a substep.
         guard: Limit the energy of every island.
         sleep: Let islands at rest sleep.
-        world: Of the scene and as many spheres, where that is known and no plane moves; None: it
-            is made.
+        world: See `still_world`; None: one is made.
     """
 
     def __init__(
@@ -249,7 +258,8 @@ def advance_starts(
         velocities=np.array(starts.velocities),
         angular_velocities=np.array(starts.angular_velocities),
     )
-    frames, world = Spheres(**vars(frames_out)), world_of(scene, spheres, dt / substeps)
+    frames = Spheres(**vars(frames_out))
+    world = still_world(scene, spheres) or world_of(scene, spheres, dt / substeps)
     count_of = substeps * (frames_out.positions.shape[1] - 1)
     world = with_plans(world, scene.surfaces, first=0, substeps=count_of, frame=substeps)
     for values, part in zip(frames, begin, strict=True):

@@ -10,6 +10,7 @@ move have fixed bodies of their own after it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -104,6 +105,13 @@ class World(NamedTuple):
     solids: Array
     moving: bool
     twists: Twists
+
+
+@lru_cache(maxsize=64)
+def still_world(scene: Scene, count: int) -> World | None:
+    """World in which no plane moves, which all rollouts may share; None: one moves."""
+    world = world_of(scene, count)
+    return None if world.moving else world
 
 
 def world_of(scene: Scene, count: int, step: float = 1.0) -> World:

@@ -9,15 +9,13 @@ from collections.abc import Callable
 from concurrent.futures import Future as Result
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
 import threading
 import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .spread import Spread, spread_of_future, SpreadJob
-from ..messages.trajectories import TrajectoryCodec
+from .spread import codec_of, Spread, spread_of_future, SpreadJob
 from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
@@ -195,7 +193,7 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
             _fill(poses[rows], twists[rows], states)
             points += count
     poses, twists = poses[:points], twists[:points]
-    codec = _codec_of(job.frame_id, job.ids, points, rollout.dt)
+    codec = codec_of(job.frame_id, job.ids, points, rollout.dt)
     cdr = codec.encode(job.stamp_ns, poses, twists)
     spread = None
     if job.spread is not None:
@@ -207,9 +205,3 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
 def _fill(poses_out: Array, twists_out: Array, states: State) -> None:
     poses_out[..., :3], poses_out[..., 3:] = states.positions, states.quaternions
     twists_out[..., :3], twists_out[..., 3:] = states.velocities, states.angular_velocities
-
-
-@lru_cache(maxsize=8)
-def _codec_of(frame_id: str, ids: tuple[int, ...], points: int, dt: float) -> TrajectoryCodec:
-    names = [f'sphere_{sphere}' for sphere in ids]
-    return TrajectoryCodec(frame_id, names, [round(step * dt * 1e9) for step in range(points)])

@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 import json
 from typing import Any
 
 import numpy as np
 
 from ..messages.covariances import encode_pose_with_covariance, encode_twist_with_covariance
-from ..messages.trajectories import encode_trajectory
+from ..messages.trajectories import TrajectoryCodec
 from ..rollout.crossing import Branch, Crossing
 from ..rollout.forecast import Estimate, Forecast
 from ..rollout.simulator import Simulator
@@ -47,7 +48,7 @@ class SpreadJob:
     estimate: Estimate
     samples: int
     planes: Mapping[str, Plane]
-    ids: Sequence[int]
+    ids: tuple[int, ...]
     stamp_ns: int
     frame_id: str
 
@@ -92,10 +93,11 @@ def spread_of_future(job: SpreadJob, points: int, dt: float, seed: int = 0) -> S
     if not job.samples:
         planes = {**head, 'planes': told} if job.planes else None
         return Spread(None, tuple(crossings), planes, None, None, ())
-    branches = [forecast.branches(k) for k in range(len(job.ids))]
     split = [
-        [branch for branch in own if branch.probability >= _LEAST] if len(own) > 1 else []
-        for own in branches
+        [branch for branch in forecast.branches(k) if branch.probability >= _LEAST]
+        if forecast.splits(k)
+        else []
+        for k in range(len(job.ids))
     ]
     spheres = [
         {
@@ -114,7 +116,7 @@ def spread_of_future(job: SpreadJob, points: int, dt: float, seed: int = 0) -> S
         if own
     ]
     return Spread(
-        _deviations(job, forecast, times),
+        _deviations(job, forecast, times, dt),
         tuple(crossings),
         {**head, 'planes': told} if job.planes else None,
         {**head, 'spheres': spheres},
@@ -123,7 +125,7 @@ def spread_of_future(job: SpreadJob, points: int, dt: float, seed: int = 0) -> S
     )
 
 
-def _deviations(job: SpreadJob, forecast: Forecast, times: Array) -> bytes:
+def _deviations(job: SpreadJob, forecast: Forecast, times: Array, dt: float) -> bytes:
     """Message of deviations and correlations of positions, and deviations of velocities."""
     variances = np.diagonal(forecast.covariance, axis1=2, axis2=3)
     deviations = np.sqrt(variances)
@@ -131,14 +133,18 @@ def _deviations(job: SpreadJob, forecast: Forecast, times: Array) -> bytes:
     correlations = forecast.covariance[..., [0, 0, 1], [1, 2, 2]] / np.maximum(pairs, 1e-300)
     of_velocity = forecast.paths.velocities[:, : len(times)].std(axis=0, ddof=1)
     unit = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*deviations.shape[:2], 4))
-    return encode_trajectory(
+    return codec_of(job.frame_id, job.ids, len(times), dt).encode(
         job.stamp_ns,
-        job.frame_id,
-        [f'sphere_{sphere}' for sphere in job.ids],
-        [round(time * 1e9) for time in times.tolist()],
         np.concatenate([deviations, unit], axis=2),
         np.concatenate([of_velocity, correlations], axis=2),
     )
+
+
+@lru_cache(maxsize=8)
+def codec_of(frame_id: str, ids: tuple[int, ...], points: int, dt: float) -> TrajectoryCodec:
+    """Encoder of futures of some spheres, in points that are `dt` [s] apart."""
+    names = [f'sphere_{sphere}' for sphere in ids]
+    return TrajectoryCodec(frame_id, names, [round(step * dt * 1e9) for step in range(points)])
 
 
 def _messages(job: SpreadJob, found: Crossing, k: int) -> tuple[bytes, bytes]:

@@ -15,14 +15,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .jit import entry, in_place
-from .lanes import choose, Mask
+from .jit import in_place
+from .lanes import bits, choose, Lanes, Mask, same
 from .vector import cross, dot, length, minus, plus, times, Vector
 from ..scenes.state import Array
 
 # share of its velocity that air takes or turns in one piece of a flight: errors are below 1e-7 of
 # the way; and most pieces, for what is as light as a soap bubble
 _LARGEST_CHANGE, _MOST_PIECES = 0.1, 1000
+# most pieces of a flight in lanes: a table tennis ball has one, a balloon two
+_IN_LANES = 4
 
 
 class Flight(NamedTuple):
@@ -77,17 +79,6 @@ def acceleration(velocity: Vector, spin: Vector, flight: Flight) -> Vector:
     return plus(flight.pull, push)
 
 
-@entry
-def accelerations(velocities: Array, spins: Array, rows: Array, found_out: Array) -> None:
-    """Accelerations of spheres in flight, shapes (m, n, 3); `rows` as `flight_at` takes them."""
-    for k in range(len(velocities)):
-        for i in range(len(rows)):
-            v = (velocities[k, i, 0], velocities[k, i, 1], velocities[k, i, 2])
-            w = (spins[k, i, 0], spins[k, i, 1], spins[k, i, 2])
-            found = acceleration(v, w, flight_at(rows, i))
-            found_out[k, i, 0], found_out[k, i, 1], found_out[k, i, 2] = found
-
-
 @in_place
 def spin_after(spin: Vector, flight: Flight, time: float) -> Vector:
     """Angular velocity after a time: w exp(-c t)."""
@@ -124,13 +115,48 @@ def mean_accelerations(
 def mean_accelerations_in_lanes(
     velocity: Vector, spin: Vector, flight: Flight, time: float
 ) -> tuple[Mask, Vector, Vector]:
-    """As `mean_accelerations`, of eight spheres as lanes; and whether one piece is enough.
+    """As `mean_accelerations`, of eight spheres as lanes; and whether few pieces are enough.
 
-    Where it is not, the accelerations are not those.
+    Where they are not, the accelerations are not those.
     """
     first = acceleration(velocity, spin, flight)
+    pieces = _pieces(velocity, first, flight, time)
     path, mean = _mean_accelerations(velocity, spin, first, flight, time)
-    return _pieces(velocity, first, flight, time) <= 1.0, path, mean
+    several = pieces > 1.0
+    if bits(several):
+        longer, slower = _mean_of_pieces(velocity, spin, flight, time, pieces)
+        path, mean = _chosen(several, longer, path), _chosen(several, slower, mean)
+    return pieces <= float(_IN_LANES), path, mean
+
+
+@in_place
+def _mean_of_pieces(
+    velocity: Vector, spin: Vector, flight: Flight, time: float, pieces: Lanes
+) -> tuple[Vector, Vector]:
+    """Mean accelerations of eight flights, each in as many pieces as it is to have."""
+    parts = same(1.0)
+    for k in range(1, _IN_LANES):
+        parts = parts + choose(pieces > float(k), 1.0, 0.0)
+    none, piece = same(0.0), time / parts
+    way = change = (none, none, none)
+    for k in range(_IN_LANES):
+        flies = parts > float(k)
+        if not bits(flies):
+            break
+        now = plus(velocity, change)
+        path, mean = _mean_accelerations(now, spin, acceleration(now, spin, flight), flight, piece)
+        further = plus(way, times(piece, plus(change, times(0.5 * piece, path))))
+        way, change = (
+            _chosen(flies, further, way),
+            _chosen(flies, plus(change, times(piece, mean)), change),
+        )
+        spin = spin_after(spin, flight, piece)
+    return times(2.0 / time**2, way), times(1.0 / time, change)
+
+
+@in_place
+def _chosen(mask: Mask, yes: Vector, no: Vector) -> Vector:
+    return choose(mask, yes[0], no[0]), choose(mask, yes[1], no[1]), choose(mask, yes[2], no[2])
 
 
 @in_place

@@ -144,6 +144,7 @@ def _define_by_lane(function: Any) -> None:
 
 _define_by_lane(math.sin)
 _define_by_lane(math.cos)
+_define_by_lane(math.exp)
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:

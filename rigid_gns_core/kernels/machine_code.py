@@ -18,6 +18,7 @@ import sys
 from typing import Any, cast, TypeVar
 import uuid
 
+from ..errors import UserError
 from ..installation.extras import missing
 
 try:
@@ -28,6 +29,11 @@ try:
     from .linking import EntryCompiler, PartCompiler, rebuilt
 except ModuleNotFoundError as error:
     raise missing(error, 'the engine') from error
+except ValueError as error:
+    raise UserError(
+        f'numba cannot be used: {error} NUMBA_NUM_THREADS is '
+        f'{os.environ.get("NUMBA_NUM_THREADS")!r}, expected 1 or more; unset it'
+    ) from error
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -68,7 +74,7 @@ class MachineCode:
 
     def is_complete(self) -> bool:
         """Whether this or an earlier process has compiled all that a first use needs."""
-        self._complete = self._complete or self._is_whole()
+        self._complete = not _is_off() and (self._complete or self._is_whole())
         return self._complete
 
     @contextmanager
@@ -78,10 +84,15 @@ class MachineCode:
         Args:
             what: What is compiled, for the message.
             wait: How long that takes, for the message.
+
+        Raises:
+            UserError: Numba is told to compile nothing.
         """
         if self.is_complete():
             yield
             return
+        if _is_off():
+            raise UserError(f'NUMBA_DISABLE_JIT is set, but {what} runs compiled only: unset it')
         print(f'rigid_gns: compiling {what}, once; {wait}', file=sys.stderr)
         self._complete = True  # or what is used within the block would begin another first use
         collects = gc.isenabled()
@@ -226,6 +237,12 @@ def _users_folder() -> list[Path]:
         return [Path(place or Path.home() / '.cache') / 'rigid_gns']
     except RuntimeError:
         return []
+
+
+def _is_off() -> bool:
+    """Whether Numba compiles nothing: then modules can be imported, as for documentation."""
+    settings: Any = numba.config
+    return bool(settings.DISABLE_JIT)
 
 
 def _chosen() -> str:

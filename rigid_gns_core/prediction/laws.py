@@ -71,12 +71,11 @@ class LawsSimulator(Simulator):
     def steppers(self, scene: Scene, count: int) -> Callable[[State], Stepper]:
         """See `Simulator.steppers`: they share what does not move."""
         from ..engine.stepper import EngineStepper
-        from ..engine.world import world_of
+        from ..engine.world import still_world
 
-        world = world_of(scene, count)
-        shared = None if world.moving else world
+        world = still_world(scene, count)
         return lambda state: EngineStepper(
-            scene, state, self.units.dt, world=shared, **self._settings
+            scene, state, self.units.dt, world=world, **self._settings
         )
 
     def rollout_samples(

@@ -11,12 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .paths import Paths, slope, value
+from .paths import Paths
 from ..scenes.plane import Plane
 from ..scenes.state import Array
-
-# steps of Newton's method, each held within its bracket
-_STEPS = 12
 
 
 @dataclass(frozen=True)
@@ -138,93 +135,12 @@ class Passages:
 
 def first_passages(paths: Paths, sphere: int, plane: Plane, horizon: float) -> Passages:
     """First crossing of a plane by a sphere's centre in each rollout, until `horizon` [s]."""
-    normal, point = np.asarray(plane.normal), np.asarray(plane.point)
-    heights = (paths.positions[:, :, sphere] - point) @ normal
-    rates = paths.velocities[:, :, sphere] @ normal
-    # between steps of one sign it may turn back behind the plane, or be struck there
-    may = heights[:, :-1] * heights[:, 1:] <= 0.0
-    may |= rates[:, :-1] * rates[:, 1:] <= 0.0
-    may |= paths.struck[:, :, sphere]
-    sample, step = np.nonzero(may)
-    found = paths.pieces((sample, step, np.full(len(sample), sphere)))
-    lines = found.coefficients @ normal
-    lines[..., 0] -= point @ normal
-    who, times, late = _roots(lines, found.split, paths.dt)
-    chosen = found.coefficients[who, late]
-    places, speeds = value(chosen, times), slope(chosen, times)
-    times = times + step[who] * paths.dt
-    along = (places - point) @ plane.axes[:2].T
-    good = (np.abs(along) <= plane.half_lengths).all(axis=1)
-    good &= (times > 0.0) & (times <= horizon * (1.0 + 1e-12))
-    numbers, first = np.unique(sample[who][good], return_index=True)
-    values = np.full((len(heights), 7), np.nan)
-    rows = np.column_stack([times, places, speeds])[good]
-    values[numbers] = rows[first]
-    return Passages(np.isin(np.arange(len(values)), numbers), values)
+    from ..kernels.passages import find_passages
 
-
-def _roots(
-    lines: Array, split: Array, dt: float
-) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
-    """Roots of polynomials in [0, split] and [split, dt], in the order of time.
-
-    Args:
-        lines: Coefficients, shape (m, 2, 4).
-        split: Shape (m,).
-        dt: End [s].
-
-    Returns:
-        Row of each root, its time, and which of the two polynomials it is of.
-    """
-    rows = len(lines)
-    zero = np.zeros(rows)
-    ends = np.stack([np.stack([zero, split], axis=1), np.stack([split, zero + dt], axis=1)], 1)
-    turns = np.clip(_turns(lines), ends[..., :1], ends[..., 1:])
-    knots = np.concatenate([ends[..., :1], np.sort(turns, axis=-1), ends[..., 1:]], axis=-1)
-    four = lines[..., None, :]  # at the knots, shape (m, 2, 4)
-    values = _at(four, knots)
-    low, high = values[..., :-1], values[..., 1:]
-    begin, end = knots[..., :-1], knots[..., 1:]
-    crossing = (low * high < 0.0) | ((high == 0.0) & (low != 0.0))
-    # the two do not meet exactly: a crossing may be between them
-    between = values[:, 0, -1] * values[:, 1, 0] < 0.0
-    row, piece, part = np.nonzero(crossing)
-    times = _root(lines[row, piece], begin[row, piece, part], end[row, piece, part])
-    extra = np.flatnonzero(between)
-    row, times = np.concatenate([row, extra]), np.concatenate([times, split[extra]])
-    piece = np.concatenate([piece, np.ones(len(extra), piece.dtype)])
-    order = np.lexsort((times, row))
-    return row[order].astype(np.int64), times[order], piece[order].astype(np.int64)
-
-
-def _turns(lines: Array) -> Array:
-    """Times at which the derivative is 0, 0 where there is none, shape (..., 2)."""
-    a, b, c = 3.0 * lines[..., 3], 2.0 * lines[..., 2], lines[..., 1]
-    root = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
-    # without cancellation: q / a and c / q
-    q = -0.5 * (b + np.where(b < 0.0, -root, root))
-    one = np.where(a != 0.0, q / np.where(a == 0.0, 1.0, a), 0.0)
-    two = np.where(q != 0.0, c / np.where(q == 0.0, 1.0, q), 0.0)
-    return np.stack([one, two], axis=-1)
-
-
-def _at(lines: Array, t: Array) -> Array:
-    found: Array = lines[..., 0] + t * (lines[..., 1] + t * (lines[..., 2] + t * lines[..., 3]))
-    return found
-
-
-def _root(lines: Array, low: Array, high: Array) -> Array:
-    """Root between two times with values of unlike signs, shape (m,)."""
-    begin = _at(lines, low)
-    t = 0.5 * (low + high)
-    for _ in range(_STEPS):
-        there = _at(lines, t)
-        left = there * begin > 0.0
-        low, high = np.where(left, t, low), np.where(left, high, t)
-        rate = lines[:, 1] + t * (2.0 * lines[:, 2] + 3.0 * t * lines[:, 3])
-        step = t - there / np.where(rate == 0.0, np.inf, rate)
-        t = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-    return t
+    values = np.empty((len(paths.positions), 7))
+    point, half = np.array(plane.point, np.float64), np.array(plane.half_lengths, np.float64)
+    find_passages(paths.compiled, sphere, point, np.array(plane.axes), half, horizon, values)
+    return Passages(np.isfinite(values[:, 0]), values)
 
 
 def _moments(values: Array) -> tuple[Array, Array]:

@@ -122,15 +122,23 @@ class Forecast:
         known = np.asarray(np.isfinite(self.covariance).all(axis=(0, 2, 3)))
         return Crossing.of(passages, self.touches, known)
 
-    def branches(self, sphere: int) -> tuple[Future, ...]:
-        """The branches of the future of a sphere, the most likely first."""
+    def splits(self, sphere: int) -> bool:
+        """Whether the future of a sphere has several branches."""
+        return len(self._groups(sphere)) > 1
+
+    def _groups(self, sphere: int) -> dict[tuple[str, ...], list[int]]:
+        """Samples by what they touch, in its order."""
         groups: dict[tuple[str, ...], list[int]] = {}
         for sample, events in enumerate(self.touches[sphere]):
             names = tuple(name for time, name in events if time <= self.lead_times[-1])
             groups.setdefault(names, []).append(sample)
+        return groups
+
+    def branches(self, sphere: int) -> tuple[Future, ...]:
+        """The branches of the future of a sphere, the most likely first."""
         total = len(self.paths.positions)
         found = []
-        for names, chosen in groups.items():
+        for names, chosen in self._groups(sphere).items():
             own = self.samples[:total][chosen][:, :, sphere]
             mean = own.mean(axis=0)
             found.append(Future(len(chosen) / total, names, mean, spread_of(own)))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .paths import Paths, value
+from .paths import Paths
 from ..scenes.plane import closest_points, Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
@@ -28,12 +28,13 @@ def touches_of(paths: Paths, scene: Scene, sphere: int) -> list[Touches]:
     sample, step = np.nonzero(paths.struck[:, :, sphere])
     if not len(sample):
         return found
-    where = (sample, step, np.full(len(sample), sphere))
-    pieces = paths.pieces(where)
-    places = value(pieces.coefficients[:, 0], pieces.split)
+    from ..kernels.between_steps import find_meetings
+
+    places, since = np.empty((len(sample), 3)), np.empty(len(sample))
+    find_meetings(paths.compiled, sample, step, sphere, places, since)
     radius = float(scene.per_sphere('radius', paths.positions.shape[2])[sphere])
-    times = step * paths.dt + pieces.split
-    names = _names(scene, times, places, paths.blows[where], radius)
+    times = step * paths.dt + since
+    names = _names(scene, times, places, paths.blows[sample, step, sphere], radius)
     for row, time, name in zip(sample.tolist(), times.tolist(), names, strict=True):
         own = found[row]
         if own and own[-1][1] == name and time - own[-1][0] < _APART * paths.dt:

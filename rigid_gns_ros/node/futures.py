@@ -99,6 +99,11 @@ class Futures:
         """End the computing thread."""
         self._horizon.close()
 
+    def overtaken(self) -> None:
+        """Note a frame whose future is dropped for that of the next, which is here."""
+        if self._seconds and self.heard:
+            self._diagnostics.future_superseded()
+
     def request(self) -> None:
         """Request the trajectory from the newest frame."""
         if not (self._seconds and self.heard):

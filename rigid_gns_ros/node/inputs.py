@@ -114,7 +114,7 @@ class Input:
         convert: Convert = lambda cdr: cdr,
     ) -> None:
         self._on_tracked, self._on_lost, self._convert = on_tracked, on_lost, convert
-        self._node = node
+        self._node, self.waiting = node, 0
         heard: Any = self._heard  # rclpy counts its arguments
         self._subscribe = partial(
             node.create_subscription,
@@ -142,24 +142,28 @@ class Input:
     @property
     def quick(self) -> Quick:
         """See `executor`."""
-        return {self._subscription: self.take} if self._subscription is not None else {}
-
-    def take(self) -> bool:
-        """Process a waiting message; False: there is none."""
-        own = self._subscription
-        if own is None:
-            return False
-        with own.handle:
-            taken = own.handle.take_message(own.msg_type, own.raw)
-        if taken is None:
-            return False
-        self._heard(*taken)
-        return True
+        return {self._subscription: self.drain} if self._subscription is not None else {}
 
     def drain(self) -> None:
-        """Process all waiting messages; the executor takes one at a time."""
-        while self.take():
-            pass
+        """Process the waiting messages, as many as the queue holds at most.
+
+        `waiting` says how many come at once after the one that is processed.
+        """
+        taken = []
+        while len(taken) < max(self.depth, 1) and (one := self._take()) is not None:
+            taken.append(one)
+        for left, (cdr, information) in zip(reversed(range(len(taken))), taken, strict=True):
+            self.waiting = left
+            self._heard(cdr, information)
+
+    def _take(self) -> tuple[bytes, Mapping[str, Any]] | None:
+        own = self._subscription
+        if own is None:
+            return None
+        with own.handle:
+            taken: tuple[bytes, Mapping[str, Any]] | None
+            taken = own.handle.take_message(own.msg_type, own.raw)
+        return taken
 
     def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
         """Take a message, with what rclpy knows of it."""

@@ -167,6 +167,11 @@ class NodeTopics:
         for own in self._inputs:
             own.drain()
 
+    @property
+    def overtaken(self) -> bool:
+        """Whether the tracker's next message is already here."""
+        return any(own.waiting for own in self._inputs)
+
     def hear(self, wanted: bool) -> None:
         """Subscribe to all topics of trackers and bodies, or to none."""
         for own in self._inputs:

@@ -29,6 +29,7 @@ SCENES = {
     'spin decay': Scene(surfaces=(TABLE, FLOOR), air=replace(AIR, spin_decay=0.3), mass=50.0),
     'wind': Scene(surfaces=(TABLE, FLOOR), air=replace(AIR, wind=(3.0, 1.0, 0.0)), mass=50.0),
     'heavy drag': Scene(surfaces=(FLOOR,), air=replace(AIR, wind=(9.0, 0.0, 0.0)), mass=0.2),
+    'light': Scene(surfaces=(FLOOR,), air=replace(AIR, spin_decay=0.3), mass=3.0),
     'law': Scene(surfaces=(replace(FLOOR, contact=SOFT),), air=AIR, mass=50.0),
     'slope': Scene(surfaces=(Plane((0.0, 0.0, -6.0), (0.3, 0.0, 1.0)),), restitution=0.6),
     'sizes': Scene(surfaces=(FLOOR, TABLE), radius=(1.0, 0.3), mass=(1.0, 0.1)),
