@@ -147,8 +147,8 @@ class Forecast:
 
 def spread_of(samples: Array) -> Array:
     """Covariance of samples (s, ..., 3), shape (..., 3, 3)."""
-    apart = samples - samples.mean(axis=0)
-    found: Array = np.einsum('s...i,s...j->...ij', apart, apart) / max(len(samples) - 1, 1)
+    apart = np.moveaxis(samples - samples.mean(axis=0), 0, -1)
+    found: Array = apart @ apart.swapaxes(-1, -2) / max(len(samples) - 1, 1)
     return found
 
 

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TYPE_CHECKING
 
 from rigid_gns_core.errors import UserError
@@ -63,6 +64,7 @@ class Futures:
         self._model, self._window, self._surfaces = model, window, surfaces
         self._topics, self._markers, self._diagnostics = topics, markers, diagnostics
         self._warn, self._left = warn, left
+        self._held = self._owed = False
         self._seconds = float(parameters['horizon'])
         self.samples = int(parameters['samples'])
         self.planes: Mapping[str, Plane] = planes_of(str(parameters['crossing_planes']))
@@ -93,20 +95,33 @@ class Futures:
 
     def cancel(self) -> None:
         """Drop all requests."""
+        self._owed = False
         self._horizon.cancel()
 
     def close(self) -> None:
         """End the computing thread."""
         self._horizon.close()
 
-    def overtaken(self) -> None:
-        """Note a frame whose future is dropped for that of the next, which is here."""
-        if self._seconds and self.heard:
-            self._diagnostics.future_superseded()
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Compute none until the end of the context, then that of the newest frame requested."""
+        self._held, self._owed = True, False
+        try:
+            yield
+        finally:
+            self._held = False
+        if self._owed:
+            self.request()
 
     def request(self) -> None:
         """Request the trajectory from the newest frame."""
         if not (self._seconds and self.heard):
+            return
+        if self._topics.overtaken:  # the next frame is here, and this one's future would be late
+            self._diagnostics.future_superseded()
+            return
+        if self._held:
+            self._owed = True
             return
         if not self._horizon.request(self._begin, left=self._left()):
             self._diagnostics.future_superseded()

@@ -90,7 +90,6 @@ class Simulation:
         self._reason: Reason = 'first'  # of the next start from an empty window
         self._generation = self.window.generation  # of the tracks of the present forecast
         self._codec = PoseArrayCodec(self._frame_id, 0)
-        self._computes = self._owed = False  # see `_request_future`
         self._alarm, self._clock = Alarm(node, self._on_due), ClockWatch(node)
         balls = balls_of(str(parameters['balls']), str(parameters['tracker']))
         self._intake = Intake(
@@ -203,18 +202,9 @@ class Simulation:
             return
         elif window.generation != self._generation:
             self._restart(now, 'spheres')
-        elif predictor.has_diverged():
+        elif not self.topics.overtaken and predictor.has_diverged():
             self._restart(now, 'diverged')
         if predictor.forecast is not None and not self.paused:
-            self._request_future()
-
-    def _request_future(self) -> None:
-        """Request the future of the newest frame, unless something is to be done before it."""
-        if self.topics.overtaken:
-            self.futures.overtaken()
-        elif self._computes:
-            self._owed = True
-        else:
             self.futures.request()
 
     def _check_count(self, count: int) -> None:
@@ -281,7 +271,10 @@ class Simulation:
         if predictor.forecast is None:
             return
         if predictor.pending is None:  # with `every`, half a period before the next is due
-            self._compute_newest()
+            with self.futures.held():
+                self.topics.drain()
+                if predictor.forecast is not None and predictor.pending is None:
+                    self.compute()
             return
         now = self._now()
         if self._tracker_is_gone(now):
@@ -294,16 +287,6 @@ class Simulation:
             self._alarm.set(predictor.due_ns + predictor.period_ns // 2)
         else:
             self.compute()
-
-    def _compute_newest(self) -> None:
-        """Compute the next prediction from the newest frame, then the future of that."""
-        predictor, self._computes, self._owed = self.predictor, True, False
-        self.topics.drain()
-        if predictor.forecast is not None and predictor.pending is None:
-            self.compute()
-        self._computes = False
-        if self._owed and predictor.forecast is not None:
-            self.futures.request()
 
     def publish(self, prediction: Prediction) -> None:
         """Publish a prediction now."""

@@ -241,3 +241,24 @@ def test_changed_sources_are_compiled_anew(place: Path) -> None:
     before = kept(place)
     assert run(place) == (COMPILED, TOLD)
     assert len(kept(place)) == 3 and not before.keys() & kept(place).keys()
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'remedy'),
+    [
+        ('NUMBA_DISABLE_JIT', '1', 'the engine runs compiled only: unset it'),
+        ('NUMBA_NUM_THREADS', '0', "NUMBA_NUM_THREADS is '0', expected 1 or more; unset it"),
+    ],
+)
+def test_a_numba_that_cannot_compile_is_one_line(
+    name: str, value: str, remedy: str, tmp_path: Path
+) -> None:
+    words = ('rollout', '--scene', 'box_154', '--steps', '1', '--out', str(tmp_path / 'out.h5'))
+    done = subprocess.run(
+        [sys.executable, '-m', 'rigid_gns_core.commands.cli', *words],
+        env={**os.environ, name: value},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2 and remedy in done.stderr and done.stderr.count('\n') == 1

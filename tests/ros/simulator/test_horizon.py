@@ -21,6 +21,7 @@ from rclpy.qos import QoSProfile
 from rigid_gns_core.forecasts import horizon
 from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.horizon import compute, Future, Horizon, Job
+from rigid_gns_core.messages.poses import PoseArrayCodec
 from rigid_gns_core.messages.trajectories import decode_trajectory, FutureFrame
 from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.rollout.rollout import steps_of
@@ -245,6 +246,39 @@ def test_predictions_go_on_while_a_future_is_computed(
     assert heard_future(setup, heard, 1).stamp_ns == T0
     assert heard_future(setup, heard, 2).stamp_ns == T0 + 3 * DT
     assert len(setup.node.simulation.diagnostics._superseded) == 2
+
+
+def test_of_frames_that_wait_together_the_newest_gets_its_future(
+    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup = simulated(horizon=0.2)
+    heard = futures(setup)
+    setup.start(falling(0.0))
+    assert heard_future(setup, heard, 1).stamp_ns == T0
+    simulation = setup.node.simulation
+    waiting = [(encoded(falling, k), {}) for k in (1, 2, 3)]
+    own = simulation.topics._inputs[0]
+    monkeypatch.setattr(own, '_take', lambda: waiting.pop(0) if waiting else None)
+    own.drain()
+    assert heard_future(setup, heard, 2).stamp_ns == T0 + 3 * DT
+    assert len(simulation.diagnostics._superseded) == 2
+
+
+def test_what_is_due_is_computed_before_futures(simulated: Simulated, falling: Falling) -> None:
+    setup = simulated(horizon=0.2)
+    heard = futures(setup)
+    setup.start(falling(0.0))
+    assert heard_future(setup, heard, 1).stamp_ns == T0
+    simulation = setup.node.simulation
+    with simulation.futures.held():
+        for k in (1, 2):
+            simulation.on_tracked(encoded(falling, k))
+        assert not simulation.futures._horizon.busy
+    assert heard_future(setup, heard, 2).stamp_ns == T0 + 2 * DT
+
+
+def encoded(falling: Falling, number: int) -> bytes:
+    return PoseArrayCodec('world', 3).encode(falling(0.1 * number), T0 + number * DT)
 
 
 # --- without a node ---
