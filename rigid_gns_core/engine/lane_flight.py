@@ -4,7 +4,7 @@
 """Flight of eight samples of a scene at once, as lanes, frame after frame, until each ends it.
 
 Each lane computes what `flight.fly_one` does, to the bit. A sample leaves its lane before a frame
-in which it might touch anything, be quiet, need its flight in pieces, or diverge: then the way
+in which it might touch anything, be quiet, need many pieces of flight, or diverge: then the way
 that all frames can go decides.
 """
 

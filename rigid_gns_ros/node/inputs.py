@@ -149,7 +149,7 @@ class Input:
 
         `waiting` says how many come at once after the one that is processed.
         """
-        taken = []
+        taken: list[tuple[bytes, Mapping[str, Any]]] = []
         while len(taken) < max(self.depth, 1) and (one := self._take()) is not None:
             taken.append(one)
         for left, (cdr, information) in zip(reversed(range(len(taken))), taken, strict=True):
