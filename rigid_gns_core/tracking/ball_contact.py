@@ -44,7 +44,7 @@ FREE = -1
 # 0.02 mm; on anything else it hops at this speed, by 0.13 mm
 RESTING, HOPPING = 0.02, 0.05
 # slip below which a ball rolls [radii/s]
-_ROLLS = 1e-7
+ROLLS = 1e-7
 
 
 @in_place
@@ -172,7 +172,7 @@ def glide(
     if laws[k, 7] > 0.0:
         slowing = laws[k, 7] * pull / (inertia * radius)
         about -= math.copysign(min(abs(about), h * slowing), about)
-    if size > _ROLLS * radius and friction > 0.0:
+    if size > ROLLS * radius and friction > 0.0:
         direction = times(1.0 / size, slip)
         rate = friction * (1.0 + 1.0 / inertia) - dot(along, direction)
         ends = rate > 0.0 and size < rate * h
