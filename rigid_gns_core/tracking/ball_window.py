@@ -27,6 +27,8 @@ _PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
 _STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
 # a ball this near to what is no plane at rest, and as slow as a hop, lies on it [m]
 _HOP = 1e-3
+# one frame at the end may be off, so many are not
+_MISSED = 2
 
 
 @in_place
@@ -152,8 +154,8 @@ def _estimate(
             for c in range(3):
                 state_out[3 + c] -= speed * normal[c]
     doubt = loss + 4.0 * (1.0 - weights.mean())
-    if weights[-FEWEST:].max() == 0.0:  # where the ball is by now, the path is not
-        doubt += _MET
+    if weights[-_MISSED:].max() == 0.0:  # where the ball is by now, the path is not
+        doubt += 2.0 * _MET  # it yields to any part that is met
     return where, loss, contacts, doubt
 
 
