@@ -11,7 +11,7 @@ anew, so that a stretch at the verge of a contact does not hold up the others.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,7 +29,7 @@ from ..tracking.ball_window import MOST_CONTACTS
 from ..tracking.start_guess import first_frames
 
 _MOST_DAMPING = 1e4
-# parts of a friction's start that are tried first
+# parts of a friction that are tried first
 _SCANNED = (0.35, 0.5, 0.7, 1.4)
 # a stretch that is met has this loss per coordinate at most; factor of growth of a first fit
 _MET, _GROWTH = 3.0, 1.4
@@ -69,14 +69,10 @@ class JointFit(Problem):
         values: Mapping[str, float],
         starts: Array | None = None,
         rounds: int = 8,
-        new: Collection[str] | None = None,
+        scan: bool = True,
     ) -> Fitted:
-        """Fit parameters from values, the others stay.
-
-        Of frictions in `new` other starts are tried as well; None: of those without a value.
-        """
+        """Fit parameters from values, others stay; with `scan` from several frictions."""
         free = list(parameters)
-        new = {p.name for p in free} - set(values) if new is None else new
         now = {**{p.name: p.start for p in free}, **values}
         # also anew: what was best under other laws may be at a wrong bounce under these
         found, losses = self.solve(now, None)
@@ -86,7 +82,7 @@ class JointFit(Problem):
             found[better], losses[better] = others[better], after[better]
         starts = found
         for p in free:
-            if p.name.endswith('.friction') and p.name in new:
+            if scan and p.name.endswith('.friction'):
                 now, starts, losses = self._scanned(p, now, starts, losses)
         total = losses.sum() + _prior(free, now)
         damping = 1e-3
@@ -133,14 +129,10 @@ class JointFit(Problem):
         return fitted
 
     def fit_known(
-        self,
-        parameters: Sequence[Parameter],
-        fitted: Fitted,
-        known: NDArray[np.int64],
-        new: Collection[str] = (),
+        self, parameters: Sequence[Parameter], fitted: Fitted, known: NDArray[np.int64], scan: bool
     ) -> Fitted:
         """Fit parameters to some stretches, from an earlier fit; starts of all with them."""
-        part = self.part(known).fit(parameters, fitted.values, fitted.starts[known], new=new)
+        part = self.part(known).fit(parameters, fitted.values, fitted.starts[known], scan=scan)
         whole = self.fit((), part.values, fitted.starts)
         whole.errors, whole.formal = part.errors, part.formal
         return whole
@@ -150,11 +142,12 @@ class JointFit(Problem):
     ) -> tuple[dict[str, float], Array, Array]:
         """Values with the best of some of a parameter; starts and losses of these.
 
-        Contacts that grip have no slope over friction, so that a fit from too high would stay.
+        Contacts that grip have no slope over friction, so that a fit from too high would stay, and
+        one that grips and one that slides may both be a minimum.
         """
         best = (values, starts, losses)
         for factor in _SCANNED:
-            tried = {**values, p.name: float(np.clip(factor * p.start, p.low, p.high))}
+            tried = {**values, p.name: float(np.clip(factor * values[p.name], p.low, p.high))}
             found, after = self.solve(tried, starts)
             if after.sum() < best[2].sum():
                 best = (tried, found, after)

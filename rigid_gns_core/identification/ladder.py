@@ -287,7 +287,7 @@ def fit_setup(
     parameters = [laws.start_of(name) for name in setup.names]
     values = {} if before is None else {n: v for n, v in before.values.items() if n in setup.names}
     starts = None if before is None else before.starts
-    new = {p.name for p in parameters} - set(values)
+    scan = True
     noise = np.array(setup.noise)
     radius = laws.models[0].radius
     spin = None if setup.spin == 'none' else broad_prior(radius)
@@ -299,8 +299,8 @@ def fit_setup(
         fitted = fit.fit((), {**{p.name: p.start for p in parameters}, **values}, starts)
         for _trim in range(_TRIMS):
             known = np.flatnonzero(known_stretches(fitted))
-            fitted = fit.fit_known(parameters, fitted, known, new)
-            new = set()
+            fitted = fit.fit_known(parameters, fitted, known, scan)
+            scan = False
             if np.array_equal(np.flatnonzero(known_stretches(fitted)), known):
                 break
         if setup.spin == 'none':
