@@ -54,7 +54,7 @@ def test_commands_are_offered() -> None:
         ('rigid-gns rollout --model ', {'laws', 'gns'}),
         ('rigid-gns rollout --model gns --scene ood_', {'ood_a', 'ood_b', 'ood_c', 'ood_d'}),
         ('rigid-gns generate --config sm', {'smoke'}),
-        ('rigid-gns train --config ', {'gns', 'gns_finetune', 'residual'}),
+        ('rigid-gns train --config g', {'gns', 'gns_closed_loop', 'gns_finetune'}),
         ('rigid-gns train --device ', {'auto', 'cpu', 'cuda'}),
         ('rigid-gns calibrate --fit sur', {'surface_restitution', 'surface_friction'}),
         ('rigid-gns experiment hist', {'history'}),

@@ -66,7 +66,7 @@ def test_text_holds_what_the_json_does(
         assert f'\n{name} ' in text
     assert '\nmodel laws (the default)\n' in text and '\nmodel gns\n' in text
     assert 'restitution 0.7746, friction 0.5' in text  # of the GNS
-    assert '\n  step         15000\n  steps        16000\n' in text
+    assert '\n  step         6000\n  steps        6000\n' in text
     assert cli.main(['info', '--json', '--model', 'gns']) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed['libraries'] == collected['libraries']

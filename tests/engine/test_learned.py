@@ -269,10 +269,10 @@ def test_it_fades_to_the_laws_outside_of_its_range():
     part = stepper.frame()
     shares = np.clip(1.0 - (largest - high), 0.0, 1.0)
     assert ((shares > 0) & (shares < 1)).any() and (shares == 0).any()
-    np.testing.assert_allclose(part.contacts.scale, shares * full.contacts.scale, atol=1e-6)
+    # the network's bounds are float32
+    np.testing.assert_allclose(part.contacts.scale, shares * full.contacts.scale, rtol=1e-5)
     counts = stepper.range_counts
     assert counts.contacts == len(shares)
-    # the network's bounds are float32
     assert counts.faded == pytest.approx((1.0 - shares).sum(), rel=1e-5)
     assert counts.farthest == pytest.approx(largest.max() - high, rel=1e-5)
     none = LearnedStepper(changed(high=-1e3), scene, state, 0.1, **OPTIONS).frame()

@@ -82,7 +82,7 @@ def test_study_from_tracks_to_table(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_recordings_as_a_world(tmp_path, capsys):
-    """Eight shots, four of them fitted: no whole frame has a contact to learn from."""
+    """Eight shots, four of them fitted: too few are held out for a network to be kept."""
     about = {
         'radius_m': RADIUS,
         'mass_kg': 0.0027,
@@ -99,8 +99,8 @@ def test_recordings_as_a_world(tmp_path, capsys):
     assert (first['set'], later['set']) == ('shots', 'shots')
     for found in (first, later):
         errors = found['errors']
-        assert errors['laws fitted + residual'] == errors['laws fitted']  # nothing was learned
-        assert 'no frame of the training data has a contact' in found['training']['none']
+        assert found['training']['strength'] == 0
+        assert errors['laws fitted + residual'] == errors['laws fitted']
     # air and spin, which the laws as given lack: from windows all along worth more than half
     assert later['errors']['laws fitted']['0.2'] < 0.5 * later['errors']['laws given']['0.2']
     told = capsys.readouterr().out

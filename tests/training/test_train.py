@@ -259,7 +259,7 @@ def test_learning_rate_warms_up_and_falls():
 
 
 def test_the_shipped_weights_follow_the_shipped_recipe():
-    config = load_recipe('gns')
+    config = load_recipe('gns_closed_loop')
     training = load_simulator('gns').card['training']
     assert {key: training[key] for key in to_mapping(config)} == to_mapping(config)
 

@@ -112,7 +112,12 @@ def test_first_fits_frames_only_on_demand(
     setup.run(1)
     window, fitted = setup.node.simulation.window, []
     start = window.start
-    monkeypatch.setattr(window, 'start', lambda: (fitted.append(window.stamp_ns), start())[1])
+
+    def counted(surfaces):
+        fitted.append(window.stamp_ns)
+        return start(surfaces)
+
+    monkeypatch.setattr(window, 'start', counted)
     setup.node.simulation.on_tracked(PoseArrayCodec('world', 3).encode(falling(0.1), T0 + DT))
     assert window.stamp_ns == T0 + DT and not fitted
     assert setup.node.simulation.predictor.last_error.worst == pytest.approx(0.1)
