@@ -24,7 +24,11 @@ from rigid_gns_core.training.residual import gate
 from rigid_gns_core.training.residual.blows import states_after_blows
 from rigid_gns_core.training.residual.frames import Track
 from rigid_gns_core.training.residual.gate import held_out
-from rigid_gns_core.training.residual.learner import ResidualLearner, ResidualTrainConfig
+from rigid_gns_core.training.residual.learner import (
+    NothingToLearnError,
+    ResidualLearner,
+    ResidualTrainConfig,
+)
 from rigid_gns_core.training.residual.smoothing import smoothed_states
 from rigid_gns_core.training.residual.springs import fit_springs
 from rigid_gns_core.training.residual.stiffness import stiffness_of
@@ -58,6 +62,14 @@ def bouncing(seed, restitution=0.5, frames=30, count=6):
 
 
 RECORDS, HELD_OUT = [bouncing(seed) for seed in range(8)], [bouncing(20 + k) for k in range(4)]
+
+
+def test_tracks_without_a_contact_are_nothing_to_learn_from():
+    space = Scene(surfaces=())
+    flight = load_simulator().rollout(space, [[0.0, 0, 0], [9.0, 0, 0]], steps=12)
+    records = [Record(trajectory=flight, scene=space, seed=k) for k in range(3)]
+    with pytest.raises(NothingToLearnError, match='no frame of the training data has a contact'):
+        ResidualLearner.of(CONFIG, records)
 
 
 def test_it_learns_another_restitution(tmp_path):
