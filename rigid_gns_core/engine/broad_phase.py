@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .flight import reach_in_wind, reach_of
+from .islands import connect, no_islands, root_of
 from .plane_motion import speed_of_plane
 from .solids import is_near_solid, is_solid
 from .world import weight_of, World
@@ -121,6 +122,41 @@ def _merged(first: Indices, second: Indices, near: Flags) -> Candidates:
                 key[k] = count * count + i * planes + surface
                 k += 1
     return Candidates(a=a, b=b, plane=plane, key=key, pairs=pairs)
+
+
+@compiled
+def linked_to(candidates: Candidates, chosen: Flags, asleep: Flags) -> tuple[Candidates, Flags]:
+    """Candidates of the spheres that candidates link to chosen ones, and which spheres these are.
+
+    Args:
+        candidates: Of a frame.
+        chosen: Spheres, shape (n,).
+        asleep: Spheres that link none, shape (n,).
+
+    Returns:
+        The candidates, and flags of shape (n + 1,), the last of which, for planes, is False.
+    """
+    count, size = len(chosen), len(candidates.a)
+    links, linked = no_islands(count), np.zeros(count + 1, np.bool_)
+    for k in range(candidates.pairs):
+        if not (asleep[candidates.a[k]] or asleep[candidates.b[k]]):
+            connect(links, candidates.a[k], candidates.b[k])
+    for i in range(count):
+        if chosen[i]:
+            linked[root_of(links.parent, i)] = True
+    for i in range(count):
+        linked[i] = linked[root_of(links.parent, i)] and not asleep[i]
+    kept, pairs = 0, 0
+    a, b = np.empty(size, np.int64), np.empty(size, np.int64)
+    plane, key = np.empty(size, np.int64), np.empty(size, np.int64)
+    for k in range(size):
+        if linked[candidates.a[k]] or linked[candidates.b[k]]:
+            a[kept], b[kept] = candidates.a[k], candidates.b[k]
+            plane[kept], key[kept] = candidates.plane[k], candidates.key[k]
+            kept += 1
+            pairs += k < candidates.pairs
+    found = Candidates(a=a[:kept], b=b[:kept], plane=plane[:kept], key=key[:kept], pairs=pairs)
+    return found, linked
 
 
 @in_place

@@ -69,7 +69,7 @@ def advance(
     clock = world.twists.clock[0]
     fly(world, spheres, islands.touched, awake, dt, free)
     near = weight_of(world) * h**2
-    candidates = without_free_groups(world, candidates, spheres, free, dt, near)
+    candidates = without_free_groups(world, candidates, spheres, free, awake, dt, near)
     if len(candidates.a) == 0:
         advance_planes(world, dt)
         return free, with_sleepers(no_contacts(), old, awake, len(world.point)), islands

@@ -12,18 +12,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from .broad_phase import Candidates
+from .broad_phase import Candidates, linked_to
 from .clearance import flies_clear_of_surface, fly_clear_of_each_other, margin_of_flight
-from .islands import root_of
 from .spheres import Spheres
 from .world import World
 from ..kernels.jit import compiled
+from ..kernels.neighbours import Flags
 from ..kernels.vector import row
 
 
 @compiled
 def without_free_groups(
-    world: World, candidates: Candidates, before: Spheres, after: Spheres, dt: float, near: float
+    world: World,
+    candidates: Candidates,
+    before: Spheres,
+    after: Spheres,
+    awake: Flags,
+    dt: float,
+    near: float,
 ) -> Candidates:
     """Candidates of the groups in which something may touch.
 
@@ -32,39 +38,24 @@ def without_free_groups(
         candidates: Of all awake spheres.
         before: State at the start of the frame.
         after: State at its end if all fly.
+        awake: Spheres that are awake, shape (n,).
         dt: Length of the frame.
         near: Gap within which bodies are speculative contacts.
     """
-    count, size = len(before.positions), len(candidates.a)
-    margin, parent = np.empty(count), np.arange(count)
-    meets = np.zeros(count, np.bool_)
+    count = len(before.positions)
+    margin, meets = np.empty(count), np.zeros(count, np.bool_)
     for i in range(count):
         velocity, last = row(before.velocities, i), row(after.velocities, i)
         light, margin[i] = margin_of_flight(world, i, velocity, last, dt)
         margin[i] += near
         meets[i] = not light
-    for k in range(size):
+    for k in range(len(candidates.a)):
         a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-        if plane >= 0:
-            if not meets[a]:
-                meets[a] = not flies_clear_of_surface(
-                    world, plane, before, after, a, margin[a], dt
-                )
+        if meets[a]:
             continue
-        first, second = root_of(parent, a), root_of(parent, b)
-        parent[max(first, second)] = min(first, second)
-        if not (meets[a] or meets[b]):
+        if plane >= 0:
+            meets[a] = not flies_clear_of_surface(world, plane, before, after, a, margin[a], dt)
+        elif not meets[b]:
             meets[a] = not fly_clear_of_each_other(before, after, a, b, margin[a] + margin[b])
-    for i in range(count):
-        if meets[i]:
-            meets[root_of(parent, i)] = True
-    kept, pairs = 0, 0
-    a, b = np.empty(size, np.int64), np.empty(size, np.int64)
-    plane, key = np.empty(size, np.int64), np.empty(size, np.int64)
-    for k in range(size):
-        if meets[root_of(parent, candidates.a[k])]:
-            a[kept], b[kept] = candidates.a[k], candidates.b[k]
-            plane[kept], key[kept] = candidates.plane[k], candidates.key[k]
-            kept += 1
-            pairs += k < candidates.pairs
-    return Candidates(a=a[:kept], b=b[:kept], plane=plane[:kept], key=key[:kept], pairs=pairs)
+    found, _ = linked_to(candidates, meets, ~awake)
+    return found

@@ -25,9 +25,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .broad_phase import Candidates, PAD
+from .broad_phase import Candidates, linked_to, PAD
 from .flight import reach_of
-from .islands import connect, groups_of, Islands, no_islands, root_of
+from .islands import connect, groups_of, Islands
 from .rectangle import from_plane, is_over_face
 from .shielding import offset_from_plane
 from .spheres import copy_spheres, Spheres
@@ -118,7 +118,8 @@ def follow_springs(
     is_struck = _struck(world, near, before.positions, kicks, stiffness)
     if not is_struck.any():
         return
-    members, candidates = _in_reach(near, is_struck, asleep)
+    candidates, reached = linked_to(near, is_struck, asleep)  # what a blow may lead to
+    members: Indices = np.flatnonzero(reached)
     inverse = world.inverse_mass.copy()
     for i in range(count):
         if asleep[i]:
@@ -153,28 +154,6 @@ def follow_springs(
             else:
                 connect(islands_out, a, b)
     _take(is_struck, is_lost, made, after_out, islands_out)
-
-
-@compiled
-def _in_reach(near: Candidates, is_struck: Flags, asleep: Flags) -> tuple[Indices, Candidates]:
-    """Spheres that a blow may reach through candidates, and the candidates among these."""
-    count = len(asleep)
-    linked, reached = no_islands(count), np.zeros(count + 1, np.bool_)
-    for c in range(len(near.a)):
-        a, b = near.a[c], near.b[c]
-        if b < count and not asleep[a] and not asleep[b]:
-            connect(linked, a, b)
-    for i in range(count):
-        if is_struck[i]:
-            reached[root_of(linked.parent, i)] = True
-    for i in range(count):
-        reached[i] = reached[root_of(linked.parent, i)] and not asleep[i]
-    reached[count] = False
-    kept = np.flatnonzero(reached[near.a] | reached[near.b])
-    candidates = Candidates(
-        a=near.a[kept], b=near.b[kept], plane=near.plane[kept], key=near.key[kept], pairs=0
-    )
-    return np.flatnonzero(reached), candidates
 
 
 @compiled

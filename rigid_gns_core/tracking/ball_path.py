@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .ball_contact import FREE, glide, meet, RESTING, struck, touched
-from .ball_surfaces import AT_REST, belt, beside, height, KIND, normal_of
+from .ball_surfaces import AT_REST, belt, beside, height, KIND, narrowed, normal_of
 from .jit import entry, in_place
 from ..kernels.flight import acceleration, Flight, flight_at, mean_accelerations, spin_after
 from ..kernels.vector import across, cross, dot, minus, plus, times, Vector
@@ -52,15 +52,9 @@ def time_of_impact(
     for _ in range(50):
         q, after = fly(p, v, w, time, flight)
         off, speed = height(planes, k, q, flight.radius), dot(after, n)
-        if off > 0.0:
-            low = time
-        else:
-            high = time
-        if abs(off) < 1e-13 or high - low < 1e-14:
+        low, high, time, found = narrowed(low, high, time, off, speed)
+        if found:
             break
-        time = time - off / speed if speed < 0.0 else low
-        if not low < time < high:
-            time = 0.5 * (low + high)
     return time
 
 

@@ -135,6 +135,33 @@ def _touch_of_solid(
 
 
 @in_place
+def narrowed(
+    low: float, high: float, time: float, off: float, speed: float
+) -> tuple[float, float, float, bool]:
+    """Bracket of a touch after one more look, the time of the next, and whether it is found.
+
+    By Newton's method; where that leaves the bracket, by bisection.
+
+    Args:
+        low: A time at which the ball is off the surface.
+        high: One at which it is beyond it.
+        time: Between them.
+        off: Distance of the ball's surface from the other then [m].
+        speed: Rate of change of that.
+    """
+    if off > 0.0:
+        low = time
+    else:
+        high = time
+    if abs(off) < 1e-13 or high - low < 1e-14:
+        return low, high, time, True
+    time = time - off / speed if speed < 0.0 else low
+    if not low < time < high:
+        time = 0.5 * (low + high)
+    return low, high, time, False
+
+
+@in_place
 def _touch_of_moving(
     planes: Array, k: int, p: Vector, v: Vector, a: Vector, now: float, h: float, radius: float
 ) -> float:
@@ -155,15 +182,9 @@ def _touch_of_moving(
         q = position_on_path(p, v, a, time)
         off, normal, surface = facing(planes, k, q, now + time, radius)
         speed = dot(minus(velocity_on_path(v, a, time), surface), normal)
-        if off > 0.0:
-            low = time
-        else:
-            high = time
-        if abs(off) < 1e-13 or high - low < 1e-14:
+        low, high, time, found = narrowed(low, high, time, off, speed)
+        if found:
             break
-        time = time - off / speed if speed < 0.0 else low
-        if not low < time < high:
-            time = 0.5 * (low + high)
     when = now + time
     if when < planes[k, BEGIN] - _SAME or when > planes[k, END] + _SAME:
         return math.inf

@@ -40,7 +40,7 @@ def candidates_that_may_touch(world, spheres, dt, near):
     after = copy_spheres(spheres)
     fly(world, spheres, ~everyone, everyone, dt, after)
     found = find_candidates(world, spheres.positions, spheres.velocities, dt, everyone, 0.0)
-    return without_free_groups(world, found, spheres, after, dt, near), after
+    return without_free_groups(world, found, spheres, after, everyone, dt, near), after
 
 
 @njit
