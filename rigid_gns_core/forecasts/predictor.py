@@ -234,7 +234,6 @@ class Predictor:
         """Take the pending prediction, to publish it now."""
         assert self.pending is not None
         prediction, self.pending = self.pending, None
-        self.counts['published'] += 1
         return prediction
 
     def take_in_time(self, now: int) -> Prediction | None:

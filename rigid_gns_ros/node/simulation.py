@@ -294,6 +294,7 @@ class Simulation:
             self._codec = PoseArrayCodec(self._frame_id, len(prediction.poses))
         cdr = self._codec.encode(prediction.poses, prediction.stamp_ns)
         self.topics.send(self.topics.predicted, cdr)
+        self.predictor.counts['published'] += 1  # only now: sending fails where ROS was shut down
         start = self.predictor.last_start
         if start is not None and start.ids is not None:
             positions = prediction.poses[:, :3]

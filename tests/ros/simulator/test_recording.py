@@ -133,6 +133,28 @@ def test_a_failed_bag_is_logged_at_the_end(
     assert 'INCOMPLETE: no space left' in log()
 
 
+def test_a_prediction_that_a_shutdown_kept_from_going_out_does_not_count(
+    simulated: Simulated,
+    falling: Falling,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    log: Callable[[], str],
+) -> None:
+    setup = simulated(record=str(tmp_path / 'bag'))
+    setup.start(falling(0.0))
+    setup.run(2)
+
+    def publish(_: bytes) -> None:
+        raise RuntimeError('context is invalid')  # as a signal within the callback makes it
+
+    monkeypatch.setattr(setup.node.simulation.topics.predicted, 'publish', publish)
+    with pytest.raises(RuntimeError, match='context is invalid'):
+        setup.run(3)
+    setup.node.close()
+    assert 'stopped: 2 published' in log()
+    assert len(read_bag(tmp_path / 'bag').topics['/predicted_poses']) == 2
+
+
 def test_the_bag_is_split_and_holds_the_overridden_qos(
     simulated: Simulated, falling: Falling, tmp_path: Path
 ) -> None:
