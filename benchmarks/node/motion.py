@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from rigid_gns_core import Air, load_simulator, Plane, Scene
+from rigid_gns_core import load_simulator, Scene
 from rigid_gns_core.rollout.paths import Paths
 from rigid_gns_core.scenes.state import State
 
@@ -29,12 +29,18 @@ SCENE: dict[str, Any] = {
 }
 
 THROW, THROWS = 0.6, 130  # length of a throw [s], and how many are known: two minutes
-# what the node is told of balls that are thrown: neither their air nor how they bounce
-THROWS_SCENE: dict[str, Any] = {
+# of balls that are thrown: their laws, and what a node that learns them is told at first
+THROWN: dict[str, Any] = {
     'surfaces': [{'point': [0, 0, 0], 'normal': [0, 0, 1]}],
     'radius': RADIUS,
     'mass': 0.0027,
     'inertia_factor': 0.6667,
+    'restitution': 0.95,
+    'friction': 0.8,
+    'air': {'density': 1.2, 'drag_coefficient': 0.45},
+}
+UNLEARNED: dict[str, Any] = {
+    **{name: value for name, value in THROWN.items() if name != 'air'},
     'restitution': 0.8,
     'friction': 0.3,
 }
@@ -64,15 +70,7 @@ def poses_at(
 def throws(hertz: float, seed: int) -> np.ndarray:
     """Poses of one ball that is thrown again and again in air, shape (throws x frames, 1, 7)."""
     rng = np.random.default_rng(seed)
-    scene = Scene(
-        surfaces=(Plane(restitution=0.95, friction=0.8),),
-        radius=RADIUS,
-        mass=0.0027,
-        inertia_factor=0.6667,
-        restitution=0.95,
-        friction=0.8,
-        air=Air(density=1.2, drag_coefficient=0.45),
-    )
+    scene = Scene.from_mapping(THROWN)
     places = rng.uniform([-1.5, -0.5, 0.2], [-1.0, 0.5, 0.5], (THROWS, 3))[:, None]
     speeds = rng.uniform([2.5, -0.5, -0.5], [4.5, 0.5, 1.5], (THROWS, 3))[:, None]
     still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (THROWS, 1, 4))

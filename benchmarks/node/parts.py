@@ -46,7 +46,7 @@ CASES = {
     ],
     'crossing': [
         Case(
-            f'one ball in air, tracker at 240 Hz, {samples} samples',
+            f'one ball, throws at 240 Hz, {samples} samples',
             1,
             0.02,
             1,
@@ -56,7 +56,7 @@ CASES = {
                 'samples': str(samples),
                 'crossing_planes': "'{height: {point: [0, 0, 0.1], normal: [0, 0, 1]}}'",
             },
-            hertz=240.0,
+            throws_hz=240.0,
             air=True,
         )
         for samples in (32, 64)

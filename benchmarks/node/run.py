@@ -15,16 +15,14 @@ import sys
 import time
 from typing import Any
 
-from motion import poses_at, SCENE, THROW, throws, THROWS_SCENE
+from motion import poses_at, SCENE, THROW, THROWN, throws, UNLEARNED
 import numpy as np
 from outcome import errors_of, Outcome, read_counts, read_recorded
 from rigid_gns_core.prediction.load import load_simulator
-from rigid_gns_core.rollout.paths import Paths
 from rigid_gns_core.running.machine import load_average, stolen_time
 from rigid_gns_core.scenes.sampling import sample_start
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.start import StartRecipe
-from rigid_gns_core.scenes.state import State
 from rigid_gns_ros.demo import node_environment, NodeProcess
 import yaml
 
@@ -75,12 +73,10 @@ class Case:
         parameters: Of the simulator, besides its scene.
         busy: Whether another process keeps one core busy.
         seed: Of places and noise.
-        hertz: Frames per second of the tracker; 0: by `stride`.
-        air: Whether there is air.
         bouncing_hz: Frames per second of balls of 20 mm that bounce without loss; 0: a rollout of
             the model is played.
-        throws_hz: Frames per second of one ball that is thrown again and again, in air of which
-            the node's scene does not know.
+        throws_hz: Frames per second of one ball that is thrown again and again, in air.
+        air: Whether the node's scene knows of that, and how the ball bounces.
     """
 
     name: str
@@ -90,22 +86,20 @@ class Case:
     parameters: Mapping[str, str]
     busy: bool = False
     seed: int = 0
-    hertz: float = 0.0
-    air: bool = False
     bouncing_hz: float = 0.0
     throws_hz: float = 0.0
+    air: bool = False
 
     @property
     def scene(self) -> dict[str, Any]:
         """An open box whose ground holds three times as many spheres side by side."""
         if self.throws_hz:
-            return THROWS_SCENE
+            return THROWN if self.air else UNLEARNED
         if self.bouncing_hz:
             found: dict[str, Any] = SCENE['scene']
             return found
         side = float(2 * self.radius * np.sqrt(3 * self.spheres))
         return {
-            **({'air': {'density': 1.2, 'drag_coefficient': 0.4}} if self.air else {}),
             'box': {'length_x': side, 'length_y': side},
             'radius': self.radius,
             'mass': self.radius**3,
@@ -270,16 +264,8 @@ def _prepare(case: Case, folder: Path) -> tuple[Path, float, float]:
     if trajectory.diverged_at is not None:
         raise RuntimeError(f'{case.name}: the rollout that the tracker plays diverged')
     poses = np.concatenate([trajectory.positions, trajectory.quaternions], axis=2)
-    if not case.hertz:
-        np.save(path, poses[:: case.stride])
-        return path, case.stride * trajectory.dt, trajectory.dt
-    names = ('positions', 'quaternions', 'velocities', 'angular_velocities')
-    states = State.unchecked(*(getattr(trajectory, name)[None] for name in names))
-    times = np.arange(int(trajectory.times[-1] * case.hertz)) / case.hertz
-    places, _ = Paths.of(scene, states, trajectory.dt, exact=True).at(times)
-    still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*places.shape[1:3], 4))  # not tracked
-    np.save(path, np.concatenate([places[0], still], axis=2))
-    return path, 1.0 / case.hertz, trajectory.dt
+    np.save(path, poses[:: case.stride])
+    return path, case.stride * trajectory.dt, trajectory.dt
 
 
 def _wait(

@@ -10,10 +10,10 @@ It writes what rosbag2 of ROS 2 Jazzy writes, key for key, so that `ros2 bag`, `
 from __future__ import annotations
 
 import atexit
+from collections import deque
 from collections.abc import Callable
 import math
 from pathlib import Path
-import queue
 import sys
 import threading
 import time
@@ -24,6 +24,9 @@ from ..errors import UserError
 from ..messages.definitions import type_hash
 
 FLUSH_PERIOD = 0.5  # [s]; a killed process loses at most this much
+# the thread looks so often for messages [s]: woken for each, it would take Python's lock from the
+# caller as often
+_TURN = 0.02
 
 
 class BagWriter:
@@ -70,8 +73,8 @@ class BagWriter:
         self._bag = SplitBag(
             self.folder, max_size=round(max_size * 1e6), max_duration_ns=round(max_duration * 1e9)
         )
-        self._queue: queue.SimpleQueue[tuple[RecordedTopic, bytes, int] | RecordedTopic | None]
-        self._queue = queue.SimpleQueue()
+        self._queue: deque[tuple[RecordedTopic, bytes, int] | RecordedTopic] = deque()
+        self._ending = threading.Event()
         self._queue_bytes, self._waiting = queue_bytes, 0
         self._lock = threading.Lock()
         self._on_error = on_error
@@ -121,7 +124,7 @@ class BagWriter:
             raise UserError(f'topic {name} was added before, with {known.type_name}, {known.qos}')
         if not known:
             self._topics[name] = topic = RecordedTopic(name, type_name, qos, depth)
-            self._queue.put(topic)
+            self._queue.append(topic)
 
     def write(self, topic: str, cdr: bytes, log_time_ns: int) -> None:
         """Queue one message; never waits for the disk.
@@ -145,14 +148,14 @@ class BagWriter:
                 self._lost += 1
                 return
             self._waiting += len(cdr)
-            self._queue.put((entry, bytes(cdr), int(log_time_ns)))
+            self._queue.append((entry, bytes(cdr), int(log_time_ns)))
 
     def close(self) -> None:
         """Write the queue, the index and metadata.yaml. A second call does nothing."""
         with self._lock:
             first, self._closed = not self._closed, True
         if first:
-            self._queue.put(None)
+            self._ending.set()
         if threading.current_thread() is not self._thread:
             self._thread.join()
         atexit.unregister(self.close)
@@ -181,14 +184,12 @@ class BagWriter:
 
     def _drain(self) -> None:
         flush_at = time.monotonic() + FLUSH_PERIOD
-        while True:
-            try:
-                item = self._queue.get(timeout=max(0.0, flush_at - time.monotonic()))
-            except queue.Empty:
-                pass
-            else:
-                if item is None:
-                    return
+        ending = False
+        while not ending:
+            hurry = self._waiting > self._queue_bytes // 8
+            ending = self._ending.wait(0.0 if hurry else _TURN)  # nothing is queued after it
+            for _ in range(len(self._queue)):
+                item = self._queue.popleft()
                 if isinstance(item, RecordedTopic):
                     self._bag.register(item)
                 else:
@@ -203,11 +204,9 @@ class BagWriter:
     def _discard(self) -> int:
         """Empty the queue; the number of messages dropped."""
         count = 0
-        while True:
-            try:
-                count += isinstance(self._queue.get_nowait(), tuple)
-            except queue.Empty:
-                return count
+        while self._queue:
+            count += isinstance(self._queue.popleft(), tuple)
+        return count
 
     def _report_loss(self) -> None:
         if self._lost and not self._loss_reported:

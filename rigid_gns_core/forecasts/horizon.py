@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .spread import codec_of, Spread, spread_of_future, SpreadJob
+from .spread import codec_of, drawn_rollouts, Spread, spread_of_future, SpreadJob
+from ..rollout.stepper import state_at
 from ..scenes.state import Array, State
 
 if TYPE_CHECKING:
@@ -179,29 +180,38 @@ def _samples(job: Job) -> int:
 def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
     """Result of a job; None where it was cancelled."""
     begun, working = time.perf_counter(), time.thread_time()
-    rollout, points, error = job.rollout, 1, ''
-    # rows of the message
-    poses = np.empty((job.steps + 1, len(job.ids), 7))
-    twists = np.empty((job.steps + 1, len(job.ids), 6))
-    _fill(poses[0], twists[0], rollout.state)
-    for states, why in rollout.blocks(job.steps, BLOCK, job.first):
-        if cancelled():
+    drawn, error = None, ''
+    if job.spread is not None:
+        drawn = drawn_rollouts(job.spread, job.steps)
+    if drawn is not None and np.isfinite(drawn.positions[0]).all():
+        states = state_at(drawn, 0)  # the estimated state itself is the first of those drawn
+    else:
+        rolled = _rolled(job, cancelled)
+        if rolled is None:
             return None
-        error = why
-        if count := len(states):
-            rows = slice(points, points + count)
-            _fill(poses[rows], twists[rows], states)
-            points += count
-    poses, twists = poses[:points], twists[:points]
-    codec = codec_of(job.frame_id, job.ids, points, rollout.dt)
+        states, error = rolled
+    points = len(states.positions)
+    poses, twists = np.empty((points, len(job.ids), 7)), np.empty((points, len(job.ids), 6))
+    poses[..., :3], poses[..., 3:] = states.positions, states.quaternions
+    twists[..., :3], twists[..., 3:] = states.velocities, states.angular_velocities
+    codec = codec_of(job.frame_id, job.ids, points, job.rollout.dt)
     cdr = codec.encode(job.stamp_ns, poses, twists)
     spread = None
-    if job.spread is not None:
-        spread = spread_of_future(job.spread, points, rollout.dt)
+    if job.spread is not None and drawn is not None:
+        spread = spread_of_future(job.spread, drawn, points, job.rollout.dt)
     took, worked = time.perf_counter() - begun, time.thread_time() - working
     return Future(job, cdr, poses[..., :3], took, worked, error, spread)
 
 
-def _fill(poses_out: Array, twists_out: Array, states: State) -> None:
-    poses_out[..., :3], poses_out[..., 3:] = states.positions, states.quaternions
-    twists_out[..., :3], twists_out[..., 3:] = states.velocities, states.angular_velocities
+def _rolled(job: Job, cancelled: Callable[[], bool]) -> tuple[State, str] | None:
+    """States of the rollout from its start on, and why they end early; None: cancelled."""
+    parts, error = (
+        [State.unchecked(*(part[None] for part in vars(job.rollout.state).values()))],
+        '',
+    )
+    for states, why in job.rollout.blocks(job.steps, BLOCK, job.first):
+        if cancelled():
+            return None
+        parts, error = [*parts, states], why
+    fields = zip(*(vars(part).values() for part in parts), strict=True)
+    return State.unchecked(*(np.concatenate(field) for field in fields)), error

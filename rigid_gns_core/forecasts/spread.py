@@ -16,14 +16,16 @@ import numpy as np
 from ..messages.covariances import encode_pose_with_covariance, encode_twist_with_covariance
 from ..messages.trajectories import TrajectoryCodec
 from ..rollout.crossing import Branch, Crossing
-from ..rollout.forecast import Estimate, Forecast
+from ..rollout.forecast import drawn_starts, Estimate, Forecast, forecast_of
+from ..rollout.paths import Paths
 from ..rollout.simulator import Simulator
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
-from ..scenes.state import Array
+from ..scenes.state import Array, State
 
 LIKELY = 0.5
 """Probability from which on a sphere is said to cross."""
+_SEED = 0  # of the draws
 # branches less likely than this are not told
 _LEAST = 0.02
 
@@ -52,6 +54,11 @@ class SpreadJob:
     stamp_ns: int
     frame_id: str
 
+    @property
+    def start(self) -> State | Estimate:
+        """The estimate, or its state alone where none are drawn."""
+        return self.estimate if self.samples else self.estimate.state
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -76,11 +83,26 @@ class Spread:
     paths: tuple[tuple[Array, float], ...]
 
 
-def spread_of_future(job: SpreadJob, points: int, dt: float, seed: int = 0) -> Spread:
-    """Spread of a future of so many points, `dt` [s] apart; the first is the start."""
+def drawn_rollouts(job: SpreadJob, steps: int) -> State:
+    """Rollouts from the estimate and from draws, fields of shape (1 + samples, steps + 1, n, k)."""
+    starts = drawn_starts(job.start, job.samples, _SEED)
+    return job.simulator.rollout_samples(job.scene, starts, steps)
+
+
+def spread_of_future(job: SpreadJob, drawn: State, points: int, dt: float) -> Spread:
+    """Spread of a future.
+
+    Args:
+        job: What it is of.
+        drawn: See `drawn_rollouts`.
+        points: So many of their states count; the first is the start.
+        dt: Time between two [s].
+    """
     times: Array = dt * np.arange(points, dtype=np.float64)
-    start = job.estimate if job.samples else job.estimate.state
-    forecast = job.simulator.forecast(job.scene, start, times, job.samples, seed)
+    states = State.unchecked(*(values[:, :points] for values in vars(drawn).values()))
+    exact = job.simulator.velocities == 'given'
+    paths = Paths.of(job.scene, states, dt, exact=exact)
+    forecast = forecast_of(job.scene, job.start, paths, times, job.samples, _SEED)
     crossings: list[tuple[bytes, bytes]] = []
     told: dict[str, Any] = {}
     for name, plane in job.planes.items():

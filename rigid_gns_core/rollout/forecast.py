@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -197,7 +197,7 @@ def drawn_starts(start: State | Estimate, samples: int, seed: int) -> State:
     known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     values, axes = np.linalg.eigh(np.where(known[:, None, None], covariance, 0.0))
     root = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    normal = np.random.default_rng(seed).normal(size=(samples, count, 9))
+    normal = _draws(seed, samples, count)
     moved = np.concatenate([np.zeros((1, count, 9)), np.einsum('nij,snj->sni', root, normal)])
     return State.unchecked(
         state.positions + moved[..., :3],
@@ -205,6 +205,14 @@ def drawn_starts(start: State | Estimate, samples: int, seed: int) -> State:
         state.velocities + moved[..., 3:6],
         state.angular_velocities + moved[..., 6:],
     )
+
+
+@lru_cache(maxsize=4)
+def _draws(seed: int, samples: int, count: int) -> Array:
+    """Standard normal numbers, shape (samples, count, 9), the same for forecasts in a row."""
+    found = np.random.default_rng(seed).normal(size=(samples, count, 9))
+    found.flags.writeable = False
+    return found
 
 
 def forecast_of(

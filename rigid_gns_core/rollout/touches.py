@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .paths import Paths
-from ..scenes.plane import closest_points, Plane
+from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array
 
@@ -50,18 +50,26 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
         return ['sphere'] * len(places)
     gaps = np.empty((len(places), len(surfaces) + len(obstacles)))
     out = np.zeros(gaps.shape, dtype=np.bool_)
-    for k, plane in enumerate(surfaces):
-        # where the plane was at the start
-        turn, gone = _moved(plane, times)
-        back, arms = turn.inv(), places - plane.point - gone
-        centres, push = plane.point + back.apply(arms), back.apply(blows)
-        ways = centres - closest_points((plane,), centres)[0][:, 0]
-        lengths = np.linalg.norm(ways, axis=1)
-        cosines = (ways * push).sum(axis=1)
-        cosines /= np.maximum(lengths * np.linalg.norm(push, axis=1), 1e-300)
-        gaps[:, k] = np.where(cosines > _COSINE, np.abs(lengths - radius), np.inf)
-        along = (centres - plane.point) @ plane.axes[:2].T
-        out[:, k] = (np.abs(along) > plane.half_lengths).any(axis=1)
+    if surfaces:
+        # of each plane, where it was at the start
+        arms = places[:, None] - np.array([plane.point for plane in surfaces])
+        push = np.broadcast_to(blows[:, None], arms.shape)
+        if any(plane.changes_place for plane in surfaces):
+            push = push.copy()
+        for k, plane in enumerate(surfaces):
+            if plane.changes_place:
+                turn, gone = _moved(plane, times)
+                arms[:, k] = turn.inv().apply(arms[:, k] - gone)
+                push[:, k] = turn.inv().apply(blows)
+        axes = np.array([plane.axes[:2] for plane in surfaces])
+        ends = np.array([plane.half_lengths for plane in surfaces])
+        along = np.einsum('mkc,kac->mka', arms, axes)
+        ways = arms - np.einsum('mka,kac->mkc', np.clip(along, -ends, ends), axes)
+        lengths = np.linalg.norm(ways, axis=2)
+        cosines = (ways * push).sum(axis=2)
+        cosines /= np.maximum(lengths * np.linalg.norm(push, axis=2), 1e-300)
+        gaps[:, : len(surfaces)] = np.where(cosines > _COSINE, np.abs(lengths - radius), np.inf)
+        out[:, : len(surfaces)] = (np.abs(along) > ends).any(axis=2)
     for k, obstacle in enumerate(obstacles, len(surfaces)):
         distance, normal = obstacle.closest(places)
         cosines = (normal * blows).sum(axis=1)
