@@ -21,6 +21,7 @@ from .world import still_world, World, world_of
 from ..kernels.jit import compiling, entry, is_compiled
 from ..kernels.neighbours import Indices
 from ..rollout.crossing import first_passages
+from ..rollout.forecast import spread_of
 from ..rollout.paths import Paths
 from ..rollout.stepper import Advance, state_at, Stepper
 from ..rollout.touches import touches_of
@@ -119,6 +120,7 @@ def _read_paths(scene: Scene, start: State) -> None:
     paths.at(np.array([0.05]))
     first_passages(paths, 0, scene.surfaces[0], 0.1)
     touches_of(paths, scene, 0)
+    spread_of(states.positions)
 
 
 class EngineStepper(Stepper):

@@ -84,7 +84,7 @@ class Spread:
 
 
 def drawn_rollouts(job: SpreadJob, steps: int) -> State:
-    """Rollouts from the estimate and from draws, fields of shape (1 + samples, steps + 1, n, k)."""
+    """Rollouts of the estimate and of draws, fields of shape (1 + samples, steps + 1, n, k)."""
     starts = drawn_starts(job.start, job.samples, _SEED)
     return job.simulator.rollout_samples(job.scene, starts, steps)
 

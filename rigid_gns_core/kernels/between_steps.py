@@ -149,16 +149,28 @@ def find_states(steps: Steps, moments: Array, places_out: Array, speeds_out: Arr
 
 
 @entry
-def find_meetings(
-    steps: Steps,
-    samples: Indices,
-    which: Indices,
-    sphere: int,
-    places_out: Array,
-    times_out: Array,
-) -> None:
-    """Find where, and how long after its start, the blow in each of some steps struck a sphere."""
-    for m in range(len(samples)):
-        before, _, split = pieces(steps, samples[m], which[m], sphere)
-        times_out[m] = split
-        places_out[m, 0], places_out[m, 1], places_out[m, 2] = value(before, split)
+def find_meetings(steps: Steps, sphere: int, which_out: Indices, found_out: Array) -> int:
+    """Find where and when blows struck a sphere.
+
+    Args:
+        steps: The rollouts.
+        sphere: Which sphere.
+        which_out: Rollout and step of each blow, in rising order, shape (s x steps, 2).
+        found_out: Centre then, and time since the start, shape (s x steps, 4).
+
+    Returns:
+        Number of blows.
+    """
+    count = 0
+    for s in range(len(steps.positions)):
+        for k in range(steps.blows.shape[1]):
+            if not is_struck(steps, s, k, sphere):
+                continue
+            before, _, split = pieces(steps, s, k, sphere)
+            which_out[count, 0], which_out[count, 1] = s, k
+            place = value(before, split)
+            for axis in range(3):
+                found_out[count, axis] = place[axis]
+            found_out[count, 3] = k * steps.dt + split
+            count += 1
+    return count

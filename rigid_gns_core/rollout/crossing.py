@@ -106,7 +106,8 @@ class Crossing:
         """
         parts = [_moments(one.values) for one in passages]
         branches = tuple(
-            _branches(one, events) for one, events in zip(passages, touched, strict=True)
+            _branches(one, events, part)
+            for one, events, part in zip(passages, touched, parts, strict=True)
         )
         means = np.array([mean for mean, _ in parts]).reshape(-1, 7)
         covariances = np.array([covariance for _, covariance in parts]).reshape(-1, 7, 7)
@@ -154,8 +155,11 @@ def _moments(values: Array) -> tuple[Array, Array]:
 
 
 def _branches(
-    passages: Passages, touched: Sequence[Sequence[tuple[float, str]]]
+    passages: Passages,
+    touched: Sequence[Sequence[tuple[float, str]]],
+    moments: tuple[Array, Array],
 ) -> tuple[Branch, ...]:
+    """Branches of one sphere; `moments` are those of all its samples."""
     groups: dict[tuple[str, ...], list[int]] = {}
     for sample in np.flatnonzero(passages.crossed).tolist():
         until = passages.values[sample, 0]
@@ -163,7 +167,7 @@ def _branches(
         groups.setdefault(names, []).append(sample)
     found = []
     for names, samples in groups.items():
-        mean, covariance = _moments(passages.values[samples])
+        mean, covariance = moments if len(groups) == 1 else _moments(passages.values[samples])
         found.append(
             Branch(
                 probability=len(samples) / len(passages.crossed),

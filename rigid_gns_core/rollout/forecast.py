@@ -147,8 +147,12 @@ class Forecast:
 
 def spread_of(samples: Array) -> Array:
     """Covariance of samples (s, ..., 3), shape (..., 3, 3)."""
-    apart = np.moveaxis(samples - samples.mean(axis=0), 0, -1)
-    found: Array = apart @ apart.swapaxes(-1, -2) / max(len(samples) - 1, 1)
+    # imported late: what only loads a model needs no compiler
+    from ..kernels.samples import find_covariances
+
+    found = np.empty((*samples.shape[1:], 3))
+    rows = np.require(samples, np.float64, ['C', 'W']).reshape(len(samples), -1, 3)
+    find_covariances(rows, found.reshape(-1, 3, 3))
     return found
 
 

@@ -6,11 +6,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..scenes.air import Air
 from ..scenes.scene import Scene
@@ -58,22 +57,15 @@ class Paths:
             # imported late: what only loads a model needs no compiler
             from ..kernels.between_steps import find_blows
 
-            rows = (scene.air or _VACUUM).flight(
-                scene.per_sphere('radius', count), scene.per_sphere('mass', count), scene.gravity
-            )
-            spins, weight = _plain(states.angular_velocities), float(np.linalg.norm(scene.gravity))
-            find_blows(velocities, spins, _plain(rows), weight, dt, flights, blows)
+            rows, weight = _flight(scene, count)
+            spins = _plain(states.angular_velocities)
+            find_blows(velocities, spins, rows, weight, dt, flights, blows)
         return cls(positions, velocities, flights, blows, dt, exact)
 
     @property
     def steps(self) -> int:
         """Number of steps."""
         return int(self.positions.shape[1]) - 1
-
-    @property
-    def struck(self) -> NDArray[np.bool_]:
-        """Whether a step has a blow, shape (s, steps, n)."""
-        return np.asarray((self.blows != 0.0).any(axis=-1))
 
     def part(self, chosen: slice) -> Paths:
         """Some of the rollouts."""
@@ -108,6 +100,14 @@ class Paths:
 
         fields = self.positions, self.velocities, self.flights, self.blows
         return Steps(*fields, self.dt, self.exact)
+
+
+@lru_cache(maxsize=64)
+def _flight(scene: Scene, count: int) -> tuple[Array, float]:
+    """Parameters of flight of the spheres, shape (n, 13), and gravity's size [m/s^2]."""
+    radii, masses = scene.per_sphere('radius', count), scene.per_sphere('mass', count)
+    rows = (scene.air or _VACUUM).flight(radii, masses, scene.gravity)
+    return _plain(rows), float(np.linalg.norm(scene.gravity))
 
 
 def _plain(values: Array) -> Array:

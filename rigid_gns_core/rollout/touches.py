@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from .paths import Paths
@@ -24,16 +25,17 @@ Touches = list[tuple[float, str]]
 
 def touches_of(paths: Paths, scene: Scene, sphere: int) -> list[Touches]:
     """Time [s] and name of what a sphere touched, in each rollout; see `Branch.touched`."""
-    found: list[Touches] = [[] for _ in range(len(paths.positions))]
-    sample, step = np.nonzero(paths.struck[:, :, sphere])
-    if not len(sample):
-        return found
     from ..kernels.between_steps import find_meetings
 
-    places, since = np.empty((len(sample), 3)), np.empty(len(sample))
-    find_meetings(paths.compiled, sample, step, sphere, places, since)
+    samples, steps = len(paths.positions), paths.steps
+    found: list[Touches] = [[] for _ in range(samples)]
+    which, meetings = np.empty((samples * steps, 2), np.int64), np.empty((samples * steps, 4))
+    count = find_meetings(paths.compiled, sphere, which, meetings)
+    if not count:
+        return found
+    sample, step = which[:count].T
+    places, times = meetings[:count, :3], meetings[:count, 3]
     radius = float(scene.per_sphere('radius', paths.positions.shape[2])[sphere])
-    times = step * paths.dt + since
     names = _names(scene, times, places, paths.blows[sample, step, sphere], radius)
     for row, time, name in zip(sample.tolist(), times.tolist(), names, strict=True):
         own = found[row]
@@ -48,33 +50,13 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
     surfaces, obstacles = scene.surfaces, scene.obstacles
     if not (surfaces or obstacles):
         return ['sphere'] * len(places)
-    gaps = np.empty((len(places), len(surfaces) + len(obstacles)))
-    out = np.zeros(gaps.shape, dtype=np.bool_)
-    if surfaces:
-        # of each plane, where it was at the start
-        arms = places[:, None] - np.array([plane.point for plane in surfaces])
-        push = np.broadcast_to(blows[:, None], arms.shape)
-        if any(plane.changes_place for plane in surfaces):
-            push = push.copy()
-        for k, plane in enumerate(surfaces):
-            if plane.changes_place:
-                turn, gone = _moved(plane, times)
-                arms[:, k] = turn.inv().apply(arms[:, k] - gone)
-                push[:, k] = turn.inv().apply(blows)
-        axes = np.array([plane.axes[:2] for plane in surfaces])
-        ends = np.array([plane.half_lengths for plane in surfaces])
-        along = np.einsum('mkc,kac->mka', arms, axes)
-        ways = arms - np.einsum('mka,kac->mkc', np.clip(along, -ends, ends), axes)
-        lengths = np.linalg.norm(ways, axis=2)
-        cosines = (ways * push).sum(axis=2)
-        cosines /= np.maximum(lengths * np.linalg.norm(push, axis=2), 1e-300)
-        gaps[:, : len(surfaces)] = np.where(cosines > _COSINE, np.abs(lengths - radius), np.inf)
-        out[:, : len(surfaces)] = (np.abs(along) > ends).any(axis=2)
-    for k, obstacle in enumerate(obstacles, len(surfaces)):
+    gaps, out = _from_planes(surfaces, times, places, blows, radius)
+    for obstacle in obstacles:
         distance, normal = obstacle.closest(places)
         cosines = (normal * blows).sum(axis=1)
         cosines /= np.maximum(np.linalg.norm(blows, axis=1), 1e-300)
-        gaps[:, k] = np.where(cosines > _COSINE, np.abs(distance - radius), np.inf)
+        gap = np.where(cosines > _COSINE, np.abs(distance - radius), np.inf)
+        gaps, out = np.column_stack([gaps, gap]), np.column_stack([out, np.zeros(len(gap), bool)])
     nearest = gaps.argmin(axis=1)
     rows = np.arange(len(places))
     met, beyond = gaps[rows, nearest] <= _NEAR * radius, out[rows, nearest]
@@ -84,6 +66,29 @@ def _names(scene: Scene, times: Array, places: Array, blows: Array, radius: floa
         (f'edge of {known[k]}' if past else known[k]) if touch else 'sphere'
         for k, touch, past in zip(nearest.tolist(), met.tolist(), beyond.tolist(), strict=True)
     ]
+
+
+def _from_planes(
+    surfaces: tuple[Plane, ...], times: Array, places: Array, blows: Array, radius: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """See `find_gaps`, shapes (m, surfaces)."""
+    from ..kernels.samples import find_gaps
+
+    gaps = np.empty((len(places), len(surfaces)))
+    out = np.zeros(gaps.shape, dtype=np.bool_)
+    if not surfaces:
+        return gaps, out
+    arms = places[:, None] - np.array([plane.point for plane in surfaces])
+    pushes = np.repeat(blows[:, None], len(surfaces), axis=1)
+    for k, plane in enumerate(surfaces):
+        if plane.changes_place:  # as they would be where the plane was at the start
+            turn, gone = _moved(plane, times)
+            arms[:, k] = turn.inv().apply(arms[:, k] - gone)
+            pushes[:, k] = turn.inv().apply(blows)
+    axes = np.array([plane.axes[:2] for plane in surfaces])
+    half = np.array([plane.half_lengths for plane in surfaces])
+    find_gaps(arms, pushes, axes, half, radius, _COSINE, gaps, out)
+    return gaps, out
 
 
 def _moved(plane: Plane, times: Array) -> tuple[Rotation, Array]:

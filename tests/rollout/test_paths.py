@@ -92,7 +92,7 @@ def test_a_bounce_of_a_ball_with_spin_in_air_is_met_between_steps() -> None:
         angular_velocities=[[10.0, 80.0, 5.0]],
     )
     paths = paths_of(scene, start, 20)
-    (step,) = np.flatnonzero(paths.struck[0, :, 0])
+    (step,) = np.flatnonzero(paths.blows[0, :, 0].any(axis=-1))
     times = (step + np.linspace(-1.0, 2.0, 300)) * paths.dt
     state = np.concatenate([start.positions[0], start.velocities[0], start.angular_velocities[0]])
     estimate = BallEstimate(state, np.eye(9), FREE, 1.0, 0.0, 0)
@@ -105,7 +105,7 @@ def test_a_bounce_of_a_ball_with_spin_in_air_is_met_between_steps() -> None:
 
 def test_a_ball_that_rolls_is_not_struck() -> None:
     start = State(positions=[[0.0, 0.0, RADIUS]], velocities=[[2.0, 0.0, 0.0]])
-    assert not paths_of(SCENE, start, 30).struck.any()
+    assert not paths_of(SCENE, start, 30).blows.any()
 
 
 def test_impacts_of_a_rollout_widen_what_comes_after() -> None:
