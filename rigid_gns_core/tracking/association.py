@@ -12,7 +12,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from .gating import gates
 from .jit import entry, plain
+from .motion_models import Motion
 from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import length, minus, row
 from ..scenes.state import Array
@@ -52,6 +54,32 @@ def match(predicted: Array, detections: Array, gates: Array) -> Indices:
     index[spheres] = -1
     index[spheres[rows[inside_gate]]] = poses[columns[inside_gate]]
     return index
+
+
+def associate(
+    predicted: Motion, detections: Array, *, radii: Array, noise: float, limit: float, time: float
+) -> Indices:
+    """Index of the detection of each track, -1 where there is none, shape (n,).
+
+    Args:
+        predicted: Motion of the tracks as predicted for the frame.
+        detections: Positions of the frame in any order [m], shape (k, 3).
+        radii: Of the tracks [m], shape (n,).
+        noise: Standard deviation of each coordinate of a position [m].
+        limit: Largest speed that widens a gate [m/s].
+        time: Time since the previous frame [s].
+    """
+    spread = np.hypot(noise, np.minimum(predicted.errors, limit) * time)
+    speeds = np.minimum(np.linalg.norm(predicted.velocities, axis=1), limit)
+    reliable = predicted.frames > 2
+    width = gates(speeds, predicted.positions, radii, spread, time, reliable)
+    found = match(predicted.positions, detections, width)
+    lost, free = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(detections)), found)
+    if len(lost) and len(free):  # a sphere that was thrown back is off by twice its travel
+        width = gates(2.0 * speeds, predicted.positions, radii, spread, time, reliable)
+        again = match(predicted.positions[lost], detections[free], width[lost])
+        found[lost[again >= 0]] = free[again[again >= 0]]
+    return found
 
 
 @entry

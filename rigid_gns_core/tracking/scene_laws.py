@@ -14,7 +14,8 @@ from .motion_models import Motion
 from .pose_noise import rotating
 from .stamp_jitter import newest_noise
 from .state_estimate import motion_covariance, StateEstimate
-from .tracks import TrackerSettings, Tracks
+from .tracker_settings import TrackerSettings
+from .tracks import Tracks
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array

@@ -14,25 +14,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .association import match
+from .association import associate
 from .coasting import coast, turn_on
-from .environment import Environment
-from .gating import gates
 from .initiation import initiate_tracks, INITIATION_FRAMES
 from .jit import plain
 from .lost_spheres import measured
 from .motion_models import FLIGHT, Motion
 from .newest_frame import append_frame
-from .noise_estimate import (
-    MAX_DIFFERENCES,
-    MIN_DIFFERENCES,
-    NOISE_FRAMES,
-    NoiseEstimate,
-    third_differences,
-)
+from .noise_estimate import MAX_DIFFERENCES, NOISE_FRAMES, NoiseEstimate, third_differences
+from .tracker_settings import TrackerSettings
 from .unknown_rotations import whole_rotations
 from .velocity import estimate_motion
-from ..kernels.neighbours import Indices
 from ..messages.poses import PoseArrayFrame
 from ..scenes.state import Array, as_unit
 
@@ -45,51 +37,6 @@ _COAST_FRAMES = 2.5
 _MOST_MISFITS = 5
 # stands in for a pose that was not measured
 _LOST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """Settings of the tracking filter.
-
-    Args:
-        environment: Surfaces, gravity and radii.
-        length: Number of frames from which motion is estimated.
-        matched: Whether poses are associated with tracks; if not, they keep their order.
-        noise: Standard deviation of each coordinate of a position [m]; None: estimated.
-        coast_time: A track not seen for longer is deleted [s], but not within two frames.
-        max_speed: Largest speed of a new track [m/s].
-        radius: Radius of the largest sphere [m].
-        memory: Frames of this time before the newest are kept as well [s].
-        most: Of more spheres only the window is kept.
-    """
-
-    environment: Environment
-    length: int
-    matched: bool
-    noise: float | None
-    coast_time: float
-    max_speed: float
-    radius: float
-    memory: float = 0.0
-    most: float = np.inf
-
-    @property
-    def fewest(self) -> int:
-        """Number of frames kept at least; a late one is inserted among as many."""
-        return max(self.length, NOISE_FRAMES)
-
-    def used(self, stamps: NDArray[np.int64], spheres: int) -> int:
-        """Number of the newest frames from which a start is estimated.
-
-        Those of the window, of the memory, and so many that the noise of few spheres is known.
-        """
-        used = self.length
-        if self.noise is None and not self.matched and spheres and self.length >= NOISE_FRAMES:
-            used = max(used, -(-MIN_DIFFERENCES // (3 * spheres)) + NOISE_FRAMES - 1)
-        if self.memory and len(stamps) and spheres <= self.most:
-            oldest = int(stamps[-1]) - round(self.memory * 1e9)
-            used = max(used, len(stamps) - int(stamps.searchsorted(oldest)))
-        return min(used, len(stamps))
 
 
 @dataclass(frozen=True)
@@ -168,8 +115,17 @@ class Tracks:
         predicted = self.motion
         if settings.matched:
             predicted = _predict(self, settings, step_ns * 1e-9)
-        found = self._associate(poses, predicted, settings, step_ns * 1e-9)
-        if not settings.matched:
+        if settings.matched:
+            found = associate(
+                predicted,
+                poses[:, :3],
+                radii=settings.environment.radii(self.ids),
+                noise=self.noise(settings),
+                limit=settings.max_speed,
+                time=step_ns * 1e-9,
+            )
+        else:
+            found = np.arange(len(self.ids), dtype=np.int64)
             found[~visible[: len(found)]] = -1
         detected = found >= 0
         row = np.zeros((len(self.ids), 7))
@@ -229,26 +185,6 @@ class Tracks:
             noise_estimate=self._noise_after(stamps, poses, seen, settings),
             misfits=self.misfits,
         )
-
-    def _associate(
-        self, poses: Array, predicted: Motion, settings: TrackerSettings, time: float
-    ) -> Indices:
-        if not settings.matched:
-            return np.arange(len(self.ids), dtype=np.int64)
-        radii = settings.environment.radii(self.ids)
-        noise = self.noise(settings)
-        limit = settings.max_speed
-        spread = np.hypot(noise, np.minimum(predicted.errors, limit) * time)
-        speeds = np.minimum(np.linalg.norm(predicted.velocities, axis=1), limit)
-        reliable = predicted.frames > 2
-        width = gates(speeds, predicted.positions, radii, spread, time, reliable)
-        found = match(predicted.positions, poses[:, :3], width)
-        lost, free = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(poses)), found)
-        if len(lost) and len(free):  # a sphere that was thrown back is off by twice its travel
-            width = gates(2.0 * speeds, predicted.positions, radii, spread, time, reliable)
-            again = match(predicted.positions[lost], poses[free, :3], width[lost])
-            found[lost[again >= 0]] = free[again[again >= 0]]
-        return found
 
     def _initiate(self, settings: TrackerSettings) -> Tracks:
         """Tracks with those added that the unassociated poses initiate."""

@@ -10,17 +10,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .environment import Environment
 from .jit import plain
-from .lost_spheres import check_seen, measured, why_lost
+from .lost_spheres import check_seen, seen_in, why_lost
 from .newest_frame import is_usual
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
 from .scene_laws import by_window, SceneLaws
 from .state_estimate import StateEstimate
-from .tracks import TrackerSettings, Tracks
+from .tracker_settings import TrackerSettings
+from .tracks import Tracks
 from .usable_frames import clock_was_set, FrameOrder
 from .warm import warm_up, warm_up_laws
 from ..errors import UserError
@@ -28,9 +28,6 @@ from ..messages.poses import PoseArrayFrame
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
-
-# defaults: coast time [sqrt(r / g)] and largest speed of a new track [sqrt(g r)]
-_COAST, _MAX_SPEED = 2.0, 50.0
 
 # largest finite number
 _FINITE = float(np.finfo(np.float64).max)
@@ -89,29 +86,20 @@ class TrackingWindow:
         if self._laws is not None:
             warm_up_laws()
             noise = self._laws.noise if noise is None else noise
-        size = float(np.linalg.norm(gravity)) or 1.0
-        natural = float(np.sqrt(radius / size))  # time to fall half a radius [s]
-        for name, value in (
-            ('noise', noise),
-            ('coast_time', coast_time),
-            ('max_speed', max_speed),
-        ):
-            if value is not None and not (value >= 0 and np.isfinite(value)):
-                raise UserError(f'{name} is {value}, expected 0 or more')
         self.length, self.max_spheres = length, max_spheres
         self.max_gap_ns, self._check = round(max_gap * 1e9), check
         self._order, self._on_gap = FrameOrder(frame_id, radius), on_gap
         environment = (
             Environment.unknown(gravity, radius) if scene is None else Environment.of(scene)
         )
-        self.settings = TrackerSettings(
-            environment=environment,
+        self.settings = TrackerSettings.of(
+            environment,
+            radius,
             length=length,
             matched=matched,
             noise=noise,
-            coast_time=_COAST * natural if coast_time is None else coast_time,
-            max_speed=_MAX_SPEED * natural * size if max_speed is None else max_speed,
-            radius=radius,
+            coast_time=coast_time,
+            max_speed=max_speed,
             memory=0.0 if self._laws is None else self._laws.memory,
             most=0.0 if self._laws is None else self._laws.most,
         )
@@ -220,7 +208,10 @@ class TrackingWindow:
 
     def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
         self._order.check(frame)
-        seen = self._seen(frame.poses)
+        seen = np.ones(len(frame.poses), dtype=np.bool_)
+        if not is_usual(plain(frame.poses), _FINITE):
+            newest = self._frames[-1][0].poses if self._frames else None
+            seen = seen_in(frame.poses, newest, self._tracks, self.settings)
         self.lost = why_lost(frame.poses, seen)
         if self.lost and not seen.any():
             raise RejectedFrame('not finite', self.lost)
@@ -247,26 +238,6 @@ class TrackingWindow:
         for admitted_frame in admitted:
             self._take(admitted_frame, now_ns)
         return restarted
-
-    def _seen(self, poses: Array) -> NDArray[np.bool_]:
-        """Whether each pose is a measurement, shape (n,), see `lost_at_origin`."""
-        if is_usual(plain(poses), _FINITE):
-            return np.ones(len(poses), dtype=np.bool_)
-        seen = measured(poses)
-        there = (poses[:, :3] == 0.0).all(axis=1)
-        if not there.any():
-            return seen
-        tracks, matched = self._tracks, self.settings.matched
-        if not len(tracks.ids):
-            new = self._frames[-1][0].poses if self._frames and matched else poses[there]
-            stays = bool((new[:, :3] == 0.0).all(axis=1).any())
-            return seen & ~(there & (self.settings.environment.overlaps_origin() or not stays))
-        last = len(tracks.seen) - 1 - np.argmax(tracks.seen[::-1], axis=0)
-        at_origin = (tracks.poses[last, np.arange(len(last)), :3] == 0.0).all(axis=1)
-        if matched:
-            return seen & ~(there & (not at_origin.any()))
-        # a frame with another number of spheres is refused anyway
-        return seen & ~(there & ~at_origin) if len(last) == len(there) else seen
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
         later: list[PoseArrayFrame] = []
