@@ -27,6 +27,8 @@ _LINEAR = 3.0
 _TRIES, _MORE_DAMPING = 5, 30.0
 # a step smaller than this ends the search [deviations of the posterior]; of a window that grows
 _SMALL, _SMALL_FIRST = 1e-2, 0.3
+# a fit is given up where its loss per coordinate would stay above this
+_HOPELESS = 8.0
 
 
 @in_place
@@ -77,6 +79,24 @@ def add_products(columns: Array, weights: Array, matrix_out: Array, vector_out: 
             for k in range(9):
                 part = x * columns[i, k] + y * columns[i, 10 + k] + z * columns[i, 20 + k]
                 matrix_out[j, k] += part
+
+
+@compiled
+def _is_hopeless(
+    loss: float, gradient: Array, information: Array, huber: Array, gate: float
+) -> bool:
+    """Whether too many frames are off to be dropped, and the next step will not meet them.
+
+    A Gauss-Newton step lessens the loss by g^T A^-1 g, as far as the residuals are linear.
+    """
+    far = 0
+    for i in range(len(huber)):
+        if huber[i] * gate < _LINEAR:
+            far += 1
+    if far <= len(huber) // 5:
+        return False
+    least = loss - gradient @ np.linalg.solve(information, gradient)
+    return least > _HOPELESS * 3.0 * len(huber)
 
 
 @entry
@@ -150,7 +170,7 @@ def fit_start(
         last = n == m
         seen, places = stamps[:n], observed[:n]
         damping, small = 1e-4, _SMALL if last else _SMALL_FIRST
-        for _ in range(iterations if last else 3):
+        for left in range(iterations if last else 3, 0, -1):
             if stale:
                 count, where = path_and_slopes(
                     start,
@@ -185,6 +205,10 @@ def fit_start(
             add_products(columns[:n], huber, information_out, gradient)
             better, size, after = False, 0.0, loss
             flies = on == FREE and where == FREE
+            # by the third step what flies is nearly linear
+            third = last and flies and left <= iterations - 2
+            if third and _is_hopeless(loss, gradient, information_out, huber[:n], gate):
+                break
             for _tries in range(_TRIES):
                 system[:] = information_out
                 for j in range(9):
