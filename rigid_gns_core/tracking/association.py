@@ -74,8 +74,9 @@ def associate(
     reliable = predicted.frames > 2
     width = gates(speeds, predicted.positions, radii, spread, time, reliable)
     found = match(predicted.positions, detections, width)
-    lost, free = np.flatnonzero(found < 0), np.setdiff1d(np.arange(len(detections)), found)
-    if len(lost) and len(free):  # a sphere that was thrown back is off by twice its travel
+    lost = np.flatnonzero(found < 0)
+    free = np.setdiff1d(np.arange(len(detections)), found) if len(lost) else lost
+    if len(free):  # a sphere that was thrown back is off by twice its travel
         width = gates(2.0 * speeds, predicted.positions, radii, spread, time, reliable)
         again = match(predicted.positions[lost], detections[free], width[lost])
         found[lost[again >= 0]] = free[again[again >= 0]]
