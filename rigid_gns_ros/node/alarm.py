@@ -27,12 +27,16 @@ class Alarm:
         self._node, self._callback = node, callback
         self._timer = node.create_timer(1.0, self._ring, autostart=False)
         self._due: int | None = None
+        self._exact = True
 
-    def set(self, time_ns: int) -> None:
-        """Call back when the node's clock reaches `time_ns`, at once where that is past."""
-        self._due = time_ns
+    def set(self, time_ns: int, *, exact: bool = True) -> None:
+        """Call back when the node's clock reaches `time_ns`, at once where that is past.
+
+        `exact`: not up to a millisecond later, for which the executor is held up as long.
+        """
+        self._due, self._exact = time_ns, exact
         # a simulated clock does not advance during a sleep
-        early = 0 if simulated(self._node) else EARLY
+        early = EARLY if exact and not simulated(self._node) else 0
         self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
 
@@ -61,7 +65,7 @@ class Alarm:
         if due is None:
             return
         left = min(self._left(due), EARLY)
-        if left > 0 and not simulated(self._node):
+        if self._exact and left > 0 and not simulated(self._node):
             time.sleep(left * 1e-9)
             if not self._node.context.ok():
                 return  # the node was stopped during the sleep

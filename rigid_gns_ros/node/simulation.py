@@ -284,7 +284,7 @@ class Simulation:
         if prediction is not None:
             self.publish(prediction)
         if predictor.every:
-            self._alarm.set(predictor.due_ns + predictor.period_ns // 2)
+            self._alarm.set(predictor.due_ns + predictor.period_ns // 2, exact=False)
         else:
             self.compute()
 
