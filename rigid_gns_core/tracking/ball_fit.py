@@ -95,7 +95,9 @@ def _is_hopeless(
             far += 1
     if far <= len(huber) // 5:
         return False
-    least = loss - gradient @ np.linalg.solve(information, gradient)
+    step, least = np.linalg.solve(information, gradient), loss
+    for j in range(len(step)):
+        least -= gradient[j] * step[j]
     return least > _HOPELESS * 3.0 * len(huber)
 
 
