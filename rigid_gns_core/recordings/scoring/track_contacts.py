@@ -8,9 +8,14 @@ velocity somewhere in the interval: p = p0 + v0 t + a t^2/2 + [t > 0] (d + u t).
 that of a contact where the change u is many of its standard deviations, larger than what counts as
 a blow, and more certain than in the intervals beside it. Away from surfaces and other spheres it
 has to be twice as certain: there trackers are at fault more often than something unknown is met.
+
+Two contacts within the same samples hide each other, as in a corner. So the interval is that of a
+contact, too, where the sphere came straight to a plane at rest until then and leaves it since.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +27,15 @@ from ...scenes.state import Array
 from ...tracking.ball_model import BallModel
 from ...tracking.held import held
 
-# most and least samples on each side of an interval, and how far they may be from it [sqrt(r / g)]
-_MOST, _LEAST, _REACH = 8, 3, 2.5
+# most and least samples on each side of an interval, how far they may be from it [sqrt(r / g)];
+# the least ones may be farther, since some trackers say nothing of a slow ball until it has moved
+_MOST, _LEAST, _REACH, _FAR = 8, 3, 2.5, 5.0
 # least change of velocity [its standard deviations], near something and elsewhere; [sqrt(g r)]
 _NEAR, _ELSEWHERE, _BLOW = 6.0, 12.0, 0.3
+# where a sphere turns at a plane, the line of before leads to it up to this [radii]
+_MEETS = 0.15
+# beyond the ends of a plane its closest point is this far from the normal [radii]
+_ON = 1e-6
 
 
 def contacts_of(track: Track, scene: Scene, radii: Array, noise: float) -> list[Array]:
@@ -41,11 +51,14 @@ def contacts_of(track: Track, scene: Scene, radii: Array, noise: float) -> list[
     found = []
     for sphere, radius in enumerate(radii.tolist()):
         times, places = track.samples(sphere)
-        near = np.zeros(max(len(times) - 1, 0), dtype=bool)
+        near, gaps = np.zeros(max(len(times) - 1, 0), dtype=bool), np.zeros((0, len(times)))
         if len(times) > 1:
             near = _near(track, sphere, scene, radii)
+            gaps = _gaps(scene, places, radius)
         found.append(
-            contact_times(times, places, radius=radius, gravity=gravity, noise=noise, near=near)
+            contact_times(
+                times, places, radius=radius, gravity=gravity, noise=noise, near=near, gaps=gaps
+            )
         )
     return found
 
@@ -70,6 +83,7 @@ def contact_times(
     gravity: float,
     noise: float,
     near: NDArray[np.bool_],
+    gaps: Array,
 ) -> Array:
     """Times of the contacts of one sphere [s], rising, each in the middle of two samples.
 
@@ -80,17 +94,20 @@ def contact_times(
         gravity: Size of gravity [m/s^2]; 0: 9.81, which only sets the scale of speed and time.
         noise: Standard deviation of each coordinate [m].
         near: Whether a surface or another sphere is near in an interval, shape (k - 1,).
+        gaps: From each plane at rest [m], NaN beyond its ends, shape (planes, k).
     """
     gravity = gravity or 9.81
-    reach = _REACH * float(np.sqrt(radius / gravity))
+    scale = float(np.sqrt(radius / gravity))
     blow = _BLOW * float(np.sqrt(radius * gravity))
     scores = np.zeros(max(len(times) - 1, 0))
     for index in range(_LEAST - 1, len(times) - _LEAST):
-        begin, end = max(index + 1 - _MOST, 0), index + 1 + _MOST
+        begin, end = max(index + 1 - _MOST, 0), min(index + 1 + _MOST, len(times))
         own = times[begin:end]
-        used = (own >= times[index] - reach) & (own <= times[index + 1] + reach)
-        before = int(used[: index + 1 - begin].sum())
-        if before < _LEAST or int(used.sum()) - before < _LEAST:
+        # of the last of before and the first of after
+        away = np.maximum(times[index] - own, own - times[index + 1])
+        least = np.abs(np.arange(begin, end) - index - 0.5) < _LEAST
+        used = away <= np.where(least, _FAR, _REACH) * scale
+        if not used[least].all():
             continue
         t = own[used] - 0.5 * (times[index] + times[index + 1])
         change, error = _change(t, positions[begin:end][used], noise)
@@ -98,14 +115,59 @@ def contact_times(
         if change > max(sigmas * error, blow):
             scores[index] = change / error
     found: list[int] = []
-    for index in np.argsort(-scores, kind='stable'):
-        if scores[index] <= 0:
-            break
-        if all(abs(int(index) - other) >= _LEAST for other in found):
-            found.append(int(index))
-    chosen = np.sort(np.array(found, dtype=np.int64))
+    for gap in gaps:
+        turns = _turns(times, gap, noise, blow, _MEETS * radius, _FAR * scale)
+        found += _apart(turns, [])
+    found += _apart(scores, found)
+    chosen = np.unique(np.array(found, dtype=np.int64))
     middles: Array = 0.5 * (times[chosen] + times[chosen + 1])
     return middles
+
+
+def _apart(scores: Array, before: Sequence[int]) -> list[int]:
+    """Intervals of the largest scores above 0, none within `_LEAST` of another or one before."""
+    found: list[int] = []
+    for index in np.argsort(-scores, kind='stable').tolist():
+        if scores[index] <= 0:
+            break
+        if all(abs(index - other) >= _LEAST for other in (*before, *found)):
+            found.append(index)
+    return found
+
+
+def _turns(times: Array, gap: Array, noise: float, blow: float, meets: float, far: float) -> Array:
+    """Change of the speed towards a plane in each interval in which the sphere turns [m/s].
+
+    0 where it does not.
+    """
+    changes = np.zeros(max(len(times) - 1, 0))
+    for index in range(_LEAST - 1, len(times) - _LEAST):
+        first, last = index + 1 - _LEAST, index + _LEAST
+        before, after = times[index] - times[first], times[last] - times[index + 1]
+        if max(before, after) > far:
+            continue
+        comes = (gap[first] - gap[index]) / before
+        leaves = (gap[last] - gap[index + 1]) / after
+        error = noise * float(np.sqrt(2.0)) / min(before, after)
+        reached = gap[index] - comes * (times[index + 1] - times[index])
+        # false where a gap is NaN
+        sure = min(comes, leaves) > _NEAR * error and comes + leaves > blow
+        if sure and reached <= meets and gap[index] >= -meets:
+            # of intervals beside each other that in which the line meets the plane
+            inside = reached <= 0.0 <= gap[index]
+            changes[index] = (comes + leaves) * (1.0 if inside else 0.5)
+    return changes
+
+
+def _gaps(scene: Scene, places: Array, radius: float) -> Array:
+    """Distances of a sphere from each plane at rest [m], NaN beyond its ends, shape (m, k)."""
+    planes = tuple(plane for plane in scene.surfaces if not plane.changes_place)
+    if not planes:
+        return np.zeros((0, len(places)))
+    points, _ = closest_points(planes, places)
+    apart = np.linalg.norm(points - places[:, None], axis=-1)
+    across = np.abs(np.einsum('kmc,mc->km', points - places[:, None], [p.normal for p in planes]))
+    return np.where(apart - across < _ON * radius, apart - radius, np.nan).T
 
 
 def _near(track: Track, sphere: int, scene: Scene, radii: Array) -> NDArray[np.bool_]:

@@ -80,7 +80,7 @@ class Outcome:
         horizon: The horizon [s].
         lead: Time from the start to the sample compared [s].
         error: Distance of the forecast from the sample [m]; infinite where it diverged.
-        contacts: Number of contacts in between that the track shows.
+        contacts: Number of contacts that the track shows after its last sample in the window.
         held: Whether a hand, or something else that the scene has not, held it on the way.
         probability: Of the smallest region about the forecast that holds the sample; None: the
             estimate has no covariance.
@@ -271,6 +271,8 @@ def _from_window(
         off = forecast.positions[step, column] - place
         error, spread = float(np.linalg.norm(off)), forecast.covariance[step, column]
         between, hand = contacts[sphere], hands[sphere]
+        # what its frames do not show yet lies ahead, where others are seen later
+        shown = track.times[frames[track.seen[frames, sphere]][-1]]
         known = (off, spread, noise) if windows.samples else None
         outcomes.append(
             Outcome(
@@ -280,7 +282,7 @@ def _from_window(
                 horizon=horizon,
                 lead=lead,
                 error=error if np.isfinite(error) else float('inf'),
-                contacts=int(((between > start) & (between < start + lead)).sum()),
+                contacts=int(((between > shown) & (between < start + lead)).sum()),
                 held=bool(((hand >= start) & (hand <= start + lead)).any()),
                 probability=known and region_probability(*known, lead, regions),
                 distance=known and region_distance(*known),
