@@ -63,16 +63,24 @@ class Missed:
     leads: Array
 
 
-def missed_by(
-    laws: Laws,
-    values: dict[str, float],
-    noise: Array,
-    prior: StartPrior | None,
-    memory: float,
-    found: Sequence[Stretch],
-) -> Iterator[Missed]:
+@dataclass(frozen=True)
+class Part:
+    """A fit to some tracks, and pieces of others.
+
+    Args:
+        values: Of the parameters.
+        prior: Of the spin.
+        outside: The pieces.
+    """
+
+    values: dict[str, float]
+    prior: StartPrior | None
+    outside: Sequence[Stretch]
+
+
+def missed_by(laws: Laws, part: Part, noise: Array, memory: float) -> Iterator[Missed]:
     """What forecasts of left-out pieces of tracks miss, from all that start in flight."""
-    models = laws.models_at(values)
+    models, prior, found = laws.models_at(part.values), part.prior, part.outside
     for one in found:
         model = models[min(one.sphere, len(models) - 1)]
         radius = np.array([model.radius])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .correction_fit import CorrectionFit, Missed, missed_by
+from .correction_fit import CorrectionFit, Missed, missed_by, Part
 from .joint_fit import Fitted, JointFit
 from .left_out import CLOSE, Forecast, forecasts, scores, table_row, USUAL
 from .noise_fit import fit_noise, known_stretches
@@ -174,12 +174,12 @@ class Ladder:
         All that is kept of the laws is kept: this is learned on top of it, and judged by close
         windows, short ones, too. None: too few starts.
         """
-        noise = np.array(self.setup.noise)
+        noise, memory = np.array(self.setup.noise), self.setup.memory
         missed: list[Missed] = []
         for fold in self.folds:
             assert fold.fitted is not None
-            values, memory = fold.fitted.values, self.setup.memory
-            missed += missed_by(self.laws, values, noise, fold.prior, memory, fold.outside)
+            part = Part(fold.fitted.values, fold.prior, fold.outside)
+            missed += missed_by(self.laws, part, noise, memory)
         if len(missed) < _FEWEST_STARTS or self.setup.spin == 'none':
             return None
         correction = CorrectionFit(missed, self.setup.noise[0])

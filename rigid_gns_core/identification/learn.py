@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .collisions import shown_collisions, usual_restitution
-from .correction_fit import kept
+from .correction_fit import CorrectionFit, kept, Missed, missed_by, Part
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
@@ -236,6 +236,7 @@ def _finish(
     groups = groups_of(list(tracks), min(_GROUPS, len(tracks)), ladder.together)
     parts = fits_without(laws, setup, chosen, fitted, groups)
     errors = jackknife_errors(setup, fitted, [values for values, _ in parts])
+    correction = None if ladder.correction is None else correction_of(ladder, laws, parts, groups)
     told = {
         name: Told(fitted.values[name], errors[name], laws.start_of(name).unit)
         for name in setup.names
@@ -252,17 +253,13 @@ def _finish(
         forecast_impact=kick,
         memory=setup.memory,
         spins=_spins(setup, prior),
-        correction=None if ladder.correction is None else kept(ladder.correction.whole()),
+        correction=None if correction is None else kept(correction.whole()),
     )
 
     def without(k: int) -> LeftOut:
         values, prior = parts[k]
-        own = ladder.correction
-        part = replace(
-            tracker,
-            spins=_spins(setup, prior),
-            correction=None if own is None else kept(own.without(*groups[k])),
-        )
+        own = None if correction is None else kept(correction.without(*groups[k]))
+        part = replace(tracker, spins=_spins(setup, prior), correction=own)
         scene = replace(laws.scene_at(_rounded(values)), tracker=part)
         return LeftOut(scene, tuple(tracks[number] for number in sorted(groups[k])))
 
@@ -278,6 +275,28 @@ def _finish(
         diagnostics=diagnostics_of(laws, fitted, chosen),
         left_out=tuple(without(k) for k in range(len(groups))),
     )
+
+
+def correction_of(
+    ladder: Ladder,
+    laws: Laws,
+    parts: Sequence[tuple[dict[str, float], StartPrior | None]],
+    groups: Sequence[Collection[int]],
+) -> CorrectionFit:
+    """Correction of starts by what fits without a group of tracks each miss of that group.
+
+    Args:
+        ladder: The terms, and the pieces of tracks.
+        laws: The laws.
+        parts: Values and spins of the fits.
+        groups: Numbers of the tracks that each has not seen.
+    """
+    noise, every = ladder.setup.noise, [one for fold in ladder.folds for one in fold.outside]
+    missed: list[Missed] = []
+    for (values, prior), group in zip(parts, groups, strict=True):
+        part = Part(values, prior, [one for one in every if one.track in group])
+        missed += missed_by(laws, part, np.array(noise), ladder.setup.memory)
+    return CorrectionFit(missed, noise[0])
 
 
 def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple[str, ...]:

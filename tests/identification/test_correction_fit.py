@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rigid_gns_core.identification.correction_fit import CorrectionFit, kept, Missed
 from rigid_gns_core.identification.ladder import Fold, Ladder, Setup
+from rigid_gns_core.identification.learn import correction_of
 from rigid_gns_core.identification.parameters import Laws
 from rigid_gns_core.identification.stretches import pieces, stretches
 from rigid_gns_core.tracking.start_correction import kernel
@@ -89,6 +90,19 @@ def test_a_hidden_force_is_corrected_on_left_out_tracks() -> None:
     assert after[1] < 0.8 * before[1]
     rows = kept(ladder.correction.whole())
     assert len(rows.windows) == len(ladder.correction.features) and rows.bandwidth == 0.5
+
+
+def test_what_a_scene_keeps_is_learned_of_the_fits_given() -> None:
+    """Of the folds' own fits it is what the ladder tried; of other laws it is another."""
+    ladder = corrected(2.5)
+    groups = [{one.track for one in fold.outside} for fold in ladder.folds]
+    parts = [(fold.fitted.values, fold.prior) for fold in ladder.folds if fold.fitted]
+    again = correction_of(ladder, ladder.laws, parts, groups).whole()
+    assert ladder.correction is not None
+    np.testing.assert_array_equal(again.weights, ladder.correction.whole().weights)
+    lighter = [({'gravity.z': -9.0}, prior) for _, prior in parts]
+    other = correction_of(ladder, ladder.laws, lighter, groups).whole()
+    assert np.abs(other.weights - again.weights).max() > np.abs(again.weights).max()
 
 
 def test_complete_laws_are_not_corrected() -> None:
