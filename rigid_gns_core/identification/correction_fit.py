@@ -21,15 +21,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .left_out import CLOSE, windows
+from .left_out import CLOSE, Part, starts
 from .parameters import Laws
-from .stretches import Stretch
 from ..scenes.correction import Correction, PARTS
 from ..scenes.state import Array
 from ..tracking.ball_contact import FREE
-from ..tracking.ball_estimate import estimate_ball, forecast_ball
+from ..tracking.ball_estimate import forecast_ball
 from ..tracking.start_correction import features_of, kernel, roots_of, StartCorrection
-from ..tracking.start_prior import StartPrior
 
 # most starts of all
 _MOST = 400
@@ -63,42 +61,23 @@ class Missed:
     leads: Array
 
 
-@dataclass(frozen=True)
-class Part:
-    """A fit to some tracks, and pieces of others.
-
-    Args:
-        values: Of the parameters.
-        prior: Of the spin.
-        outside: The pieces.
-    """
-
-    values: dict[str, float]
-    prior: StartPrior | None
-    outside: Sequence[Stretch]
-
-
 def missed_by(laws: Laws, part: Part, noise: Array, memory: float) -> Iterator[Missed]:
     """What forecasts of left-out pieces of tracks miss, from all that start in flight."""
-    models, prior, found = laws.models_at(part.values), part.prior, part.outside
-    for one in found:
-        model = models[min(one.sphere, len(models) - 1)]
-        radius = np.array([model.radius])
-        for inside, nearest, _ in windows(one, memory, *CLOSE):
-            estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
-            if estimate.on != FREE:
-                continue
-            begin, reached = float(one.times[inside[-1]]), nearest[nearest >= 0]
-            ahead = forecast_ball(model, estimate, begin, one.times[reached])
-            state, covariance = estimate.state[None], estimate.covariance[None]
-            root = roots_of(state, covariance, radius, _FLOOR)[0]
-            yield Missed(
-                track=one.track,
-                features=features_of(state, covariance, radius)[0],
-                slopes=(ahead.slopes[:, :3, 3:] @ root).reshape(-1, PARTS),
-                missed=(one.positions[reached] - ahead.states[:, :3]).ravel(),
-                leads=np.repeat(one.times[reached] - begin, 3),
-            )
+    for start in starts(laws, part, noise, memory, CLOSE):
+        one, estimate = start.piece, start.estimate
+        if estimate.on != FREE:
+            continue
+        stamps, radius = one.times[start.frames], np.array([start.model.radius])
+        ahead = forecast_ball(start.model, estimate, start.time, stamps)
+        state, covariance = estimate.state[None], estimate.covariance[None]
+        root = roots_of(state, covariance, radius, _FLOOR)[0]
+        yield Missed(
+            track=one.track,
+            features=features_of(state, covariance, radius)[0],
+            slopes=(ahead.slopes[:, :3, 3:] @ root).reshape(-1, PARTS),
+            missed=(one.positions[start.frames] - ahead.states[:, :3]).ravel(),
+            leads=np.repeat(stamps - start.time, 3),
+        )
 
 
 class CorrectionFit:

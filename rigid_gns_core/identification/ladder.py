@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .correction_fit import CorrectionFit, Missed, missed_by, Part
+from .correction_fit import CorrectionFit, Missed, missed_by
 from .joint_fit import Fitted, JointFit
-from .left_out import CLOSE, Forecast, forecasts, scores, table_row, USUAL
+from .left_out import CLOSE, Forecast, forecasts, Part, scores, table_row, USUAL
 from .noise_fit import fit_noise, known_stretches
 from .parameters import Laws
 from .problem import SpinPrior
@@ -104,6 +104,11 @@ class Fold:
     fitted: Fitted | None = None
     prior: StartPrior | None = None
 
+    def part(self) -> Part:
+        """What the others are predicted with, once it is fitted."""
+        assert self.fitted is not None
+        return Part(self.fitted.values, self.prior, self.outside)
+
 
 @dataclass
 class Ladder:
@@ -177,9 +182,7 @@ class Ladder:
         noise, memory = np.array(self.setup.noise), self.setup.memory
         missed: list[Missed] = []
         for fold in self.folds:
-            assert fold.fitted is not None
-            part = Part(fold.fitted.values, fold.prior, fold.outside)
-            missed += missed_by(self.laws, part, noise, memory)
+            missed += missed_by(self.laws, fold.part(), noise, memory)
         if len(missed) < _FEWEST_STARTS or self.setup.spin == 'none':
             return None
         correction = CorrectionFit(missed, self.setup.noise[0])
@@ -205,22 +208,18 @@ class Ladder:
         """
         found = []
         for fold in self.folds:
-            assert fold.fitted is not None
-            values, noise = fold.fitted.values, np.array(self.setup.noise)
             own = None if correction is None else correction.without
             if correction is not None and self.together:
                 others = correction.without(*{one.track for one in fold.outside})
                 own = _of_any(others)
             found += forecasts(
                 self.laws,
-                values,
-                noise,
-                fold.prior,
+                fold.part(),
+                np.array(self.setup.noise),
                 self.setup.memory,
-                fold.outside,
-                samples,
-                own,
-                spacing,
+                samples=samples,
+                correction=own,
+                spacing=spacing,
             )
         return found
 
@@ -250,8 +249,7 @@ class Ladder:
     def _predict(self, setup: Setup, folds: Sequence[Fold]) -> list[Forecast]:
         def predict(fold: Fold) -> list[Forecast]:
             fold.fitted, fold.prior, _ = fit_setup(self.laws, setup, fold.inside, fold.fitted)
-            values, noise = fold.fitted.values, np.array(setup.noise)
-            return forecasts(self.laws, values, noise, fold.prior, setup.memory, fold.outside)
+            return forecasts(self.laws, fold.part(), np.array(setup.noise), setup.memory)
 
         # compiled code does most of it, and releases the interpreter
         parts = in_threads(predict, folds, usable_cores())

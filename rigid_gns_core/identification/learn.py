@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .collisions import shown_collisions, usual_restitution
-from .correction_fit import CorrectionFit, kept, Missed, missed_by, Part
+from .correction_fit import CorrectionFit, kept, Missed, missed_by
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
 from .first_look import shown_noise, shown_restitution
 from .jackknife import fits_without, groups_of, jackknife_errors, LeftOut
 from .ladder import fit_setup, Fold, Ladder, Setup, Tried
-from .left_out import CLOSE
+from .left_out import CLOSE, Part
 from .parameters import Laws
 from .stretches import pieces, Stretch, stretches
 from .terms import core_terms, further_terms, Met, met_by

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,13 @@ from .parameters import Laws
 from .stretches import FEWEST, Stretch
 from ..scenes.state import Array
 from ..tracking.ball_contact import FREE
-from ..tracking.ball_estimate import estimate_ball, forecast_ball, sampled_covariances
+from ..tracking.ball_estimate import (
+    BallEstimate,
+    estimate_ball,
+    forecast_ball,
+    sampled_covariances,
+)
+from ..tracking.ball_model import BallModel
 from ..tracking.start_correction import StartCorrection
 from ..tracking.start_prior import StartPrior
 
@@ -76,55 +83,105 @@ def windows(
         end, first = end + every, False
 
 
+@dataclass(frozen=True)
+class Part:
+    """A fit to some tracks, and pieces of others.
+
+    Args:
+        values: Of the parameters.
+        prior: Of the spin.
+        outside: The pieces.
+    """
+
+    values: dict[str, float]
+    prior: StartPrior | None
+    outside: Sequence[Stretch]
+
+
+@dataclass(frozen=True)
+class Start:
+    """A window of a piece, and the estimate at its end.
+
+    Args:
+        piece: The piece.
+        model: Laws of its ball.
+        estimate: The estimate.
+        time: That of the last frame of the window [s].
+        frames: Those to compare with, by horizon, shape (h,).
+        horizons: Times ahead that have one [s], shape (h,).
+        first: Whether it is the first window of the piece.
+    """
+
+    piece: Stretch
+    model: BallModel
+    estimate: BallEstimate
+    time: float
+    frames: NDArray[np.int64]
+    horizons: Array
+    first: bool
+
+
+def starts(
+    laws: Laws, part: Part, noise: Array, memory: float, spacing: tuple[float, float, int]
+) -> Iterator[Start]:
+    """Estimates from all windows of left-out pieces, each of `memory` seconds [s] at most."""
+    models = laws.models_at(part.values)
+    for one in part.outside:
+        model = models[min(one.sphere, len(models) - 1)]
+        for inside, nearest, first in windows(one, memory, *spacing):
+            seen = one.times[inside], one.positions[inside]
+            estimate = estimate_ball(model, noise, part.prior, *seen)
+            reached = nearest >= 0
+            time, horizons = float(one.times[inside[-1]]), np.array(HORIZONS)[reached]
+            yield Start(one, model, estimate, time, nearest[reached], horizons, first)
+
+
 def forecasts(
     laws: Laws,
-    values: dict[str, float],
+    part: Part,
     noise: Array,
-    prior: StartPrior | None,
     memory: float,
-    found: Sequence[Stretch],
+    *,
     samples: int = 0,
     correction: Callable[[int], StartCorrection] | None = None,
     spacing: tuple[float, float, int] = USUAL,
 ) -> list[Forecast]:
-    """Forecasts from all windows of some pieces of tracks, each of `memory` seconds [s] at most.
+    """Forecasts from all windows of left-out pieces, see `starts`.
 
     Their covariances are by slopes, or by as many paths from drawn states as `samples` says. Their
     starts are corrected as `correction` says for the number of a track.
     """
-    models = laws.models_at(values)
+    corrected_by = None if correction is None else cache(correction)
     result: list[Forecast] = []
-    for one in found:
-        model = models[min(one.sphere, len(models) - 1)]
-        own = None if correction is None else correction(one.track)
-        for inside, nearest, first in windows(one, memory, *spacing):
-            estimate = estimate_ball(model, noise, prior, one.times[inside], one.positions[inside])
-            if own is not None and estimate.on == FREE:
-                state, spread = estimate.state[None], estimate.covariance[None]
-                moved = own.corrected(state, spread, np.array([model.radius]))
-                estimate = replace(estimate, state=moved[0])
-            reached = nearest >= 0
-            stamps = one.times[nearest[reached]]
-            begin = float(one.times[inside[-1]])
-            ahead = forecast_ball(model, estimate, begin, stamps)
-            spreads = ahead.covariances[:, :3, :3]
-            if samples:
-                spreads = sampled_covariances(model, estimate, begin, stamps, samples, len(result))
-            off = ahead.states[:, :3] - one.positions[nearest[reached]]
-            for k, horizon in enumerate(np.array(HORIZONS)[reached]):
-                past = ahead.impacts[ahead.impacts[:, 0] < stamps[k]]
-                result.append(
-                    Forecast(
-                        track=one.track,
-                        first=first,
-                        horizon=float(horizon),
-                        lead=float(stamps[k]) - begin,
-                        off=off[k],
-                        contacts=len(past),
-                        covariance=spreads[k],
-                        kicks=float(((past[:, 2] * (stamps[k] - past[:, 0])) ** 2).sum()),
-                    )
+    for start in starts(laws, part, noise, memory, spacing):
+        one, model, estimate = start.piece, start.model, start.estimate
+        if corrected_by is not None and estimate.on == FREE:
+            state, spread = estimate.state[None], estimate.covariance[None]
+            own = corrected_by(one.track)
+            moved = own.corrected(state, spread, np.array([model.radius]))
+            estimate = replace(estimate, state=moved[0])
+        stamps = one.times[start.frames]
+        ahead = forecast_ball(model, estimate, start.time, stamps)
+        spreads = ahead.covariances[:, :3, :3]
+        if samples:
+            spreads = sampled_covariances(
+                model, estimate, start.time, stamps, samples, len(result)
+            )
+        off = ahead.states[:, :3] - one.positions[start.frames]
+        for k, horizon in enumerate(start.horizons):
+            past = ahead.impacts[ahead.impacts[:, 0] < stamps[k]]
+            result.append(
+                Forecast(
+                    track=one.track,
+                    first=start.first,
+                    horizon=float(horizon),
+                    lead=float(stamps[k]) - start.time,
+                    off=off[k],
+                    contacts=len(past),
+                    covariance=spreads[k],
+                    kicks=float(((past[:, 2] * (stamps[k] - past[:, 0])) ** 2).sum()),
                 )
+            )
     return result
 
 
