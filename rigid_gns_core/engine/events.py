@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import math
 
+from .broad_phase import Candidates
 from .contact_law import Law
 from .contacts import Contacts
+from .groups import Order
 from .impact import TOUCH
-from .impulses import Bodies, separation_velocity
+from .impacts import APPROACH_SPEED, CROSSING_TIME, Impacts, SPECULATIVE_GAP, TURNING_SPEED
+from .impulses import Bodies, Impulses, separation_velocity
 from .world import weight_of, World
 from ..kernels.jit import in_place
+from ..kernels.neighbours import Indices
+from ..scenes.state import Array
 
 # most contacts of an island that is advanced from event to event
 MOST_OF_EVENTS = 6
@@ -25,9 +30,19 @@ _BLOW = 1.0
 @in_place
 def is_blow(world: World, contacts: Contacts, k: int, nominal_h: float) -> bool:
     """Whether contact k is a blow rather than one of bodies that lie or roll on each other."""
-    fall = weight_of(world) * nominal_h
-    hits = contacts.speculative_gap[k] == 0
-    return hits and contacts.approach_speed[k] > _BLOW * fall + 1e-12
+    return _is_fast(world, contacts.speculative_gap[k], contacts.approach_speed[k], nominal_h)
+
+
+@in_place
+def _is_fast(world: World, gap: float, approach_speed: float, nominal_h: float) -> bool:
+    """The same for a contact of this speculative gap and approach speed."""
+    return gap == 0 and approach_speed > _BLOW * weight_of(world) * nominal_h + 1e-12
+
+
+@in_place
+def _crosses(time: float, h: float) -> bool:
+    """Whether an edge is crossed within a step."""
+    return NEAR * h < time < (1.0 - NEAR) * h
 
 
 @in_place
@@ -40,7 +55,68 @@ def has_event(
     """
     if (shared or world.in_air) and is_blow(world, contacts, k, nominal_h):
         return h > 0
-    return NEAR * h < contacts.crossing_time[k] < (1.0 - NEAR) * h
+    return _crosses(contacts.crossing_time[k], h)
+
+
+@in_place
+def set_events_aside(
+    world: World,
+    candidates: Candidates,
+    impacts: Impacts,
+    before: Impulses,
+    size: int,
+    islands: int,
+    h: float,
+    nominal_h: float,
+    order_out: Order,
+    label_out: Indices,
+    opening_out: Array,
+) -> int:
+    """Leave out islands of which is known, before they are solved, that they have events.
+
+    Those are not solved for nothing, as they are advanced anew from event to event. Where a
+    contact may open its time is known only from the forces. Returns how many there are.
+
+    Args:
+        world: What does not move.
+        candidates: All of the frame.
+        impacts: Theirs.
+        before: Impulses of the last step, by candidate.
+        size: How many contacts are labelled.
+        islands: How many islands of several contacts there are.
+        h: Length of the step.
+        nominal_h: Of a regular substep.
+        order_out: With the labels; that of a contact that is left out becomes -1.
+        label_out: Number of the island of each sphere of theirs; written.
+        opening_out: When a contact of theirs opens, infinite; written.
+    """
+    order, v, fixed, events = order_out, impacts.values, len(world.restitution), 0
+    count, has = order.begin, order.place  # not in use yet
+    for island in range(1, islands + 1):
+        count[island], has[island] = 0, 0
+    for c in range(size):
+        k, island = order.which[c], order.label[c]
+        count[island] += 1
+        if v[TURNING_SPEED, k] > 0 and before.normal[k] > 0:
+            count[island] += MOST_OF_EVENTS
+        fast = _is_fast(world, v[SPECULATIVE_GAP, k], v[APPROACH_SPEED, k], nominal_h)
+        if fast or _crosses(v[CROSSING_TIME, k], h):
+            has[island] = 1
+    for island in range(1, islands + 1):
+        if has[island] > 0 and count[island] <= MOST_OF_EVENTS:
+            opening_out[events] = math.inf
+            events += 1
+            has[island] = events
+        else:
+            has[island] = 0
+    for c in range(size if events > 0 else 0):
+        k, island = order.which[c], order.label[c]
+        if island > 0 and has[island] > 0:
+            label_out[candidates.a[k]] = has[island] - 1
+            if candidates.b[k] < fixed:
+                label_out[candidates.b[k]] = has[island] - 1
+            order.label[c] = -1
+    return events
 
 
 @in_place

@@ -107,7 +107,18 @@ def contacts_by_island(
         order_out: Written.
         contacts_out: Written.
     """
+    size, islands = find_islands(candidates, members, pairs, impacts, order_out)
+    size = sort_contacts(candidates, impacts, size, islands, order_out, contacts_out)
+    return size, islands
+
+
+@in_place
+def find_islands(
+    candidates: Candidates, members: Indices, pairs: Indices, impacts: Impacts, order_out: Order
+) -> tuple[int, int]:
+    """Label contacts by island, see `contacts_by_island`; how many of each there are."""
     order, fixed, size, islands = order_out, len(order_out.parent) - 1, 0, 0
+    last, one = -1, -1
     for i in members:
         order.parent[i], order.degree[i], order.number[i] = i, 0, 0
     for k in pairs:
@@ -119,30 +130,61 @@ def contacts_by_island(
         order.degree[a] += 1
         if b < fixed:
             order.degree[b] += 1
-            one, other = root_of(order.parent, a), root_of(order.parent, b)
-            order.parent[max(one, other)] = min(one, other)
-    order.degree[fixed] = 0
+            if a != last:  # candidates are sorted, so that many follow each other with the same
+                last, one = a, root_of(order.parent, a)
+            other = root_of(order.parent, b)
+            root = min(one, other)
+            order.parent[max(one, other)] = root
+            one = root
+    order.degree[fixed], last, label = 0, -1, 0
     for c in range(size):
         a, b = candidates.a[order.which[c]], candidates.b[order.which[c]]
         order.label[c] = 0
         if order.degree[a] > 1 or order.degree[b] > 1:
-            root = root_of(order.parent, a)
-            if order.number[root] == 0:
-                islands += 1
-                order.number[root] = islands
-            order.label[c] = order.number[root]
+            if a != last:
+                last, root = a, root_of(order.parent, a)
+                if order.number[root] == 0:
+                    islands += 1
+                    order.number[root] = islands
+                label = order.number[root]
+            order.label[c] = label
+    return size, islands
+
+
+@in_place
+def sort_contacts(
+    candidates: Candidates,
+    impacts: Impacts,
+    size: int,
+    islands: int,
+    order_out: Order,
+    contacts_out: Contacts,
+) -> int:
+    """Write contacts by island; those of label -1 are left out. Returns how many there are.
+
+    Args:
+        candidates: All of the frame.
+        impacts: Theirs.
+        size: How many contacts are labelled.
+        islands: How many islands of several there are.
+        order_out: With the labels; the rest is written.
+        contacts_out: Written.
+    """
+    order = order_out
     for island in range(islands + 2):
         order.begin[island] = 0
     for c in range(size):
         order.begin[order.label[c] + 1] += 1
+    order.begin[0] = 0
     for island in range(islands + 1):
         order.begin[island + 1] += order.begin[island]
         order.place[island] = order.begin[island]
     for c in range(size):
-        place = order.place[order.label[c]]
-        order.place[order.label[c]] += 1
-        _write(candidates, impacts, order.which[c], place, contacts_out)
-    return size, islands
+        if order.label[c] >= 0:
+            place = order.place[order.label[c]]
+            order.place[order.label[c]] += 1
+            _write(candidates, impacts, order.which[c], place, contacts_out)
+    return order.begin[islands + 1]
 
 
 @in_place

@@ -13,7 +13,7 @@ from .contact_law import Law
 from .contacts import Contacts
 from .world import World
 from ..kernels.jit import compiled, in_place
-from ..kernels.neighbours import Indices
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import across, add_to, cross, dot, minus, plus, put, row, times, Vector
 from ..scenes.state import Array
 
@@ -79,6 +79,26 @@ def copy_impulses(impulses: Impulses, pairs: Indices, target_out: Impulses) -> N
     for k in pairs:
         if impulses.normal[k] != 0 or target_out.normal[k] != 0:
             copy_impulse(impulses, k, target_out, k)
+
+
+@in_place
+def copy_impulses_where(
+    impulses: Impulses, pairs: Indices, sphere: Indices, label: Indices, target_out: Impulses
+) -> None:
+    """The same of pairs whose sphere, by their indices, has a label of 0 or more."""
+    for k in pairs:
+        if label[sphere[k]] >= 0 and (impulses.normal[k] != 0 or target_out.normal[k] != 0):
+            copy_impulse(impulses, k, target_out, k)
+
+
+@in_place
+def keep_impulses(pairs: Indices, kept: Flags, impulses_out: Impulses) -> None:
+    """Take away the impulses of some contacts but those that are kept, which are overwritten."""
+    for k in pairs:
+        if impulses_out.normal[k] != 0 and not kept[k]:
+            impulses_out.normal[k] = 0.0
+            put(impulses_out.tangential, k, (0.0, 0.0, 0.0))
+            put(impulses_out.rolling, k, (0.0, 0.0, 0.0))
 
 
 @in_place

@@ -11,10 +11,10 @@ from .broad_phase import Candidates
 from .contact_law import find_law, Law
 from .contacts import Contacts, find_impacts
 from .containment import keep_sides
-from .events import has_event, MOST_OF_EVENTS, opening_time
+from .events import has_event, MOST_OF_EVENTS, opening_time, set_events_aside
 from .flight import find_accelerations, fly_in_place, Paths, slow_spins
-from .groups import contacts_among, contacts_by_island
-from .impulses import Bodies, clear_impulses, copy_impulse, Impulses
+from .groups import contacts_among, find_islands, sort_contacts
+from .impulses import Bodies, copy_impulse, copy_impulses_where, Impulses, keep_impulses
 from .islands import connect, Islands
 from .motion import Motion
 from .overlap import push_out
@@ -41,6 +41,7 @@ def step(
     last_h: float,
     nominal_h: float,
     iterations: int,
+    is_whole: bool,
     work_out: Workspace,
     motion_out: Motion,
     impulses_out: Impulses,
@@ -61,6 +62,8 @@ def step(
         last_h: Length of the last step.
         nominal_h: Length of a regular substep, for thresholds of speed.
         iterations: Iterations of the solver; isolated contacts need but one.
+        is_whole: Whether it is a whole substep, after which islands with events are advanced
+            anew: those that are known before are not solved, and impulses before are kept.
         work_out: Scratch, with the speeds at the start of the substep.
         motion_out: Motion of all spheres; that of the members is advanced.
         impulses_out: Impulses by candidate; those of the last step, which warm start this one, are
@@ -77,22 +80,28 @@ def step(
         find_accelerations(world, v, w, members, h, path_h, path, mean)
         slow_spins(world, members, h, w)
     find_impacts(world, Paths(p, v, path), candidates, pairs, chosen, h, nominal_h, work.impacts)
-    size, islands = contacts_by_island(
-        candidates, members, pairs, work.impacts, work.order, work.contacts
-    )
+    size, islands = find_islands(candidates, members, pairs, work.impacts, work.order)
     for i in members:
         put(work.positions, i, row(p, i))
+        label_out[i] = -1
+    events = 0
+    if is_whole and h > 0 and islands > 0:
+        events = set_events_aside(
+            world, candidates, work.impacts, impulses_out, size, islands, h, nominal_h, work.order,
+            label_out, opening_out,
+        )  # fmt: skip
+    size = sort_contacts(candidates, work.impacts, size, islands, work.order, work.contacts)
     if size == 0:
-        for i in members:
-            label_out[i] = -1
+        if is_whole and events > 0:
+            copy_impulses_where(impulses_out, pairs, candidates.a, label_out, work.warm)
         fly_in_place(path, mean, motion.awake, members, h, p, v)
         advance_planes(world, h)
-        clear_impulses(pairs, impulses_out)
+        keep_impulses(pairs, work.impacts.found, impulses_out)
         # one that was struck in this substep may meet planes that are no candidates
         keep_sides(
             world, candidates, members, pairs, work.positions, work.speeds, h, work.cuts, p, v
         )
-        return 0
+        return events
     contacts, impulses, bodies = contacts_among(work.contacts, 0, size), work.impulses, work.bodies
     find_law(world, contacts, work.law)
     _free_motion(motion, mean, members, h, bodies)
@@ -114,6 +123,8 @@ def step(
     )
     # by island, so that none depends on what happens elsewhere
     for island in range(1, islands + 1):
+        if begin[island] == begin[island + 1]:  # set aside
+            continue
         solve(
             world=world,
             contacts=contacts,
@@ -133,9 +144,11 @@ def step(
             impulses_out=impulses,
         )
     events = _islands_with_events(
-        world, contacts, work.law, bodies, impulses_out, impulses, begin, islands, members, h,
+        world, contacts, work.law, bodies, impulses_out, impulses, begin, islands, events, h,
         last_h, nominal_h, label_out, opening_out,
     )  # fmt: skip
+    if is_whole and events > 0:
+        copy_impulses_where(impulses_out, pairs, candidates.a, label_out, work.warm)
     count_work(world, contacts, impulses, bodies, motion)
     fly_in_place(path, mean, motion.awake, members, h, p, v)
     advance_planes(world, h)
@@ -143,7 +156,7 @@ def step(
         add_to(p, i, row(bodies.displacement, i))
         put(v, i, row(bodies.velocity, i))
         put(w, i, row(bodies.angular_velocity, i))
-    clear_impulses(pairs, impulses_out)
+    keep_impulses(pairs, work.impacts.found, impulses_out)
     fixed = len(p)
     for k in range(size):
         copy_impulse(impulses, k, impulses_out, contacts.candidate[k])
@@ -185,7 +198,7 @@ def _islands_with_events(
     impulses: Impulses,
     begin: Indices,
     islands: int,
-    members: Indices,
+    events: int,
     h: float,
     last_h: float,
     nominal_h: float,
@@ -203,18 +216,16 @@ def _islands_with_events(
         impulses: Those of this one, by contact.
         begin: Where island i begins, i = 1, 2, ...; before those are isolated contacts.
         islands: How many there are.
-        members: The spheres.
+        events: How many of them are numbered already, and have no contacts here.
         h: Length of the step.
         last_h: Of the last one.
         nominal_h: Of a regular substep.
         label_out: Number of the island of each member, else -1; written.
         opening_out: When a contact of each of these islands opens; written.
     """
-    events, isolated, fixed = 0, begin[1], len(world.restitution)
-    for i in members:
-        label_out[i] = -1
+    isolated, fixed = begin[1], len(world.restitution)
     if h == 0:
-        return 0
+        return events
     for group in range(isolated + islands):
         first, last = group, group + 1
         if group >= isolated:

@@ -47,7 +47,6 @@ def substep(
     """Advance the motion of all spheres by `h`; see `step`."""
     work, clock = work_out, world.twists.clock[0]
     restore_motion(motion_out, work.everyone, work.before)
-    copy_impulses(impulses_out, work.every_pair, work.warm)
     for i in work.everyone:
         work.speeds[i] = length(row(motion_out.velocities, i))
     events = step(
@@ -61,6 +60,7 @@ def substep(
         last_h=nominal_h,
         nominal_h=nominal_h,
         iterations=iterations,
+        is_whole=True,
         work_out=work,
         motion_out=motion_out,
         impulses_out=impulses_out,
@@ -170,18 +170,19 @@ def _advance_by_events(
     restore_motion(work.before, members, motion)
     copy_impulses(work.warm, pairs, impulses)
     left, last = h, nominal_h
-    for _ in range(_MOST_EVENTS):
-        path = world.flight
-        if world.in_air:
-            path = work.path
-            find_accelerations(
-                world, motion.velocities, motion.angular_velocities, members, left, left, path,
-                work.mean,
-            )  # fmt: skip
+    for event in range(_MOST_EVENTS):
         for k in pairs:
             chosen[k] = True
-        paths = Paths(motion.positions, motion.velocities, path)
-        find_impacts(world, paths, candidates, pairs, chosen, left, nominal_h, work.impacts)
+        if event > 0:  # else the step has found them on the same paths
+            path = world.flight
+            if world.in_air:
+                path = work.path
+                find_accelerations(
+                    world, motion.velocities, motion.angular_velocities, members, left, left,
+                    path, work.mean,
+                )  # fmt: skip
+            paths = Paths(motion.positions, motion.velocities, path)
+            find_impacts(world, paths, candidates, pairs, chosen, left, nominal_h, work.impacts)
         size, _ = contacts_by_island(
             candidates, members, pairs, work.impacts, work.order, work.contacts
         )
@@ -202,7 +203,7 @@ def _advance_by_events(
             done = h - left
             found = step(
                 world, candidates, members, pairs, chosen, time, left, last, nominal_h, iterations,
-                work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
+                False, work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
             )  # fmt: skip
             if tiny:
                 copy_impulses(work.warm, pairs, impulses)
@@ -216,7 +217,7 @@ def _advance_by_events(
             clear_impulses(pairs, impulses)
             step(
                 world, candidates, members, pairs, chosen, 0.0, 0.0, last, nominal_h, iterations,
-                work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
+                False, work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
             )  # fmt: skip
             copy_impulses(work.warm, pairs, impulses)
     if left > 0:
@@ -225,7 +226,7 @@ def _advance_by_events(
         scale_impulses(left / last, pairs, impulses)
         step(
             world, candidates, members, pairs, chosen, left, left, last, nominal_h, iterations,
-            work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
+            False, work, motion, impulses, islands_out, work.inner_label, work.inner_opening,
         )  # fmt: skip
         last = left
     scale_impulses(nominal_h / last, pairs, impulses)

@@ -11,7 +11,7 @@ from rigid_gns_core.engine.contact_law import find_law, new_law, target_of
 from rigid_gns_core.engine.contacts import Contacts, find_impacts
 from rigid_gns_core.engine.flight import fly, Paths
 from rigid_gns_core.engine.free_groups import without_free_groups
-from rigid_gns_core.engine.groups import contacts_by_island
+from rigid_gns_core.engine.groups import contacts_by_island, find_islands, sort_contacts
 from rigid_gns_core.engine.guard import limit_energy
 from rigid_gns_core.engine.impulses import no_impulses
 from rigid_gns_core.engine.islands import connect, groups_of, no_islands
@@ -82,6 +82,23 @@ def contacts(world, positions, velocities, dt, h, lookback):
     """Contacts among all candidates of a frame."""
     work, size, _ = narrow_phase(world, positions, velocities, dt, h, lookback)
     return taken(work.contacts, size)
+
+
+@njit
+def contacts_without(world, positions, velocities, dt, h, island):
+    """The same without those of an island of several (0: with all), and where islands begin."""
+    everyone = np.ones(len(positions), np.bool_)
+    around = find_candidates(world, positions, velocities, dt, everyone, 0.0)
+    work = new_workspace(len(positions), 1, around)
+    paths = Paths(positions, velocities, world.flight)
+    find_impacts(world, paths, around, work.every_pair, work.every, h, h, work.impacts)
+    order = work.order
+    size, count = find_islands(around, work.everyone, work.every_pair, work.impacts, order)
+    for c in range(size):
+        if island > 0 and order.label[c] == island:
+            order.label[c] = -1
+    size = sort_contacts(around, work.impacts, size, count, order, work.contacts)
+    return taken(work.contacts, size), order.begin.copy()
 
 
 @njit
