@@ -25,10 +25,12 @@ from .impacts import (
     SPECULATIVE_GAP,
     TIME,
     TURNING_SPEED,
+    write_rows,
     X,
     Y,
     Z,
 )
+from .plane_impacts import find_impacts_with_faces
 from .plane_motion import in_world, moves, path_on_plane
 from .rectangle import first_touch_of_spheres, is_over_face
 from .shielding import is_shielded, offset_from_plane
@@ -94,13 +96,20 @@ def find_impacts(
         lookback: Bodies that overlap are taken to have met at most so long ago.
         impacts_out: Those of the pairs are written.
     """
-    impacts, edges, lanes = impacts_out, False, 0
+    impacts, edges, weight, lanes, first, last = impacts_out, False, weight_of(world), 0, 0, 0
     if len(pairs) == len(candidates.a) and not world.in_air:
-        lanes = candidates.pairs // WIDTH * WIDTH
-        find_impacts_of_spheres(world, paths, candidates, lanes, chosen, h, lookback, impacts)
+        lanes, first, last = candidates.pairs // WIDTH * WIDTH, candidates.pairs, candidates.pairs
+        if not (world.moving or world.has_solids):
+            last += (len(pairs) - first) // WIDTH * WIDTH
+        if lanes > 0 or last > first:
+            write_rows(world, paths, impacts)
+        find_impacts_of_spheres(world, candidates, lanes, chosen, h, lookback, impacts)
+        find_impacts_with_faces(world, candidates, first, last, chosen, h, lookback, impacts)
     for k in pairs[lanes:]:  # all of them, or none of the first
+        if first <= k < last and not impacts.edge[k]:
+            continue
         impacts.found[k] = impacts.edge[k] = impacts.lasting[k] = False
-        if chosen[k] and _may_meet(world, paths, candidates, k, h):
+        if chosen[k] and _may_meet(world, paths, candidates, k, h, weight):
             _find(world, paths, candidates, k, h, lookback, False, impacts)
             edges |= impacts.edge[k]
     if edges:
@@ -111,10 +120,12 @@ def find_impacts(
 
 
 @in_place
-def _may_meet(world: World, paths: Paths, candidates: Candidates, k: int, h: float) -> bool:
+def _may_meet(
+    world: World, paths: Paths, candidates: Candidates, k: int, h: float, weight: float
+) -> bool:
     """Whether a candidate pair is near enough to meet within h, at a glance."""
     a, b, plane = candidates.a[k], candidates.b[k], candidates.plane[k]
-    fall = weight_of(world) * h * h
+    fall = weight * h * h
     if world.in_air:
         fall += length(row(paths.accelerations, a)) * h * h
         if plane < 0:

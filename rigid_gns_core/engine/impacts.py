@@ -12,6 +12,7 @@ import numpy as np
 
 from .broad_phase import Candidates, PAD, with_planes
 from .flight import Paths
+from .impact import Impact
 from .sphere_impact import impact_of_spheres, straight_meeting
 from .world import weight_of, World
 from ..kernels.jit import compiled, in_place
@@ -28,7 +29,7 @@ class Impacts(NamedTuple):
     """Impacts of all candidates, shape (m,) and (12, m) at least.
 
     values: those of `Impact`, by the columns below; flat: the same in a row; rows: paths of
-    the spheres, see `find_impacts_of_spheres`, shape (8 n,); surface_velocity: of planes that
+    the spheres, see `write_rows`, shape (8 n,); surface_velocity: of planes that
     move, at the contact, shape (m, 3), or (0, 3) where none does.
     """
 
@@ -75,9 +76,19 @@ def new_impacts(spheres: int, moving: int, candidates: int) -> Impacts:
 
 
 @in_place
+def write_rows(world: World, paths: Paths, impacts_out: Impacts) -> None:
+    """Write positions, radii and velocities of the spheres as rows of eight."""
+    rows = impacts_out.rows
+    for i in range(len(paths.positions)):
+        for axis in range(3):
+            rows[WIDTH * i + axis] = paths.positions[i, axis]
+            rows[WIDTH * i + 4 + axis] = paths.velocities[i, axis]
+        rows[WIDTH * i + 3], rows[WIDTH * i + 7] = world.radius[i], 0.0
+
+
+@in_place
 def find_impacts_of_spheres(
     world: World,
-    paths: Paths,
     candidates: Candidates,
     count: int,
     chosen: Flags,
@@ -89,22 +100,15 @@ def find_impacts_of_spheres(
 
     Args:
         world: What does not move; without air.
-        paths: Of all spheres.
         candidates: All of the frame.
         count: How many of them, a multiple of eight.
         chosen: Those that count, shape (m,).
         h: Length of the substep.
         lookback: Bodies that overlap are taken to have met at most so long ago.
-        impacts_out: Written.
+        impacts_out: With the rows; written.
     """
     impacts, weight = impacts_out, weight_of(world)
-    size = impacts.values.shape[1]
     fall, pressed, rows = weight * h * h, weight > 0, impacts.rows
-    for i in range(len(paths.positions) if count > 0 else 0):
-        for axis in range(3):
-            rows[WIDTH * i + axis] = paths.positions[i, axis]
-            rows[WIDTH * i + 4 + axis] = paths.velocities[i, axis]
-        rows[WIDTH * i + 3], rows[WIDTH * i + 7] = world.radius[i], 0.0
     for first in range(0, count, WIDTH):
         for k in range(first, first + WIDTH):
             impacts.found[k] = impacts.edge[k] = impacts.lasting[k] = False
@@ -135,26 +139,34 @@ def find_impacts_of_spheres(
             margin=weight * h**2,
             pressed=pressed,
         )
-        found, lasting = bits(impact.found & near), bits(impact.lasting)
-        if found == 0:
-            continue
-        for lane in range(WIDTH):
-            k = first + lane
-            impacts.found[k] = (found >> lane & 1 > 0) & chosen[k]
-            impacts.lasting[k] = lasting >> lane & 1 > 0
-            impacts.values[CROSSING_TIME, k] = math.inf
-        flat, place = impacts.flat, first
-        store(flat, X * size + place, impact.normal[0])
-        store(flat, Y * size + place, impact.normal[1])
-        store(flat, Z * size + place, impact.normal[2])
-        store(flat, NORMAL_TIME * size + place, impact.normal_time)
-        store(flat, TIME * size + place, impact.time)
-        store(flat, GAP * size + place, impact.gap)
-        store(flat, SPECULATIVE_GAP * size + place, impact.speculative_gap)
-        store(flat, APPROACH_SPEED * size + place, impact.approach_speed)
-        store(flat, ACCELERATION * size + place, impact.acceleration)
-        store(flat, TURNING_SPEED * size + place, impact.turning_speed)
-        store(flat, REST_GAP * size + place, impact.rest_gap)
+        store_impacts(impact, bits(impact.found & near), chosen, first, impacts)
+
+
+@in_place
+def store_impacts(
+    impact: Impact, found: int, chosen: Flags, place: int, impacts_out: Impacts
+) -> None:
+    """Write eight impacts, of those that were found, as bits, those that are chosen."""
+    if found == 0:
+        return
+    impacts, lasting = impacts_out, bits(impact.lasting)
+    for lane in range(WIDTH):
+        k = place + lane
+        impacts.found[k] = (found >> lane & 1 > 0) & chosen[k]
+        impacts.lasting[k] = lasting >> lane & 1 > 0
+        impacts.values[CROSSING_TIME, k] = math.inf
+    flat, size = impacts.flat, impacts.values.shape[1]
+    store(flat, X * size + place, impact.normal[0])
+    store(flat, Y * size + place, impact.normal[1])
+    store(flat, Z * size + place, impact.normal[2])
+    store(flat, NORMAL_TIME * size + place, impact.normal_time)
+    store(flat, TIME * size + place, impact.time)
+    store(flat, GAP * size + place, impact.gap)
+    store(flat, SPECULATIVE_GAP * size + place, impact.speculative_gap)
+    store(flat, APPROACH_SPEED * size + place, impact.approach_speed)
+    store(flat, ACCELERATION * size + place, impact.acceleration)
+    store(flat, TURNING_SPEED * size + place, impact.turning_speed)
+    store(flat, REST_GAP * size + place, impact.rest_gap)
 
 
 @in_place

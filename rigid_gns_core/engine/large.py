@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 
-from .blocks import Blocks, CHANGE, fill, NORMAL, NORMAL_0, STRIDE, take, TX, TX_0
+from .block_filling import fill, take
+from .blocks import Blocks, CHANGE, NORMAL, NORMAL_0, STRIDE, TX, TX_0
 from .contact_law import Law
 from .contacts import Contacts
 from .impulses import Bodies, Impulses

@@ -80,7 +80,9 @@ class World(NamedTuple):
     is air; restitution, friction, rolling_friction: of spheres, shape (n,); gravity: a
     vector; point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,
-    shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,);
+    shape (s, 2); two_sided: planes with an end, which have two faces, shape (s,); faces: the same
+    of all planes in rows of eight, normal, half length, point, half length, and then those of
+    both axes, each with a number that is 1 where there are two faces, shape (16 s,);
     has_laws: whether there are contact laws; laws: those, or the materials, of the planes and,
     last, of two spheres, shape (s + 1, 9); has_solids: whether planes stand for solids, see
     `engine.solids`; solids: those, shape (s, 7); moving: whether any plane moves; twists: how.
@@ -99,6 +101,7 @@ class World(NamedTuple):
     axes: Array
     half: Array
     two_sided: NDArray[np.bool_]
+    faces: Array
     has_laws: bool
     laws: Array
     has_solids: bool
@@ -143,6 +146,7 @@ def world_of(scene: Scene, count: int, step: float = 1.0) -> World:
         axes=array([plane.axes for plane in planes], -1, 3, 3),
         half=array([plane.half_lengths for plane in planes], -1, 2),
         two_sided=np.array([not plane.is_half_space for plane in planes], dtype=bool),
+        faces=_faces_of(planes),
         has_laws=bool(laws[:, GIVEN].any()),
         laws=laws,
         has_solids=bool(solids.any()),
@@ -165,6 +169,16 @@ def world_of(scene: Scene, count: int, step: float = 1.0) -> World:
             path=np.zeros((0, len(planes), len(COLUMNS))),
         ),
     )
+
+
+def _faces_of(planes: tuple[Plane, ...]) -> Array:
+    """Planes as rows of eight, see `World.faces`."""
+    faces = np.empty((2, len(planes), 8))
+    for k, plane in enumerate(planes):
+        axes, half, two = plane.axes, plane.half_lengths, float(not plane.is_half_space)
+        faces[0, k] = *axes[2], half[0], *plane.point, half[1]
+        faces[1, k] = *axes[0], two, *axes[1], two
+    return faces.reshape(-1)
 
 
 def _planes_and_solids(scene: Scene) -> tuple[tuple[Plane, ...], Array]:
@@ -236,6 +250,7 @@ def world_among(world: World, members: NDArray[np.int64], fixed: int) -> World:
         axes=world.axes,
         half=world.half,
         two_sided=world.two_sided,
+        faces=world.faces,
         has_laws=world.has_laws,
         laws=world.laws,
         has_solids=world.has_solids,

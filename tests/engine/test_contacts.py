@@ -94,6 +94,37 @@ def test_a_sphere_meets_a_plane_when_its_parabola_does(seed):
     assert met > 5
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_planes_are_met_the_same_alone_and_among_others(seed):
+    # alone a sphere has too few candidates for lanes of eight; faces, edges and walls of two sides
+    rng = np.random.default_rng(seed)
+    plate = Plane(point=(0.0, 0.0, 3.0), normal=(0.2, 0.1, 1.0), length_x=3.0, length_y=2.0)
+    scene = Scene(surfaces=(*Plane.box(9.0, 9.0, height=6.0), plate), radius=0.4)
+    positions = rng.uniform([-4.5, -4.5, 0.3], [4.5, 4.5, 6.0], (60, 3))
+    velocities = rng.choice([0.1, 8.0], 60)[:, None] * rng.normal(size=(60, 3))
+    among, met = find(scene, positions, velocities), 0
+    for i in range(60):
+        alone = find(scene, positions[i, None], velocities[i, None])
+        own = np.flatnonzero((among.a == i) & (among.plane >= 0))
+        order = own[np.argsort(among.plane[own])]
+        for name in alone._fields[3:]:  # without candidate, a and b
+            known = getattr(alone, name)[np.argsort(alone.plane)]
+            np.testing.assert_array_equal(getattr(among, name)[order], known)
+        met += len(own)
+    assert met > 20
+
+
+def test_contacts_of_an_island_may_be_left_out():
+    positions = np.array([[0.0, 0, 1], [2, 0, 1], [9, 0, 1], [11, 0, 1], [20, 0, 1]])
+    world, still = world_of(Scene(radius=1.0), 5), np.zeros((5, 3))
+    whole, _ = calls.contacts_without(world, positions, still, 0.1, H, 0)
+    assert sorted(whole.a.tolist()) == [0, 0, 1, 2, 2, 3, 4]
+    for island, left in ((1, [2, 2, 3, 4]), (2, [0, 0, 1, 4])):
+        found, begin = calls.contacts_without(world, positions, still, 0.1, H, island)
+        assert sorted(found.a.tolist()) == left
+        assert begin[island] == begin[island + 1]
+
+
 def test_an_edge_is_met_where_its_closest_point_is():
     plate = Plane(point=(0.0, 0.0, 5.0), length_x=4.0, length_y=4.0)
     rng = np.random.default_rng(0)

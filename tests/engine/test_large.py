@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from rigid_gns_core import Plane, Scene
 from rigid_gns_core.engine import blocks as fields
-from rigid_gns_core.engine.blocks import fill, new_blocks, STRIDE
-from rigid_gns_core.engine.impulses import Bodies, no_impulses
+from rigid_gns_core.engine.block_filling import fill
+from rigid_gns_core.engine.blocks import new_blocks, STRIDE
+from rigid_gns_core.engine.impulses import Bodies, Impulses, no_impulses
 from rigid_gns_core.engine.large_law import _find_targets
 from rigid_gns_core.engine.splitting import split_large
 from rigid_gns_core.engine.world import world_of
@@ -17,6 +18,12 @@ from rigid_gns_core.kernels.lanes import load
 from . import calls
 from .test_couplings import jacobian
 
+WRITTEN = (
+    'NX', 'NY', 'NZ', 'ARM_A', 'ARM_B', 'UNIT', 'TURN', 'TURNING', 'TIME', 'GAP', 'SPEED', 'PULL',
+    'APART', 'SLOWEST', 'FALL_X', 'FALL_Y', 'FALL_Z', 'SLOW', 'FRICTION', 'ROLL', 'SPINNING',
+    'INERTIA', 'ORBIT', 'FAST', 'REBOUND', 'GROWTH',
+)  # fmt: skip
+IMPULSES = ('NORMAL', 'TX', 'TY', 'TZ', 'QX', 'QY', 'QZ', 'NORMAL_0', 'TX_0', 'TY_0', 'TZ_0')
 LAW = ('TIME', 'GAP', 'SPEED', 'PULL', 'SLOW', 'LASTING')  # FAST is SLOW, too
 
 
@@ -84,6 +91,38 @@ def steps(world, contacts, law, count):
         blocks.values[places[k] + fields.STRENGTH] = 1.0
     split_large(blocks, pairs, filled, moving)
     return blocks.values[places + fields.STEP], blocks.values[places + fields.RUB]
+
+
+@numba.njit(error_model='numpy')
+def filled(world, contacts, law, start, motion):
+    """Blocks of contacts, shape (blocks, fields, 8), with bodies a and b."""
+    blocks, still = new_blocks(len(motion), len(contacts.a)), np.zeros((len(motion), 3))
+    bodies = Bodies(motion, still, motion, still, still, np.zeros(len(motion)))
+    _, count, _ = fill(world, contacts, law, start, still, 0.01, bodies, blocks)
+    values = blocks.values[: count * STRIDE].copy().reshape((count, STRIDE // 8, 8))
+    return values, blocks.a[: 8 * count].copy(), blocks.b[: 8 * count].copy()
+
+
+def test_eight_contacts_are_written_as_one_by_one():
+    rng = np.random.default_rng(3)
+    count, scene = 60, Scene(surfaces=Plane.box(5.0, 5.0), radius=0.5, rolling_friction=0.03)
+    world = world_of(scene, count)
+    positions = rng.uniform([-2.2, -2.2, 0.3], [2.2, 2.2, 3.0], (count, 3))
+    found = calls.contacts(world, positions, rng.normal(size=(count, 3)), 0.1, 0.0125, 0.0125)
+    order = np.argsort(found.plane >= 0, kind='stable')  # those of two spheres are first
+    found = type(found)(*(values[order] for values in found))
+    assert (found.plane < 0).sum() > 40
+    law, size = calls.law(world, found), len(found.a)
+    start = Impulses(rng.uniform(size=size), rng.normal(size=(size, 3)), np.zeros((size, 3)))
+    motion = rng.normal(size=(count + 1, 3))
+    # with laws, which nothing has, contacts are written one by one
+    lanes = filled(world, found, law, start, motion)
+    single = filled(world._replace(has_laws=True), found, law, start, motion)
+    for name in (*WRITTEN, *IMPULSES):
+        row = getattr(fields, name) // 8
+        np.testing.assert_array_equal(lanes[0][:, row], single[0][:, row], err_msg=name)
+    np.testing.assert_array_equal(lanes[1], single[1])
+    np.testing.assert_array_equal(lanes[2], single[2])
 
 
 @pytest.mark.parametrize('seed', range(8))
