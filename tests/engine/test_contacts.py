@@ -100,10 +100,10 @@ def test_planes_are_met_the_same_alone_and_among_others(seed):
     rng = np.random.default_rng(seed)
     plate = Plane(point=(0.0, 0.0, 3.0), normal=(0.2, 0.1, 1.0), length_x=3.0, length_y=2.0)
     scene = Scene(surfaces=(*Plane.box(9.0, 9.0, height=6.0), plate), radius=0.4)
-    positions = rng.uniform([-4.5, -4.5, 0.3], [4.5, 4.5, 6.0], (60, 3))
-    velocities = rng.choice([0.1, 8.0], 60)[:, None] * rng.normal(size=(60, 3))
+    positions = rng.uniform([-4.5, -4.5, 0.3], [4.5, 4.5, 6.0], (200, 3))
+    velocities = rng.choice([0.1, 8.0], 200)[:, None] * rng.normal(size=(200, 3))
     among, met = find(scene, positions, velocities), 0
-    for i in range(60):
+    for i in range(200):
         alone = find(scene, positions[i, None], velocities[i, None])
         own = np.flatnonzero((among.a == i) & (among.plane >= 0))
         order = own[np.argsort(among.plane[own])]
