@@ -23,7 +23,6 @@ from .rectangle import (
     from_plane,
     is_over_face,
     offset_from_rectangle,
-    stays_over_face,
     to_plane,
 )
 from .world import THRESHOLD_TIME, UNIT_GRAVITY, World
@@ -217,19 +216,6 @@ def impact_with_plane(
     moving = to_plane(axes, velocity)
     pulling = to_plane(axes, acceleration)
     side = -1.0 if world.two_sided[plane] and local[2] < 0 else 1.0
-    if not lasts and stays_over_face(local, moving, pulling, half, h):
-        return impact_with_face(
-            normal=times(side, row(axes, 2)),
-            radius=radius,
-            height=side * local[2],
-            rate=side * moving[2],
-            pull=side * pulling[2],
-            velocity=moving,
-            h=h,
-            lookback=lookback,
-            margin=margin,
-            pressed=pressed,
-        )
     start = offset_from_rectangle(local, half)
     inside = is_over_face(start)
     face_gap, distance = side * local[2] - radius, length(start)

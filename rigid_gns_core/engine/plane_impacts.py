@@ -81,7 +81,7 @@ def find_impacts_with_faces(
 
 @in_place
 def _stays_within(local: Lanes, rate: Lanes, pull: Lanes, half: Lanes, h: float) -> Mask:
-    """As `rectangle.stays_over_face`, along one axis of eight planes."""
+    """Whether a path stays within the ends along one axis for a time, by a bound of its way."""
     within: Mask = _size(local) + h * (_size(rate) + 0.5 * h * _size(pull)) < half
     return within
 

@@ -50,18 +50,6 @@ def is_over_face(offset: Vector) -> bool:
 
 
 @in_place
-def stays_over_face(
-    local: Vector, velocity: Vector, acceleration: Vector, half: Array, h: float
-) -> bool:
-    """Whether a path is over the face of a rectangle for a time, by a bound of its way."""
-    for axis in range(2):
-        way = h * (math.fabs(velocity[axis]) + 0.5 * h * math.fabs(acceleration[axis]))
-        if not math.fabs(local[axis]) + way < half[axis]:
-            return False
-    return True
-
-
-@in_place
 def first_touch_of_plane(gap: float, speed: float, pull: float) -> float:
     """First root t > 0 of d + s t + a t^2 / 2 = 0, in a form that loses no digits.
 
