@@ -73,6 +73,63 @@ def _fastest(times: Array, positions: Array, seen: Flags, begins: Indices, most:
     return taken
 
 
+@compiled
+def _without_lone(
+    ball: Array,
+    planes: Array,
+    noise: float,
+    count: int,
+    fewest: int,
+    times_out: Array,
+    positions_out: Array,
+    frames_out: Indices,
+    kinks_out: Indices,
+) -> tuple[int, int]:
+    """Leave out the last of some frames, or the one before it, if a jump is of that one alone.
+
+    A ball that was struck is off its former path in both. One frame after a blow does not tell
+    the velocity, so that nothing is lost where it was one.
+
+    Returns:
+        Number of frames that are left, and the first after a jump; `count` and -1 if both are off.
+    """
+    short = count - 1
+    if short < max(fewest, 4):
+        return count, -1
+    times, positions = times_out[:short].copy(), positions_out[:short].copy()
+    # the one that stays is nearer to the line through the two frames before both
+    off, step = np.zeros(2), times_out[count - 3] - times_out[count - 4]
+    for k in range(2):
+        ahead = (times_out[count - 2 + k] - times_out[count - 3]) / step
+        for c in range(3):
+            here, before = positions_out[count - 3, c], positions_out[count - 4, c]
+            off[k] += (positions_out[count - 2 + k, c] - here - ahead * (here - before)) ** 2
+    last = short if off[0] > off[1] else short - 1
+    times[-1], positions[-1] = times_out[last], positions_out[last]
+    hits = find_kinks(ball, planes, times, positions, noise, kinks_out)
+    first = kinks_out[hits - 1] if hits else 0
+    if short - first < fewest:
+        return count, -1
+    times_out[:short], positions_out[:short] = times, positions
+    frames_out[short - 1] = frames_out[last]
+    return short, first
+
+
+@compiled
+def _farthest_off(ball: Array, state: Array, times: Array, positions: Array) -> float:
+    """How far a state is off the last frame along an axis, or off the one before if that is less.
+
+    One frame may be off; a ball that something holds is so in both.
+    """
+    m, last, before = len(times), 0.0, 0.0
+    back = times[m - 1] - times[m - 2]
+    for c in range(3):
+        last = max(last, abs(state[c] - positions[m - 1, c]))
+        earlier = state[c] - back * (state[3 + c] - 0.5 * back * ball[0, c])
+        before = max(before, abs(earlier - positions[m - 2, c]))
+    return min(last, before)
+
+
 @entry
 def estimate_balls(
     balls: Array,
@@ -95,7 +152,7 @@ def estimate_balls(
     """Estimate the state of each ball at the last frame that shows it.
 
     Frames count after the last that may hold what the laws do not know: another ball near by, or a
-    jump that no surface explains.
+    jump that no surface explains, but of a single frame.
 
     Args:
         balls: Rows of `ball_path`, shape (n, 14).
@@ -142,6 +199,11 @@ def estimate_balls(
         hits = find_kinks(ball, planes, own_times[:count], places[:count], own_noise[0], kinks)
         first = kinks[hits - 1] if hits else 0
         if count - first < fewest:
+            count, first = _without_lone(
+                ball, planes, own_noise[0], count, fewest, own_times, places, frames, kinks
+            )
+            last = frames[count - 1]
+        if first < 0:
             if worst == np.inf:
                 continue
             first = 0  # a jump may be of stamps that jitter; if not, the newest frames are missed
@@ -159,7 +221,8 @@ def estimate_balls(
             state,
             covariance,
         )
-        off = np.abs(state[:3] - places[count - 1]).max() / (_OFF * own_noise[0])
+        off = _farthest_off(ball, state, own_times[:count], places[:count])
+        off /= _OFF * own_noise[0]
         missed = 0.0 if worst == np.inf else max(loss / worst, off)
         if not (loss < np.inf and missed < _DOUBTED):
             continue

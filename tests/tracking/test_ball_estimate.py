@@ -200,3 +200,38 @@ def test_drawn_covariances_are_those_of_slopes_where_paths_are_smooth() -> None:
     drawn = sampled_covariances(model, found, times[-1], stamps, 400, 0)
     for one, other in zip(slopes, drawn, strict=True):
         np.testing.assert_allclose(np.trace(one), np.trace(other), rtol=0.25)
+
+
+@pytest.mark.parametrize('start', [FLIGHT, BOUNCE])
+@pytest.mark.parametrize('air', [True, False])
+@pytest.mark.parametrize('frame', [-1, -2])
+@pytest.mark.parametrize('off', [[0.3, 0.1, 0.2], [-0.04, 0.05, 0.01], [0.0, 0.0, 0.3]])
+def test_one_wild_frame_at_the_end_is_no_blow(
+    start: list[float], air: bool, frame: int, off: list[float]
+) -> None:
+    """It was taken for one: the velocity was off / interval, 12 to 67 m/s."""
+    given = scene() if air else Scene(surfaces=Plane(contact=TABLE), radius=0.02)
+    model = BallModel.of(given)
+    times, states = np.arange(55) / 180.0, np.zeros((55, 9))
+    laws = (model.ball, model.planes, model.laws)
+    path(np.array([*start, 0.0, 0.0, 0.0]), 0.0, times, *laws, FREE, states, np.zeros((8, 3)))
+    places = states[:, None, :3] + np.random.default_rng(0).normal(0.0, NOISE, (55, 1, 3))
+    places[frame, 0] += off
+    found = estimate_state(given, times, places)
+    # deviations of a velocity are 3 to 30 mm/s, and of a place 0.7 mm at most
+    np.testing.assert_allclose(found.state.velocities[0], states[-1, 3:6], atol=0.1)
+    np.testing.assert_allclose(found.state.positions[0], states[-1, :3], atol=3e-3)
+
+
+@pytest.mark.parametrize('frames', [3, 4, 5])
+def test_a_blow_some_frames_ago_is_one(frames: int) -> None:
+    """A racket turns the ball: the frames since then count, not those before."""
+    times, turn, after = np.arange(40) / 180.0, 39 - frames, np.array([-6.0, 0.5, 3.0])
+    since = (times - times[turn])[:, None]
+    velocity = np.where(since > 0.0, after, [5.0, 0.0, 1.0])
+    places = [0.0, 0.0, 1.0] + velocity * since - [0.0, 0.0, 0.5 * 9.81] * since**2
+    given = Scene(surfaces=Plane(contact=TABLE), radius=0.02)
+    found = estimate_state(given, times, places[:, None], noise=0.1e-3)
+    expected = after - [0.0, 0.0, 9.81 * since[-1, 0]]
+    # of a line through four frames of 0.1 mm, and what gravity adds within one of them
+    np.testing.assert_allclose(found.state.velocities[0], expected, atol=0.06)
