@@ -136,7 +136,9 @@ def advance(
                     impulses_out=no_impulses(len(local.a)),
                     islands_out=members_islands,
                 )
-            separate_once(members_world, motion.positions, motion.velocities, local, work)
+            separate_once(
+                members_world, motion.positions, motion.velocities, local, work, members_islands
+            )
         _scatter(motion, quaternions, members_islands, members, after, islands)
         if not again and started == 0:
             break

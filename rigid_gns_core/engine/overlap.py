@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .contacts import Contacts
+from .islands import connect, Islands
 from .rectangle import from_plane, offset_from_rectangle, to_plane
 from .solids import is_solid, nearest_in_world
 from .world import World
@@ -78,9 +79,16 @@ def gap_of(world: World, positions: Array, contacts: Contacts, k: int) -> tuple[
 
 @in_place
 def push_out(
-    world: World, contacts: Contacts, overlaps_out: Overlaps, positions_out: Array
+    world: World,
+    contacts: Contacts,
+    overlaps_out: Overlaps,
+    positions_out: Array,
+    islands_out: Islands,
 ) -> None:
     """Move overlapping bodies apart along their normals; the centre of mass of a pair stays.
+
+    They are of one island then: a sphere of none gets the place that free flight leads to, and the
+    other one would have been moved alone.
 
     Each contact of depth d moves body a by d w_a / (n_a w_a + n_b w_b), and b by as much with w_b,
     with w the inverse masses, and n the number of contacts of a body, weighted by depth.
@@ -116,6 +124,7 @@ def push_out(
             load[b] += depth[q] / deepest[b]
         for q in range(size):
             a, b = contacts.a[which[q]], contacts.b[which[q]]
+            connect(islands_out, a, b if b < fixed else -1)
             push = depth[q] / (load[a] * inverse[a] + load[b] * inverse[b])
             way = row(normal, q)
             add_to(positions, a, times(push * inverse[a], way))

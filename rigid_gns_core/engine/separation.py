@@ -12,6 +12,7 @@ from .contacts import find_impacts
 from .containment import keep_sides
 from .flight import Paths
 from .groups import contacts_among, contacts_by_island
+from .islands import Islands, no_islands
 from .overlap import gap_of, push_out
 from .plane_bodies import bodies_of_planes
 from .workspace import new_workspace, Workspace
@@ -31,6 +32,7 @@ def separate_once(
     velocities_out: Array,
     candidates: Candidates,
     work_out: Workspace,
+    islands_out: Islands,
 ) -> bool:
     """Push bodies out once, where any overlap; whether they do.
 
@@ -40,6 +42,7 @@ def separate_once(
         velocities_out: Shape (n, 3); turned where a plane stops a centre.
         candidates: Pairs that may overlap.
         work_out: Scratch.
+        islands_out: Overlaps are added as contacts.
     """
     work, p, v = work_out, positions_out, velocities_out
     find_impacts(
@@ -58,7 +61,7 @@ def separate_once(
     for i in work.everyone:
         put(work.positions, i, row(p, i))
         work.speeds[i] = 0.0
-    push_out(world, contacts, work.overlaps, p)
+    push_out(world, contacts, work.overlaps, p, islands_out)
     keep_sides(
         world, candidates, work.everyone, work.every_pair, work.positions, work.speeds, 0.0,
         work.cuts, p, v,
@@ -76,6 +79,7 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
         positions_out: Centres, shape (n, 3); moved.
     """
     still, everyone = np.zeros_like(positions_out), np.ones(len(positions_out), np.bool_)
+    unused = no_islands(len(positions_out))
     for _ in range(_PASSES):
         candidates = find_candidates(world, positions_out, still, dt, everyone, 0.0)
         if len(candidates.a) == 0:
@@ -83,5 +87,5 @@ def separate(world: World, dt: float, positions_out: Array) -> None:
         work = new_workspace(
             len(positions_out), 1 + bodies_of_planes(world, candidates.plane), candidates
         )
-        if not separate_once(world, positions_out, still, candidates, work):
+        if not separate_once(world, positions_out, still, candidates, work, unused):
             return

@@ -162,7 +162,7 @@ def step(
         copy_impulse(impulses, k, impulses_out, contacts.candidate[k])
         if contacts.speculative_gap[k] == 0 or impulses.normal[k] > 0:
             connect(islands_out, contacts.a[k], contacts.b[k] if contacts.b[k] < fixed else -1)
-    push_out(world, contacts, work.overlaps, p)
+    push_out(world, contacts, work.overlaps, p, islands_out)
     keep_sides(world, candidates, members, pairs, work.positions, work.speeds, h, work.cuts, p, v)
     return events
 

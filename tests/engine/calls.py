@@ -189,7 +189,7 @@ def pushed_out(world, positions, velocities, dt):
     """Positions after overlaps were undone, and gaps of the contacts there."""
     work, size, _ = narrow_phase(world, positions, velocities, dt, 0.0, 0.0)
     moved = positions.copy()
-    push_out(world, taken(work.contacts, size), work.overlaps, moved)
+    push_out(world, taken(work.contacts, size), work.overlaps, moved, no_islands(len(positions)))
     return moved
 
 

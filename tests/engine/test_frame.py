@@ -28,3 +28,22 @@ def test_many_spheres_miss_no_blow_and_keep_momentum():
         pairs = cKDTree(positions).query_pairs(2.0, output_type='ndarray')
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         assert np.all(distance > 2.0 - 2e-3)  # the engine pushes out what is deeper
+
+
+def test_the_centre_of_mass_of_a_cluster_moves_as_its_momentum_says():
+    # spheres of unlike mass, some of which are pushed into others that no blow reaches
+    rng = np.random.default_rng(3)
+    places = 2.05 * (np.indices((8, 8, 8)).reshape(3, -1).T[:400] - [3.0, 3.5, 3.5])
+    places += rng.normal(0.0, 0.01, places.shape)
+    velocities = rng.normal(0.0, 1.0, places.shape) - 0.5 * places
+    mass = 100.0 ** rng.uniform(-0.5, 0.5, 400)
+    radius = np.clip(0.5 * np.cbrt(mass), 0.05, 1.0)
+    scene = Scene(
+        surfaces=(), gravity=(0.0, 0.0, 0.0), radius=tuple(radius), mass=tuple(mass),
+        restitution=0.8, friction=0.7,
+    )  # fmt: skip
+    found = load_simulator('laws').rollout(scene, places, velocities, steps=40)
+    centre = mass @ found.positions / mass.sum()
+    expected = centre[0] + np.outer(found.times, mass @ velocities / mass.sum())
+    # roundings of 400 places of 10 m, 40 times
+    np.testing.assert_allclose(centre, expected, rtol=0, atol=1e-12)
