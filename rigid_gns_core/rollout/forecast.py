@@ -16,11 +16,12 @@ from .crossing import Crossing, first_passages
 from .model_error import drawn_motion, spread_at
 from .paths import Paths
 from .touches import Touches, touches_of
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..scenes.plane import Plane
 from ..scenes.regions import NORMAL
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
+from ..scenes.values import checked_floats, checked_number
 
 
 class Estimate(Protocol):
@@ -92,6 +93,7 @@ class Forecast:
         Raises:
             UserError: The probability is out of range.
         """
+        probability = checked_number('probability', probability, -np.inf)
         if not 0.0 < probability < 1.0:
             raise UserError(f'probability is {probability}, expected more than 0 and less than 1')
         tracker = self.scene.tracker
@@ -111,7 +113,7 @@ class Forecast:
             plane: With or without ends; crossed in either direction, beyond its ends never.
         """
         if not isinstance(plane, Plane):
-            raise UserError(f'plane is {plane!r}, expected a Plane')
+            raise UserError(f'plane is {shown(plane)}, expected Plane(...)')
         if plane.changes_place:
             raise UserError(
                 f'the plane to cross moves, by {plane.velocity} m/s and {plane.angular_velocity} '
@@ -162,7 +164,7 @@ def checked_times(lead_times: ArrayLike) -> Array:
     Raises:
         UserError: There are none, or they are negative, not finite or do not rise.
     """
-    times = np.asarray(lead_times, dtype=np.float64)
+    times = checked_floats('lead_times', lead_times)
     if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or times[0] < 0:
         raise UserError(
             f'lead_times are {lead_times!r}, expected one or more times from 0 s on, as [0.2, 0.4]'
@@ -186,8 +188,12 @@ def drawn_starts(start: State | Estimate, samples: int, seed: int) -> State:
     Raises:
         UserError: The number of samples is 1 or negative, or the covariance has another shape.
     """
-    if samples < 0 or samples == 1 or samples != int(samples):
+    if samples < 0 or samples == 1:
         raise UserError(f'samples is {samples}, expected 0, or 2 or more')
+    if not hasattr(start, 'state') and not isinstance(start, State):
+        raise UserError(
+            f'estimate is {shown(start)}, expected what estimate_state returns, or State(...)'
+        )
     if isinstance(start, State):
         return State.unchecked(*(values[None] for values in vars(start).values()))
     state, count = start.state, len(start.state)

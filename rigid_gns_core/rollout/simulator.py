@@ -18,11 +18,12 @@ from .outcome import Outcome
 from .paths import Paths
 from .rollout import Rollout, steps_of
 from .stepper import state_at, Stepper
-from ..errors import UserError
+from ..errors import shown, UserError
 from ..running.threads import in_threads, usable_cores
-from ..scenes.scene import Scene
+from ..scenes.scene import checked_scene, Scene
 from ..scenes.similarity import in_units, ModelUnits
 from ..scenes.state import State, Trajectory
+from ..scenes.values import checked_whole
 
 # steps of a rollout: beyond, arrays have more bytes than can be counted
 _MOST = 10**12
@@ -106,7 +107,7 @@ class Simulator(ABC):
         Raises:
             UserError: The model cannot serve the scene.
         """
-        self.check(scene, count, stacklevel=stacklevel)
+        self.check(checked_scene(scene), count, stacklevel=stacklevel)
         similarity, similar = in_units(scene, self.units)
         begin, dt = self.steppers(similar, count), self.native_dt(scene)
         return lambda state: Rollout(begin(similarity.to_model(state)), similarity, state, dt)
@@ -158,8 +159,8 @@ class Simulator(ABC):
         Raises:
             UserError: A start is wrong, or the model cannot serve its scene; before any runs.
         """
-        if workers is not None and workers < 1:
-            raise UserError(f'workers is {workers}, expected at least 1')
+        if workers is not None:
+            workers = checked_whole('workers', workers, 1)
         steps, rollouts = _checked(steps), []
         for index, (scene, start) in enumerate(_paired(scenes, starts)):
             values = vars(start) if isinstance(start, State) else {'positions': start}
@@ -198,9 +199,10 @@ class Simulator(ABC):
         Raises:
             UserError: A time or a number is wrong, or the model cannot serve the scene.
         """
-        times = checked_times(lead_times)
+        times, seed = checked_times(lead_times), checked_whole('seed', seed, 0)
+        samples = checked_whole('samples', samples, 0)
         starts = drawn_starts(estimate, samples, seed)
-        dt = self.native_dt(scene)
+        dt = self.native_dt(checked_scene(scene))
         steps = _checked(max(steps_of(float(times[-1]), dt), 1))
         states = self.rollout_samples(scene, starts, steps)
         paths = Paths.of(scene, states, dt, exact=self.velocities == 'given')
@@ -255,11 +257,7 @@ class Simulator(ABC):
 
 
 def _checked(steps: int) -> int:
-    if not 0 <= steps <= _MOST or steps != int(steps):
-        raise UserError(
-            f'steps is {steps}, expected a whole number, 0 or more and at most {_MOST}'
-        )
-    return int(steps)
+    return checked_whole('steps', steps, 0, _MOST)
 
 
 def _paired(
@@ -272,8 +270,12 @@ def _paired(
     """
     if isinstance(starts, State):
         raise UserError('starts is one State, expected several; use rollout for one')
+    if not np.iterable(starts):
+        raise UserError(f'starts is {shown(starts)}, expected several states')
     if isinstance(scenes, Scene):
         scenes = [scenes] * len(starts)
+    if not isinstance(scenes, Sequence) or isinstance(scenes, str):
+        raise UserError(f'scenes is {shown(scenes)}, expected Scene(...), or one per start')
     if len(scenes) != len(starts):
         raise UserError(
             f'there are {len(scenes)} scenes for {len(starts)} starts; give one scene for all, or '

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .contact_law import ContactLaw
-from .plane import checked_floats, checked_unit, checked_vector, Plane, Vector
+from .plane import checked_unit, checked_vector, Plane, Vector
 from .state import Array, LARGEST
-from ..errors import UserError
+from .values import checked_floats
+from ..errors import shown, UserError
 
 # angles about the axis, from the half plane of a sphere, in which it may touch a shape with a hole
 _THIRDS = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
@@ -87,9 +88,10 @@ class Obstacle:
     contact: ContactLaw | None = None
 
     def __post_init__(self) -> None:
-        if self.shape not in _LENGTHS:
+        if not isinstance(self.shape, str) or self.shape not in _LENGTHS:
+            known = ', '.join(_LENGTHS)
             raise UserError(
-                f'shape of an obstacle is {self.shape!r}, expected one of {", ".join(_LENGTHS)}'
+                f'shape of an obstacle is {shown(self.shape)}, expected one of {known}'
             )
         what = f'of a {self.shape}'
         own = _LENGTHS[self.shape]
@@ -104,7 +106,10 @@ class Obstacle:
             if name == 'size':
                 value = checked_vector(f'size {what}', value)
             else:
-                value = float(checked_floats(f'{name} {what}', value))
+                value = checked_floats(f'{name} {what}', value)
+                if value.ndim:
+                    raise UserError(f'{name} {what} has shape {value.shape}, expected a number')
+                value = float(value)
             least, most = np.min(value), np.max(value)
             if not (least > 0 or (name == 'thickness' and least == 0)) or not most <= LARGEST:
                 bound = 'at least' if name == 'thickness' else 'more than'

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from .contact_law import checked_law, ContactLaw
 from .planned_motion import PlannedMotion
 from .state import Array, as_unit, LARGEST, UNIT
-from ..errors import UserError
+from .values import checked_floats, checked_number
+from ..errors import shown, UserError
 
 # distance up to which an end of a surface is on another one, as part of its length
 _ON = 1e-6
@@ -57,19 +58,11 @@ def checked_property(name: str, value: ArrayLike) -> PerSphere:
     return float(array) if array.ndim == 0 else tuple(array.tolist())
 
 
-def checked_floats(name: str, value: ArrayLike) -> Array:
-    """Numbers as an array of any shape; UserError where a double does not hold them."""
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except OverflowError:
-        raise UserError(f'{name} is a number too large for a double, 1.8e308') from None
-
-
 def checked_vector(name: str, value: ArrayLike) -> Vector:
     """Vector of three finite numbers; UserError for anything else."""
     array = checked_floats(name, value)
     if array.shape != (3,) or not np.isfinite(array).all():
-        raise UserError(f'{name} is {value}, expected three finite numbers')
+        raise UserError(f'{name} is {shown(value)}, expected three finite numbers')
     if np.abs(array).max() > LARGEST:
         raise UserError(f'{name} is {value}, expected numbers of at most {LARGEST:g}')
     return tuple(array.tolist())
@@ -149,14 +142,16 @@ class Plane:
             direction = np.asarray(checked_unit('direction of a plane', direction))
         set_field(self, 'direction', tuple(direction.tolist()))
         for name in ('length_x', 'length_y'):
-            length = float(getattr(self, name))
-            if not length > 0:
-                raise UserError(f'{name} of a plane is {length:g}, expected more than 0')
-            set_field(self, name, length)
+            length = checked_floats(f'{name} of a plane', getattr(self, name))
+            if length.ndim or not length > 0:
+                found = shown(getattr(self, name)) if length.ndim else f'{length:g}'
+                raise UserError(f'{name} of a plane is {found}, expected more than 0')
+            set_field(self, name, float(length))
         for name in ('restitution', 'friction'):
             value = getattr(self, name)
             if value is not None:
-                set_field(self, name, float(np.asarray(checked_property(name, float(value)))))
+                low, high, _ = RANGES[name]
+                set_field(self, name, checked_number(name, value, low, high))
         out = float(np.dot(self.surface_velocity, self.normal))
         if abs(out) > _ALONG * float(np.linalg.norm(self.surface_velocity)):
             raise UserError(

@@ -14,19 +14,11 @@ import numpy as np
 from .air import Air
 from .contact_law import checked_law, ContactLaw
 from .obstacle import Obstacle
-from .plane import (
-    checked_floats,
-    checked_property,
-    checked_vector,
-    MOTIONS,
-    PerSphere,
-    RANGES,
-    SOLID,
-    Vector,
-)
+from .plane import checked_property, checked_vector, MOTIONS, PerSphere, RANGES, SOLID, Vector
 from .plane import Plane as Plane
 from .state import Array
 from .tracker import Tracker
+from .values import checked_floats
 from ..errors import shown, UserError
 from ..files.config import ConfigError, from_mapping, to_mapping
 
@@ -105,11 +97,11 @@ class Scene:
         object.__setattr__(self, 'obstacles', tuple(obstacles))
         for name in RANGES:
             object.__setattr__(self, name, checked_property(name, getattr(self, name)))
-        gravity = self.gravity
-        if np.ndim(gravity) == 0:
-            if (size := float(checked_floats('gravity', gravity))) < 0:
-                raise UserError(f'gravity is {gravity:g}, expected at least 0, or a vector')
-            gravity = (0.0, 0.0, -size)
+        gravity = checked_floats('gravity', self.gravity)
+        if gravity.ndim == 0:
+            if (size := float(gravity)) < 0:
+                raise UserError(f'gravity is {size:g}, expected at least 0, or a vector')
+            gravity = np.array([0.0, 0.0, -size])
         object.__setattr__(self, 'gravity', checked_vector('gravity', gravity))
         if self.air is not None and not isinstance(self.air, Air):
             raise UserError(f'air is {shown(self.air)}, expected Air(...), or None for a vacuum')
@@ -272,6 +264,15 @@ class Scene:
             size = float(checked_floats(f'{where}.gravity', mapping['gravity']))
             mapping['gravity'] = [0.0, 0.0, -size]
         return from_mapping(cls, mapping, where)
+
+
+def checked_scene(scene: object) -> Scene:
+    """Scene; UserError for anything else, such as the name of one."""
+    if not isinstance(scene, Scene):
+        raise UserError(
+            f'scene is {shown(scene)}, expected Scene(...), or what load_scene makes of a name'
+        )
+    return scene
 
 
 def _obstacle_mapping(obstacle: Obstacle) -> dict[str, Any]:

@@ -36,6 +36,8 @@ def load_start(name: str | Path) -> tuple[Scene, StartRecipe]:
     Raises:
         ConfigError: No such scene, an unknown key, or a value out of range.
     """
+    if not isinstance(name, (str, Path)):
+        raise ConfigError(f'scene is {shown(name)}, expected a name or the path of a YAML file')
     path = find_config('scenes', name)
     mapping = load_yaml(path)
     if unknown := sorted(set(mapping) - {'scene', 'start', 'card'}, key=str):

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .values import checked_floats
 from ..errors import UserError
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ UNIT = 1e-15
 
 
 def _field(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = np.array(value, dtype=np.float64)
+    array = np.array(checked_floats(name, value))
     if array.shape != shape:
         raise UserError(f'{name} has shape {array.shape}, expected {shape}')
     if not (usable := np.abs(array) <= LARGEST).all():
@@ -94,11 +95,12 @@ class State:
     angular_velocities: Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        if np.shape(self.positions) == (0,):  # an empty list
-            object.__setattr__(self, 'positions', np.zeros((0, 3)))
-        count = np.shape(self.positions)[0] if np.ndim(self.positions) else 0
         set_field = object.__setattr__
-        set_field(self, 'positions', _field('positions', self.positions, (count, 3)))
+        positions = checked_floats('positions', self.positions)
+        if positions.shape == (0,):  # an empty list
+            positions = np.zeros((0, 3))
+        count = len(positions) if positions.ndim else 0
+        set_field(self, 'positions', _field('positions', positions, (count, 3)))
         quaternions = self.quaternions
         if quaternions is None:
             quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))

@@ -21,8 +21,9 @@ from .stamp_jitter import newest_noise
 from .usable_frames import MAX_DISTANCE
 from .velocity import estimate_motion
 from ..errors import shown, UserError
-from ..scenes.scene import Scene
+from ..scenes.scene import checked_scene, Scene
 from ..scenes.state import Array, State
+from ..scenes.values import checked_floats, checked_number
 
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 # shortest time between two frames, and the latest time of one [s]: nanoseconds since 1970 are 2e18
@@ -69,8 +70,13 @@ def estimate_state(
     Raises:
         UserError: Shapes disagree, times do not rise, or a sphere is seen in no frame.
     """
-    stamps = np.asarray(times, dtype=np.float64)
-    centres = np.array(positions, dtype=np.float64)
+    checked_scene(scene)
+    stamps = checked_floats('times', times)
+    if stamps.ndim != 1:
+        raise UserError(f'times have shape {stamps.shape}, expected (m,): one per frame')
+    centres = np.array(checked_floats('positions', positions))
+    if noise is not None:
+        noise = checked_number('noise', noise)
     if centres.ndim != 3 or centres.shape[::2] != (len(stamps), 3):
         raise UserError(
             f'positions have shape {centres.shape}, expected ({len(stamps)}, n, 3) for '
@@ -90,7 +96,7 @@ def estimate_state(
     turns = np.broadcast_to(_UNTURNED, (*seen.shape, 4)).copy()
     turned = np.zeros(centres.shape[1], dtype=np.bool_)
     if quaternions is not None:
-        given = np.asarray(quaternions, dtype=np.float64)
+        given = checked_floats('quaternions', quaternions)
         if given.shape != turns.shape:
             raise UserError(f'quaternions have shape {given.shape}, expected {turns.shape}')
         known = np.asarray(np.isfinite(given).all(axis=-1))

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
-from rigid_gns_core import load_simulator, Plane, Scene
+from rigid_gns_core import load_simulator, Plane, Scene, State, UserError
 from rigid_gns_core.scenes.state import rotation_between
 
 # what the shipped weights were trained on
@@ -180,3 +180,19 @@ def test_divergence_brings_a_warning_and_is_marked():
     assert trajectory.diverged_at is not None
     assert np.isnan(trajectory.positions[-1]).all()
     assert np.isfinite(trajectory.positions[trajectory.diverged_at - 1]).all()
+
+
+@pytest.mark.parametrize('value', [None, 'two', '2', -1, 1.5, np.nan, np.inf, [2], 10**400])
+@pytest.mark.parametrize('name', ['steps', 'samples', 'seed', 'workers', 'scene', 'estimate'])
+def test_a_wrong_number_or_scene_is_told_with_its_name(name: str, value: object) -> None:
+    simulator, scene = load_simulator(), Scene(surfaces=())
+    start = State(positions=[[0.0, 0.0, 0.0]])
+    given = {'scene': scene, 'estimate': start, 'lead_times': [0.1]}
+    call = simulator.forecast
+    if name in ('steps', 'workers'):
+        call, given = simulator.rollout_batch, {'scenes': scene, 'starts': [start], 'steps': 1}
+    if name == 'workers' and value is None:
+        return  # one per core
+    with pytest.raises(UserError, match=f'^{name} is .*, expected ') as caught:
+        call(**{**given, name: value})
+    assert '\n' not in str(caught.value)

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 import json
 
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
-from rigid_gns_core import Plane, Scene
+from rigid_gns_core import Air, ContactLaw, load_scene, Obstacle, Plane, Scene, State, UserError
 from rigid_gns_core.scenes.plane import closest_points
 
 EXACT = 1e-12  # a handful of roundings of numbers up to 100
@@ -200,3 +201,36 @@ def test_gravity_may_be_one_number():
     assert Scene.from_mapping({'gravity': 1.62}).gravity == (0.0, 0.0, -1.62)
     with pytest.raises(ValueError, match='gravity is -9.81'):
         Scene(gravity=-9.81)
+
+
+@pytest.mark.parametrize('value', ['wide', '1,5', {}, 1j, [[1.0, 2.0], [3.0]], [], 10**400])
+@pytest.mark.parametrize(
+    ('what', 'name'),
+    [
+        (lambda value: Scene(radius=value), 'radius'),
+        (lambda value: Scene(gravity=value), 'gravity'),
+        (lambda value: Scene(mass=[1.0, value]), 'mass'),
+        (lambda value: Plane(value), 'point'),
+        (lambda value: Plane(normal=value), 'normal'),
+        (lambda value: Plane(length_x=value), 'length_x'),
+        (lambda value: Plane(restitution=value), 'restitution'),
+        (lambda value: Plane(velocity=value), 'velocity'),
+        (lambda value: Obstacle('sphere', radius=value), 'radius'),
+        (lambda value: Obstacle(value, radius=1.0), 'shape'),
+        (lambda value: Air(density=value), 'density'),
+        (lambda value: Air(wind=value), 'wind'),
+        (lambda value: ContactLaw(friction=value), 'friction'),
+        (lambda value: State(positions=value), 'positions'),
+        (lambda value: State(positions=[[0.0, 0.0, 1.0]], velocities=value), 'velocities'),
+        (load_scene, 'scene'),
+    ],
+)
+def test_what_is_no_number_is_told_with_its_name(
+    what: Callable[[object], object], name: str, value: object
+) -> None:
+    if name == 'positions' and value == []:
+        assert len(what(value)) == 0  # no spheres
+        return
+    with pytest.raises(UserError, match=name) as caught:
+        what(value)
+    assert '\n' not in str(caught.value)
