@@ -28,6 +28,9 @@ from ..scenes.values import checked_floats, checked_number
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 # shortest time between two frames, and the latest time of one [s]: nanoseconds since 1970 are 2e18
 _SHORTEST, _LATEST = 1e-9, 1e19
+# fewer third differences than this, those of six frames of a sphere, do not tell the noise: it
+# is at least this [m], and so many radii of small balls
+_TOLD, _GUESS, _GUESSED = 9, 1e-3, 0.05
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ def estimate_state(
         motion, covariance = _by_window(scene, stamps, centres, turns, seen, noise, turned)
         return StateEstimate(motion.state, covariance)
     if noise is None and scene.tracker is None:
-        noise = _noise(stamps, centres, seen)
+        noise = _noise(scene, stamps, centres, seen)
     with compiling():
         laws, own = _laws_of(scene, centres.shape[1]), noise
         if noise is not None and not laws.learned:
@@ -153,7 +156,7 @@ def _by_window(
 ) -> tuple[Motion, Array]:
     """Fit of motions without air, as of the node for many spheres, and its covariance."""
     radii = scene.per_sphere('radius', centres.shape[1])
-    sigma = _noise(stamps, centres, seen) if noise is None else noise
+    sigma = _noise(scene, stamps, centres, seen) if noise is None else noise
     with compiling():
         motion = estimate_motion(
             stamps,
@@ -167,7 +170,8 @@ def _by_window(
     return motion, motion_covariance(motion, radii, sigma, turned)
 
 
-def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
+def _noise(scene: Scene, times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
+    """Noise by third differences, and at least a guess where there are few of them."""
     values = [np.zeros(0)]
     for sphere, own in enumerate(seen.T):
         stamps, places = times[own], positions[own, sphere, None]
@@ -176,7 +180,10 @@ def _noise(times: Array, positions: Array, seen: NDArray[np.bool_]) -> float:
             third_differences(stamps[k : k + NOISE_FRAMES], places[k : k + NOISE_FRAMES], shown)
             for k in range(len(stamps) - NOISE_FRAMES + 1)
         ]
-    return normal_spread(np.concatenate(values))
+    differences = np.concatenate(values)
+    found = normal_spread(differences)
+    guess = min(_GUESS, _GUESSED * float(np.min(scene.radius)))
+    return max(found, guess) if len(differences) < _TOLD else found
 
 
 def motion_covariance(
