@@ -21,6 +21,8 @@ _NEAR = 1.04
 # an estimate that must meet the frames is not farther from the last one [deviations]; it is
 # doubted, not discarded, up to so many times the loss and this distance
 _OFF, _DOUBTED = 6.0, 2.5
+# a step so many times as fast as those before shows no blow
+_WILD = 3.0
 
 
 @compiled
@@ -74,6 +76,21 @@ def _fastest(times: Array, positions: Array, seen: Flags, begins: Indices, most:
 
 
 @compiled
+def _is_wild(times: Array, positions: Array) -> bool:
+    """Whether the last step is much faster than the three before."""
+    m, last, before = len(times), 0.0, 0.0
+    for k in range(max(m - 4, 1), m):
+        speed = 0.0
+        for c in range(3):
+            speed += ((positions[k, c] - positions[k - 1, c]) / (times[k] - times[k - 1])) ** 2
+        if k == m - 1:
+            last = speed
+        else:
+            before = max(before, speed)
+    return last > _WILD**2 * before
+
+
+@compiled
 def _without_lone(
     ball: Array,
     planes: Array,
@@ -87,8 +104,8 @@ def _without_lone(
 ) -> tuple[int, int]:
     """Leave out the last of some frames, or the one before it, if a jump is of that one alone.
 
-    A ball that was struck is off its former path in both. One frame after a blow does not tell
-    the velocity, so that nothing is lost where it was one.
+    A ball that was struck is off its former path in both. The last one is left out only if no blow
+    makes a ball so fast: one that the scene does not know may be what it shows.
 
     Returns:
         Number of frames that are left, and the first after a jump; `count` and -1 if both are off.
@@ -105,6 +122,8 @@ def _without_lone(
             here, before = positions_out[count - 3, c], positions_out[count - 4, c]
             off[k] += (positions_out[count - 2 + k, c] - here - ahead * (here - before)) ** 2
     last = short if off[0] > off[1] else short - 1
+    if last < short and not _is_wild(times_out[:count], positions_out[:count]):
+        return count, -1
     times[-1], positions[-1] = times_out[last], positions_out[last]
     hits = find_kinks(ball, planes, times, positions, noise, kinks_out)
     first = kinks_out[hits - 1] if hits else 0
@@ -117,17 +136,14 @@ def _without_lone(
 
 @compiled
 def _farthest_off(ball: Array, state: Array, times: Array, positions: Array) -> float:
-    """How far a state is off the last frame along an axis, or off the one before if that is less.
-
-    One frame may be off; a ball that something holds is so in both.
-    """
+    """How far a state is off the last frame along an axis, or off the one before a wild one."""
     m, last, before = len(times), 0.0, 0.0
     back = times[m - 1] - times[m - 2]
     for c in range(3):
         last = max(last, abs(state[c] - positions[m - 1, c]))
         earlier = state[c] - back * (state[3 + c] - 0.5 * back * ball[0, c])
         before = max(before, abs(earlier - positions[m - 2, c]))
-    return min(last, before)
+    return before if _is_wild(times, positions) else last
 
 
 @entry

@@ -205,11 +205,11 @@ def test_drawn_covariances_are_those_of_slopes_where_paths_are_smooth() -> None:
 @pytest.mark.parametrize('start', [FLIGHT, BOUNCE])
 @pytest.mark.parametrize('air', [True, False])
 @pytest.mark.parametrize('frame', [-1, -2])
-@pytest.mark.parametrize('off', [[0.3, 0.1, 0.2], [-0.04, 0.05, 0.01], [0.0, 0.0, 0.3]])
+@pytest.mark.parametrize('off', [[0.3, 0.1, 0.2], [-0.1, 0.12, 0.05], [0.0, 0.0, 0.3]])
 def test_one_wild_frame_at_the_end_is_no_blow(
     start: list[float], air: bool, frame: int, off: list[float]
 ) -> None:
-    """It was taken for one: the velocity was off / interval, 12 to 67 m/s."""
+    """It was taken for one: the velocity was off / interval, 29 to 67 m/s."""
     given = scene() if air else Scene(surfaces=Plane(contact=TABLE), radius=0.02)
     model = BallModel.of(given)
     times, states = np.arange(55) / 180.0, np.zeros((55, 9))
