@@ -22,6 +22,17 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def length(text: str) -> float:
+    """Option type: a finite length [m], greater than 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float('inf'):
+        raise argparse.ArgumentTypeError(f'{text!r}, expected a length greater than 0 [m]')
+    return value
+
+
 def seed_number(text: str) -> int:
     """Option type: a seed, a whole number from 0 that 63 bits hold."""
     if not text.isdecimal() or len(text) > 19 or int(text) >= 2**63:

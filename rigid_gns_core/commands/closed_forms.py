@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import completes, shipped_models
+from .arguments import completes, length, shipped_models
 from ..closed_form import GROUPS, run_checks
 from ..closed_form.bounces import Simulate
 from ..closed_form.engines import scaled, simulator_engine
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     completes(model, lambda: [*shipped_models(), TEACHER])
     parser.add_argument(
-        '--radius', nargs='+', type=float, default=[1.0], help='radii of spheres [m] (default: 1)'
+        '--radius', nargs='+', type=length, default=[1.0], help='radii of spheres [m] (default: 1)'
     )
     parser.add_argument(
         '--groups',

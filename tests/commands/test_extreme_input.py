@@ -76,6 +76,8 @@ OPTIONS = [
     (['train', '--seed', '-5'], "--seed: '-5'"),
     (['fuzz', '--seed', str(2**63)], "--seed: '9223372036854775808'"),
     (['hard-cases', '--seed', '-5'], "--seed: '-5'"),
+    (['closed-forms', '--radius', '-1'], "--radius: '-1', expected a length greater than 0"),
+    (['closed-forms', '--radius', 'nan'], "--radius: 'nan', expected a length greater than 0"),
     (
         ['evaluate', 'a', '--figure', 'a.txt'],
         "--figure: 'a.txt', expected a name that ends in .png",
