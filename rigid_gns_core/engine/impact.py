@@ -50,8 +50,8 @@ class Impact(NamedTuple):
     that other contacts may bring them together (its time is 0), else 0; approach_speed: at the
     time of impact; acceleration: second derivative of the gap on the free paths; turning_speed:
     separation velocity that the turn of the normal after `normal_time` adds until the end;
-    crossing_time: when a lasting contact crosses over between a face and an edge, else infinite;
-    rest_gap: gap of a lasting contact that its free path does not close, else 0.
+    crossing_time: when a lasting contact crosses over between a face and an edge within h, else
+    infinite; rest_gap: gap of a lasting contact that its free path does not close, else 0.
     """
 
     found: bool
@@ -265,6 +265,8 @@ def impact_with_plane(
             crossing_of_edge(half[0], local[0], moving[0], pulling[0]),
             crossing_of_edge(half[1], local[1], moving[1], pulling[1]),
         )
+        if crossing_time >= h:
+            crossing_time = math.inf
     return Impact(
         found=True,
         edge=edge,
