@@ -37,4 +37,5 @@ class BagScore:
         """Headline: bag, number of spheres and model."""
         what = self.report['recording']
         name = Path(what['bag']).resolve().name
-        return f'{name}: {self.predicted.count} spheres, model {what["model"]}'
+        count = self.predicted.count
+        return f'{name}: {count} sphere{"s" if count != 1 else ""}, model {what["model"]}'

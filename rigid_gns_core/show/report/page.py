@@ -117,7 +117,7 @@ def _summary(comparison: Comparison) -> str:
     predicted = comparison.predicted
     surfaces = len(comparison.scene.surfaces)
     parts = [
-        f'{predicted.count} spheres',
+        f'{predicted.count} sphere{"s" if predicted.count != 1 else ""}',
         f'{surfaces} surface{"s" if surfaces != 1 else ""}',
         f'{predicted.steps * predicted.dt:.4g} s',
         f'steps of {1e3 * predicted.dt:.4g} ms',
