@@ -32,11 +32,11 @@ class Alarm:
     def set(self, time_ns: int, *, exact: bool = True) -> None:
         """Call back when the node's clock reaches `time_ns`, at once where that is past.
 
-        `exact`: not up to a millisecond later, for which the executor is held up as long.
+        `exact`: not up to a millisecond sooner, for which the executor is held up as long.
         """
         self._due, self._exact = time_ns, exact
         # a simulated clock does not advance during a sleep
-        early = EARLY if exact and not simulated(self._node) else 0
+        early = 0 if simulated(self._node) else EARLY
         self._timer.timer_period_ns = max(self._left(time_ns) - early, 0)
         self._timer.reset()
 
