@@ -5,17 +5,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from .rejected_frame import RejectedFrame
 from ..scenes.state import Array
-
-if TYPE_CHECKING:
-    from .tracker_settings import TrackerSettings
-    from .tracks import Tracks
 
 
 def measured(poses: Array) -> NDArray[np.bool_]:
@@ -36,33 +30,6 @@ def lost_at_origin(positions: Array) -> NDArray[np.bool_]:
     elsewhere = np.logical_or.accumulate(~there & np.isfinite(positions).all(axis=-1), axis=0)
     lost: NDArray[np.bool_] = there & elsewhere
     return lost
-
-
-def seen_in(
-    poses: Array, newest: Array | None, tracks: Tracks, settings: TrackerSettings
-) -> NDArray[np.bool_]:
-    """Whether each pose of the next frame is a measurement, shape (n,), see `lost_at_origin`.
-
-    Args:
-        poses: Of the frame, shape (n, 7).
-        newest: Those of the newest frame before; None: there is none.
-        tracks: Tracks before it.
-        settings: Of the filter.
-    """
-    seen = measured(poses)
-    there = (poses[:, :3] == 0.0).all(axis=1)
-    if not there.any():
-        return seen
-    if not len(tracks.ids):
-        new = newest if newest is not None and settings.matched else poses[there]
-        stays = bool((new[:, :3] == 0.0).all(axis=1).any())
-        return seen & ~(there & (settings.environment.overlaps_origin() or not stays))
-    last = len(tracks.seen) - 1 - np.argmax(tracks.seen[::-1], axis=0)
-    at_origin = (tracks.poses[last, np.arange(len(last)), :3] == 0.0).all(axis=1)
-    if settings.matched:
-        return seen & ~(there & (not at_origin.any()))
-    # a frame with another number of spheres is refused anyway
-    return seen & ~(there & ~at_origin) if len(last) == len(there) else seen
 
 
 def why_lost(poses: Array, seen: NDArray[np.bool_]) -> str:

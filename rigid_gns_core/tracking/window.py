@@ -13,11 +13,12 @@ import numpy as np
 
 from .environment import Environment
 from .jit import plain
-from .lost_spheres import check_seen, seen_in, why_lost
+from .lost_spheres import check_seen, why_lost
 from .newest_frame import is_usual
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
 from .scene_laws import by_window, SceneLaws
+from .seen_poses import seen_in
 from .state_estimate import StateEstimate
 from .tracker_settings import TrackerSettings
 from .tracks import Tracks
