@@ -27,7 +27,6 @@ from .rectangle import (
 )
 from .world import THRESHOLD_TIME, UNIT_GRAVITY, World
 from ..kernels.jit import in_place
-from ..kernels.lanes import choose, larger
 from ..kernels.vector import dot, length, minus, row, times, Vector
 
 # gaps [radii of the smaller one] up to which bodies touch: rounding
@@ -113,69 +112,6 @@ def lasts_in_contact(
     tangential = math.sqrt(max(dot(velocity, velocity) - approach_speed**2, 0.0))
     slow = math.fabs(approach_speed) <= LASTING_SPEED
     return slow and 0.5 * h * tangential <= LARGEST_TURN * distance
-
-
-@in_place
-def impact_with_face(
-    normal: Vector,
-    radius: float,
-    height: float,
-    rate: float,
-    pull: float,
-    velocity: Vector,
-    h: float,
-    lookback: float,
-    margin: float,
-    pressed: bool,
-) -> Impact:
-    """Contact with a plane over whose face the centre stays within h; of eight, as lanes.
-
-    Most are such: as `impact_with_plane`, without edges.
-
-    Args:
-        normal: Of the face, towards the sphere.
-        radius: Of the sphere.
-        height: Of its centre, at the start of the substep.
-        rate: Of the height, there.
-        pull: Second derivative of the height.
-        velocity: Of the centre, along the axes of the plane.
-        h: Length of the substep.
-        lookback: As there.
-        margin: As there.
-        pressed: As there.
-    """
-    gap, approach_speed = height - radius, -rate
-    square = rate * rate - 2.0 * pull * gap
-    root, nears = math.sqrt(larger(square, 0.0)), rate < 0.0
-    time = choose(nears, 2.0 * gap, rate + root) / choose(nears, root - rate, -pull)
-    hits = (gap > 0.0) & (square >= 0.0) & (nears | (pull < 0.0)) & (time <= h)
-    tangential = dot(velocity, velocity) - approach_speed * approach_speed
-    turn = 0.5 * h * math.sqrt(larger(tangential, 0.0))
-    near = LASTING_GAP if pressed else -math.inf
-    lasting = (gap <= near * radius) & (turn <= LARGEST_TURN * radius)
-    lasting = lasting & (approach_speed <= LASTING_SPEED) & (-approach_speed <= LASTING_SPEED)
-    touches = lasting | (gap <= TOUCH * radius)
-    missed = (gap < 0.0) & (approach_speed > 0.0)
-    since = larger(gap / choose(missed, approach_speed, 1.0), -lookback)
-    time = choose(hits, time, choose(missed, since, 0.0))
-    before = larger(time, 0.0)
-    then = height + before * (rate + 0.5 * before * pull) - radius
-    gap_then = choose(lasting, gap, then)
-    return Impact(
-        found=hits | touches | (gap <= margin),
-        edge=False,
-        lasting=lasting,
-        normal=normal,
-        normal_time=choose(lasting, 0.5 * (before + h), before),
-        time=time,
-        gap=gap_then,
-        speculative_gap=choose(hits | touches, 0.0, gap),
-        approach_speed=approach_speed - before * pull,
-        acceleration=pull,
-        turning_speed=choose(lasting, 0.0, 0.0),
-        crossing_time=math.inf,
-        rest_gap=choose(hits, 0.0, choose(lasting, larger(gap_then, 0.0), 0.0)),
-    )
 
 
 @in_place

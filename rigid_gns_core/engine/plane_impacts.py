@@ -5,14 +5,18 @@
 
 from __future__ import annotations
 
+import math
+
 from .broad_phase import Candidates
-from .impact import impact_with_face
+from .impact import Impact, LARGEST_TURN, LASTING_GAP, LASTING_SPEED, TOUCH
 from .impacts import Impacts, store_impacts
 from .world import gravity_of, weight_of, World
 from ..kernels.jit import in_place
 from ..kernels.lanes import bits, choose, columns_of, Lanes, larger, Mask, same, WIDTH
 from ..kernels.neighbours import Flags
 from ..kernels.vector import dot, minus, times
+
+Vectors = tuple[Lanes, Lanes, Lanes]
 
 
 @in_place
@@ -59,7 +63,7 @@ def find_impacts_with_faces(
         over = over & _stays_within(
             dot(y_axis, offset), moving[1], dot(y_axis, gravity), half_y, h
         )
-        impact = impact_with_face(
+        impact = _impact_with_face(
             normal=times(side, normal),
             radius=radius,
             height=side * height,
@@ -77,6 +81,69 @@ def find_impacts_with_faces(
             impacts.edge[k] = left >> lane & 1 == 0
             impacts.found[k] = impacts.lasting[k] = False
         store_impacts(impact, bits(impact.found & over), chosen, place, impacts)
+
+
+@in_place
+def _impact_with_face(
+    normal: Vectors,
+    radius: Lanes,
+    height: Lanes,
+    rate: Lanes,
+    pull: Lanes,
+    velocity: Vectors,
+    h: float,
+    lookback: float,
+    margin: float,
+    pressed: bool,
+) -> Impact:
+    """Contacts of eight spheres with planes over whose faces their centres stay within h.
+
+    As `impact_with_plane`, to the bit, without edges.
+
+    Args:
+        normal: Of the face, towards the sphere.
+        radius: Of the sphere.
+        height: Of its centre, at the start of the substep.
+        rate: Of the height, there.
+        pull: Second derivative of the height.
+        velocity: Of the centre, along the axes of the plane.
+        h: Length of the substep.
+        lookback: See there.
+        margin: See there.
+        pressed: See there.
+    """
+    gap, approach_speed = height - radius, -rate
+    square = rate * rate - 2.0 * pull * gap
+    root, nears = math.sqrt(larger(square, 0.0)), rate < 0.0
+    time = choose(nears, 2.0 * gap, rate + root) / choose(nears, root - rate, -pull)
+    hits = (gap > 0.0) & (square >= 0.0) & (nears | (pull < 0.0)) & (time <= h)
+    tangential = dot(velocity, velocity) - approach_speed * approach_speed
+    turn = 0.5 * h * math.sqrt(larger(tangential, 0.0))
+    near = LASTING_GAP if pressed else -math.inf
+    lasting = (gap <= near * radius) & (turn <= LARGEST_TURN * radius)
+    lasting = lasting & (approach_speed <= LASTING_SPEED) & (-approach_speed <= LASTING_SPEED)
+    touches = lasting | (gap <= TOUCH * radius)
+    missed = (gap < 0.0) & (approach_speed > 0.0)
+    since = larger(gap / choose(missed, approach_speed, 1.0), -lookback)
+    time = choose(hits, time, choose(missed, since, 0.0))
+    before = larger(time, 0.0)
+    then = height + before * (rate + 0.5 * before * pull) - radius
+    gap_then = choose(lasting, gap, then)
+    return Impact(
+        found=hits | touches | (gap <= margin),
+        edge=False,
+        lasting=lasting,
+        normal=normal,
+        normal_time=choose(lasting, 0.5 * (before + h), before),
+        time=time,
+        gap=gap_then,
+        speculative_gap=choose(hits | touches, 0.0, gap),
+        approach_speed=approach_speed - before * pull,
+        acceleration=pull,
+        turning_speed=same(0.0),
+        crossing_time=math.inf,
+        rest_gap=choose(hits, 0.0, choose(lasting, larger(gap_then, 0.0), 0.0)),
+    )
 
 
 @in_place
