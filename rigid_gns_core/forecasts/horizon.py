@@ -205,13 +205,12 @@ def compute(job: Job, cancelled: Callable[[], bool]) -> Future | None:
 
 def _rolled(job: Job, cancelled: Callable[[], bool]) -> tuple[State, str] | None:
     """States of the rollout from its start on, and why they end early; None: cancelled."""
-    parts, error = (
-        [State.unchecked(*(part[None] for part in vars(job.rollout.state).values()))],
-        '',
-    )
+    start, error = job.rollout.state, ''
+    parts = [State.unchecked(*(values[None] for values in vars(start).values()))]
     for states, why in job.rollout.blocks(job.steps, BLOCK, job.first):
         if cancelled():
             return None
-        parts, error = [*parts, states], why
+        parts.append(states)
+        error = why
     fields = zip(*(vars(part).values() for part in parts), strict=True)
     return State.unchecked(*(np.concatenate(field) for field in fields)), error

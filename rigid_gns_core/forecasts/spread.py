@@ -16,8 +16,7 @@ import numpy as np
 from ..messages.covariances import encode_pose_with_covariance, encode_twist_with_covariance
 from ..messages.trajectories import TrajectoryCodec
 from ..rollout.crossing import Branch, Crossing
-from ..rollout.forecast import drawn_starts, Estimate, Forecast, forecast_of
-from ..rollout.paths import Paths
+from ..rollout.forecast import drawn_starts, Estimate, Forecast
 from ..rollout.simulator import Simulator
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
@@ -100,9 +99,8 @@ def spread_of_future(job: SpreadJob, drawn: State, points: int, dt: float) -> Sp
     """
     times: Array = dt * np.arange(points, dtype=np.float64)
     states = State.unchecked(*(values[:, :points] for values in vars(drawn).values()))
-    exact = job.simulator.velocities == 'given'
-    paths = Paths.of(job.scene, states, dt, exact=exact)
-    forecast = forecast_of(job.scene, job.start, paths, times, job.samples, _SEED)
+    given = job.scene, job.start, times, job.samples, _SEED
+    forecast = job.simulator.forecast_from(states, *given)
     crossings: list[tuple[bytes, bytes]] = []
     told: dict[str, Any] = {}
     for name, plane in job.planes.items():

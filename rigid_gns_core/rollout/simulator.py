@@ -22,7 +22,7 @@ from ..errors import shown, UserError
 from ..running.threads import in_threads, usable_cores
 from ..scenes.scene import checked_scene, Scene
 from ..scenes.similarity import in_units, ModelUnits
-from ..scenes.state import State, Trajectory
+from ..scenes.state import Array, State, Trajectory
 from ..scenes.values import checked_whole
 
 # steps of a rollout: beyond, arrays have more bytes than can be counted
@@ -205,7 +205,20 @@ class Simulator(ABC):
         dt = self.native_dt(checked_scene(scene))
         steps = _checked(max(steps_of(float(times[-1]), dt), 1))
         states = self.rollout_samples(scene, starts, steps)
-        paths = Paths.of(scene, states, dt, exact=self.velocities == 'given')
+        return self.forecast_from(states, scene, estimate, times, samples, seed)
+
+    def forecast_from(
+        self,
+        states: State,
+        scene: Scene,
+        estimate: State | Estimate,
+        times: Array,
+        samples: int,
+        seed: int,
+    ) -> Forecast:
+        """Forecast from the `rollout_samples` of `drawn_starts`; the rest is as of `forecast`."""
+        dt, exact = self.native_dt(scene), self.velocities == 'given'
+        paths = Paths.of(scene, states, dt, exact=exact)
         return forecast_of(scene, estimate, paths, times, samples, seed)
 
     def rollout_samples(
