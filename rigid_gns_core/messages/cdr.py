@@ -21,6 +21,9 @@ from ..errors import UserError
 LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 NANOSECONDS = 1_000_000_000
 
+# numbers of one field, by byte order and code
+_FIELDS = {order + code: struct.Struct(order + code) for order in '<>' for code in 'bBiId'}
+
 
 class MessageError(UserError):
     """Bytes are not a message of the expected type, or values do not fit into a message."""
@@ -120,14 +123,15 @@ class Reader:
 
     def number(self, code: str, name: str) -> Any:
         """Read a number; `code` as in struct."""
-        size = struct.calcsize(code)
+        field = _FIELDS[self.order + code]
+        size = field.size
         start = self.aligned(size)
         if start + size > len(self.cdr):
             raise MessageError(
                 f'{self.kind}: cut short in {name}, at byte {start} of {len(self.cdr)}'
             )
         self.offset = start + size
-        return struct.unpack_from(self.order + code, self.cdr, start)[0]
+        return field.unpack_from(self.cdr, start)[0]
 
     def floats(self, count: int, width: int, name: str) -> Any:
         """Read float64 numbers into a new array, shape (count, width)."""

@@ -77,8 +77,8 @@ class FrameOrder:
         self._late.clear()
         self._leads.clear()
 
-    def check(self, frame: PoseArrayFrame) -> None:
-        """Check the content of a frame.
+    def check(self, frame: PoseArrayFrame) -> bool:
+        """Check the content of a frame; whether it is as usual, so that no sphere is lost.
 
         Raises:
             RejectedFrame: It cannot be used; the message says why.
@@ -89,7 +89,7 @@ class FrameOrder:
                 f'its frame is {shown(frame.frame_id)}, expected {self.frame_id!r} '
                 '(parameter frame_id)',
             )
-        _check_poses(frame.poses, self._far)
+        return _check_poses(frame.poses, self._far)
 
     def admit(
         self, frame: PoseArrayFrame, now_ns: int, known: Sequence[int], *, full: bool
@@ -293,14 +293,17 @@ def short_gaps(stamps: Stamps, seen: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.concatenate([np.zeros(0, dtype=np.int64), *gaps])
 
 
-def _check_poses(poses: Array, far: float) -> None:
+def _check_poses(poses: Array, far: float) -> bool:
     """Check that poses are measurements: some there, within `far` [m], with usable quaternions.
+
+    Returns:
+        Whether they are as usual: all there, and no coordinate of a place is zero.
 
     Raises:
         RejectedFrame: A pose cannot be used; the message says which, and why.
     """
     if is_usual(plain(poses), min(far, _LARGE / 2)):
-        return  # four numbers of up to a half have a norm of up to one
+        return True  # four numbers of up to a half have a norm of up to one
     seen = measured(poses)
     if len(poses) and not seen.any():
         raise RejectedFrame('not finite', why_lost(poses, seen))
@@ -321,6 +324,7 @@ def _check_poses(poses: Array, far: float) -> None:
             f'the quaternion of sphere {sphere} has norm {norms[sphere]:.2g}, expected 1; send '
             'NaN or zeros where a rotation is unknown',
         )
+    return False
 
 
 def seconds(stamp_ns: int) -> str:

@@ -12,9 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from .environment import Environment
-from .jit import plain
 from .lost_spheres import check_seen, why_lost
-from .newest_frame import is_usual
 from .rejected_frame import RejectedFrame
 from .repeats import Repeats
 from .scene_laws import by_window, SceneLaws
@@ -29,9 +27,6 @@ from ..messages.poses import PoseArrayFrame
 from ..scenes.plane import Plane
 from ..scenes.scene import Scene
 from ..scenes.state import Array, State
-
-# largest finite number
-_FINITE = float(np.finfo(np.float64).max)
 
 _NO_TRACKS = Tracks.empty()
 
@@ -208,11 +203,27 @@ class TrackingWindow:
         return restarted
 
     def _add(self, frame: PoseArrayFrame, now_ns: int) -> bool:
-        self._order.check(frame)
-        seen = np.ones(len(frame.poses), dtype=np.bool_)
-        if not is_usual(plain(frame.poses), _FINITE):
-            newest = self._frames[-1][0].poses if self._frames else None
-            seen = seen_in(frame.poses, newest, self._tracks, self.settings)
+        usual, self.lost, missing = self._order.check(frame), '', 0
+        if not usual:
+            frame, missing = self._without_lost(frame)
+        self._check_count(len(frame.poses))
+        known = [known_frame.stamp_ns for known_frame, _ in self._frames]
+        admitted = self._order.admit(frame, now_ns, known, full=self.full)
+        restarted = len(admitted) > 1
+        if restarted:
+            self.clear()
+        else:
+            self._check_content(frame, now_ns)
+        if missing:
+            self.counts['lost spheres'] += missing
+        for admitted_frame in admitted:
+            self._take(admitted_frame, now_ns)
+        return restarted
+
+    def _without_lost(self, frame: PoseArrayFrame) -> tuple[PoseArrayFrame, int]:
+        """The frame with what it shows, and the number of lost spheres; `lost` says what is."""
+        newest = self._frames[-1][0].poses if self._frames else None
+        seen = seen_in(frame.poses, newest, self._tracks, self.settings)
         self.lost = why_lost(frame.poses, seen)
         if self.lost and not seen.any():
             raise RejectedFrame('not finite', self.lost)
@@ -226,19 +237,7 @@ class TrackingWindow:
                 before = tracks.seen[max(len(tracks.seen) - self.length + 1, 0) :]
             check_seen(frame.poses, seen, before, self.length)
             frame = replace(frame, poses=np.where(seen[:, None], frame.poses, np.nan))
-        self._check_count(len(frame.poses))
-        known = [known_frame.stamp_ns for known_frame, _ in self._frames]
-        admitted = self._order.admit(frame, now_ns, known, full=self.full)
-        restarted = len(admitted) > 1
-        if restarted:
-            self.clear()
-        else:
-            self._check_content(frame, now_ns)
-        if self.lost:
-            self.counts['lost spheres'] += int((~seen).sum())
-        for admitted_frame in admitted:
-            self._take(admitted_frame, now_ns)
-        return restarted
+        return frame, int((~seen).sum())
 
     def _take(self, frame: PoseArrayFrame, now_ns: int) -> None:
         later: list[PoseArrayFrame] = []

@@ -170,7 +170,7 @@ class Diagnostics:
                 WARN,
                 f'{late} predictions were late by a period in the last {SPAN:g} s',
             )
-        elif lateness.quantile(0.99) > LATE_SHARE * period:
+        elif lateness.quantiles(0.99)[0] > LATE_SHARE * period:
             level, message = WARN, 'predictions are late by half a period'
         elif predictor.beyond_bound:
             level, message = WARN, 'the prediction is off by more than resync_error'
@@ -180,12 +180,8 @@ class Diagnostics:
             'rate [Hz]': f'{lateness.rate:.3g}',
             'period [s]': f'{period:.6g}',
             **{name: str(count) for name, count in predictor.counts.items()},
-            'lateness p50 [ms]': _milliseconds(lateness, 0.5),
-            'lateness p99 [ms]': _milliseconds(lateness, 0.99),
-            'lateness worst [ms]': _milliseconds(lateness, 1.0),
-            'step time p50 [ms]': _milliseconds(self._steps, 0.5),
-            'step time p99 [ms]': _milliseconds(self._steps, 0.99),
-            'step time worst [ms]': _milliseconds(self._steps, 1.0),
+            **_milliseconds('lateness', lateness, p50=0.5, p99=0.99, worst=1.0),
+            **_milliseconds('step time', self._steps, p50=0.5, p99=0.99, worst=1.0),
             **self._error(),
             **self._start(),
         }
@@ -223,8 +219,7 @@ class Diagnostics:
         values = {
             'horizon [s]': f'{horizon:g}',
             'rate [Hz]': f'{self._futures.rate:.3g}',
-            'time p50 [ms]': _milliseconds(self._futures, 0.5),
-            'time worst [ms]': _milliseconds(self._futures, 1.0),
+            **_milliseconds('time', self._futures, p50=0.5, worst=1.0),
             'frames without': str(len(self._superseded) + len(self._failed)),
             'crossings': self._crossings,
         }
@@ -242,5 +237,8 @@ def _recording(bag: BagWriter | None, size: int) -> Status:
     return Status(level, 'recording', message, {'bytes': str(size), 'lost': str(bag.lost)})
 
 
-def _milliseconds(times: Recent, share: float) -> str:
-    return f'{1e3 * times.quantile(share):.3f}' if len(times) else ''
+def _milliseconds(name: str, times: Recent, **shares: float) -> dict[str, str]:
+    """Quantiles of times for the statuses, by their names; empty texts without any."""
+    found = times.quantiles(*shares.values())
+    texts = [f'{1e3 * value:.3f}' if len(times) else '' for value in found]
+    return {f'{name} {which} [ms]': text for which, text in zip(shares, texts, strict=True)}

@@ -13,6 +13,7 @@ rclpy's own turn, which comes at least every `PERIOD` seconds, and at once where
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from functools import partial
 import time
 from typing import Any, TYPE_CHECKING
@@ -36,7 +37,8 @@ class QuickExecutor(SingleThreadedExecutor):
     """Runs the callbacks of nodes in one thread.
 
     A node may have a property `quick`: what to call when a subscription, a timer or a guard
-    condition of it is ready, which then takes the message or resets the timer.
+    condition of it is ready, which then takes the message or resets the timer. What it takes from
+    subscriptions may wait for its method `settle`, which is called before all else.
 
     Args:
         context: Of the nodes; None: the default one.
@@ -49,6 +51,8 @@ class QuickExecutor(SingleThreadedExecutor):
         self._wait_set: Any = None  # None: to be made anew
         self._turn = 0.0  # when rclpy's turn comes [s]
         self._idle = True  # whether nothing has come since its last one
+        self._kept = ExitStack()  # handles of the wait set: they cannot be destroyed meanwhile
+        self._settles: list[Callable[[], None]] = []
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Wait for something, and do what is ready.
@@ -57,6 +61,7 @@ class QuickExecutor(SingleThreadedExecutor):
             timeout_sec: Longest time to wait [s], in rclpy's way; None: as long as it takes.
         """
         if timeout_sec is not None:
+            self._settle()
             super().spin_once(timeout_sec)
             return
         left = self._turn - time.monotonic()
@@ -64,6 +69,7 @@ class QuickExecutor(SingleThreadedExecutor):
             self._wait(left)
         elif self._idle or not self._rest():
             if self._idle:
+                self._settle()
                 super().spin_once()
             self._idle, self._turn = True, time.monotonic() + PERIOD
 
@@ -87,6 +93,7 @@ class QuickExecutor(SingleThreadedExecutor):
         self._renew()
         done = super().shutdown(timeout_sec)
         if done and self._signal is not None:
+            self._kept.close()
             self._signal.destroy()
             self._changed.destroy()
             self._signal = self._changed = None
@@ -97,8 +104,13 @@ class QuickExecutor(SingleThreadedExecutor):
         if self._changed is not None:
             self._changed.trigger()
 
+    def _settle(self) -> None:
+        for settle in self._settles:
+            settle()
+
     def _rest(self) -> bool:
         """Do one thing that is ready in rclpy's way; False: there is none."""
+        self._settle()
         try:
             handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
         except (TimeoutException, ShutdownException):
@@ -113,28 +125,25 @@ class QuickExecutor(SingleThreadedExecutor):
             self._make_wait_set()
         wait_set, entities = self._wait_set, self._entities
         wait_set.clear_entities()
-        entered = []
-        try:
-            for handle, add in entities:
-                handle.__enter__()  # it cannot be destroyed meanwhile
-                entered.append(handle)
-                add(handle)
-            wait_set.wait(max(int(seconds * 1e9), 0))
-        finally:
-            for handle in entered:
-                handle.__exit__(None, None, None)
+        for handle, add in entities:
+            add(handle)
+        wait_set.wait(max(int(seconds * 1e9), 0))
         ready = [
-            pointer
+            (kind, pointer)
             for kind in ('timer', 'subscription', 'guard_condition')
             for pointer in wait_set.get_ready_entities(kind)
         ]
-        for pointer in ready:
+        for kind, pointer in ready:
             if self.context.ok() and (call := self._calls.get(pointer)) is not None:
                 self._idle = False
+                if kind != 'subscription':
+                    self._settle()
                 call()
 
     def _make_wait_set(self) -> None:
+        self._kept.close()
         nodes = self.get_nodes()
+        self._settles = [node.settle for node in nodes if hasattr(node, 'settle')]
         quick: dict[Any, Callable[[], object]] = {}
         for node in nodes:
             quick.update(getattr(node, 'quick', {}))
@@ -152,6 +161,8 @@ class QuickExecutor(SingleThreadedExecutor):
             *((one.handle, self._wait_set.add_timer) for one in timers),
             *((one.handle, self._wait_set.add_guard_condition) for one in (*guards, *own)),
         ]
+        for handle, _ in self._entities:
+            self._kept.enter_context(handle)
         calls: dict[int, Callable[[], object]] = {}
         for entity in (*subscriptions, *timers):
             calls[entity.handle.pointer] = quick.get(entity, self._rest)

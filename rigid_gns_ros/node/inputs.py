@@ -26,6 +26,7 @@ from rigid_gns_core.tracking.single_balls import SingleBalls
 from sensor_msgs.msg import PointCloud2
 
 from .executor import Quick
+from .inbox import Inbox
 from .lost_messages import LostMessages
 
 if TYPE_CHECKING:
@@ -96,7 +97,9 @@ class Input:
         name: Topic.
         profile: QoS.
         options: Which QoS policies are parameters.
-        on_tracked: Called with the bytes of each message, and what converts them to a PoseArray.
+        inbox: Where messages wait.
+        on_tracked: Called with the bytes of each message, what converts them to a PoseArray, and
+            when it was taken, by the node's clock [ns].
         on_lost: Called with a topic, its queue's depth and the numbers of messages that were lost
             now and so far.
         convert: See `on_tracked`.
@@ -109,12 +112,13 @@ class Input:
         name: str,
         profile: QoSProfile,
         options: QoSOverridingOptions,
-        on_tracked: Callable[[bytes, Convert], None],
+        inbox: Inbox,
+        on_tracked: Callable[[bytes, Convert, int], None],
         on_lost: Callable[[str, int, int, int], None],
         convert: Convert = lambda cdr: cdr,
     ) -> None:
         self._on_tracked, self._on_lost, self._convert = on_tracked, on_lost, convert
-        self._node, self.waiting = node, 0
+        self._node, self._inbox = node, inbox
         heard: Any = self._heard  # rclpy counts its arguments
         self._subscribe = partial(
             node.create_subscription,
@@ -142,19 +146,18 @@ class Input:
     @property
     def quick(self) -> Quick:
         """See `executor`."""
-        return {self._subscription: self.drain} if self._subscription is not None else {}
+        return {self._subscription: self._drain_quickly} if self._subscription is not None else {}
 
     def drain(self) -> None:
-        """Process the waiting messages, as many as the queue holds at most.
+        """Take the waiting messages into the inbox, as many as the queue holds at most."""
+        for _ in range(max(self.depth, 1)):
+            if (one := self._take()) is None:
+                return
+            self._put(*one)
 
-        `waiting` says how many come at once after the one that is processed.
-        """
-        taken: list[tuple[bytes, Mapping[str, Any]]] = []
-        while len(taken) < max(self.depth, 1) and (one := self._take()) is not None:
-            taken.append(one)
-        for left, (cdr, information) in zip(reversed(range(len(taken))), taken, strict=True):
-            self.waiting = left
-            self._heard(cdr, information)
+    def _drain_quickly(self) -> None:
+        self.drain()
+        self._inbox.settle(now=False)
 
     def _take(self) -> tuple[bytes, Mapping[str, Any]] | None:
         own = self._subscription
@@ -166,7 +169,12 @@ class Input:
         return taken
 
     def _heard(self, cdr: bytes, information: Mapping[str, Any]) -> None:
-        """Take a message, with what rclpy knows of it."""
+        """Take a message from rclpy, with what it knows of it."""
+        self._put(cdr, information)
+        self._inbox.settle()
+
+    def _put(self, cdr: bytes, information: Mapping[str, Any]) -> None:
         if lost := self.lost.take(information.get('publication_sequence_number')):
             self._on_lost(self.topic, self.depth, lost, self.lost.total)
-        self._on_tracked(cdr, self._convert)
+        now = self._node.get_clock().now().nanoseconds
+        self._inbox.put(partial(self._on_tracked, cdr, self._convert, now))

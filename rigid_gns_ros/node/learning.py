@@ -49,7 +49,7 @@ class Learning:
         *,
         on: bool,
     ) -> None:
-        self._on = on
+        self.on = on
         if not on:
             return
         kind, scene = model.simulator.kind, model.scene
@@ -81,7 +81,7 @@ class Learning:
             stamp_ns: Stamp of the next frame [ns].
             now: Time of the node's clock [ns].
         """
-        if not self._on:
+        if not self.on:
             return
         self._look(now)
         if self._waiting is None:
@@ -95,7 +95,7 @@ class Learning:
 
     def after(self) -> None:
         """Keep the newest frame; begin a fit where there are enough new tracks."""
-        if not self._on or not self._window.count:
+        if not self.on or not self._window.count:
             return
         ids = self._window.ids
         if len(ids) > MOST_BALLS:
@@ -118,7 +118,7 @@ class Learning:
             UserError: There is none, or no file is named.
             OSError: The file cannot be written, or is not of this node.
         """
-        if not self._on:
+        if not self.on:
             raise UserError('the parameter learn is not set')
         if self.newest is None:
             raise UserError(f'nothing better than the given scene has been learned; {self._last}')
@@ -130,7 +130,7 @@ class Learning:
 
     def status(self) -> list[Status]:
         """Diagnostics; none where nothing is learned."""
-        if not self._on:
+        if not self.on:
             return []
         failed = self._last.startswith('failed')
         values = {
@@ -146,7 +146,7 @@ class Learning:
 
     def close(self) -> None:
         """End a fit that runs."""
-        if self._on:
+        if self.on:
             self._background.close()
 
     def _look(self, now: int) -> None:

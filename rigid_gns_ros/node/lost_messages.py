@@ -33,6 +33,9 @@ class LostMessages:
         """
         if number is None:
             return 0
+        if self._newest and self._newest[-1] + 1 == number:  # as nearly always
+            self._newest[-1] = number
+            return 0
         before = max((newest for newest in self._newest if newest < number), default=None)
         if before is not None and before + 1 < number:
             known = self._publishers()

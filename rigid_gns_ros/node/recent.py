@@ -52,11 +52,12 @@ class Recent:
         """Time since the last value, or since creation [s]."""
         return self._clock() - self._last
 
-    def quantile(self, share: float) -> float:
-        """Quantile of the values, `share` from 0 to 1; NaN without values."""
+    def quantiles(self, *shares: float) -> list[float]:
+        """Quantiles of the values, `shares` from 0 to 1; NaN without values."""
         if not len(self):
-            return float('nan')
-        return float(np.quantile([value for _, value in self._values], share))
+            return [float('nan')] * len(shares)
+        values = np.quantile([value for _, value in self._values], shares)
+        return [float(value) for value in values]
 
     def _trim(self) -> None:
         oldest = self._clock() - SPAN

@@ -69,7 +69,7 @@ class ResidualRange:
             'strength': f'{simulator.strength:g}',
             'contacts': f'{contacts:g}',
             'left to the laws': f'{faded:.4g}',
-            'farthest from training [deviations]': f'{self._farthest.quantile(1.0):.3g}'
+            'farthest from training [deviations]': f'{self._farthest.quantiles(1.0)[0]:.3g}'
             if len(self._farthest)
             else '',
         }

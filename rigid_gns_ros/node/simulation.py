@@ -116,6 +116,7 @@ class Simulation:
             listeners=self._bodies.listeners,
         )
         self._intake.record = self.topics.received
+        self.topics.inbox.may_wait = self._may_wait
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.futures = Futures(
             node,
@@ -140,6 +141,7 @@ class Simulation:
     def close(self) -> str:
         """Stop and finish the bag; a line of counts, for the log."""
         self._alarm.cancel()
+        self.topics.inbox.settle()
         self.futures.close()
         self.learning.close()
         bag = self.topics.close()
@@ -149,15 +151,32 @@ class Simulation:
 
     # --- tracked frames ---
 
-    def on_tracked(self, cdr: bytes, convert: Convert = lambda cdr: cdr) -> None:
-        """Process a message of a tracker, which `convert` makes a PoseArray."""
+    def on_tracked(
+        self, cdr: bytes, convert: Convert = lambda cdr: cdr, arrival: int | None = None
+    ) -> None:
+        """Process a message of a tracker, which `convert` makes a PoseArray.
+
+        `arrival`: when it was taken, by the node's clock [ns]; None: now.
+        """
         if self._intake.active:
             now = self._now()
             self._check_clock(now)
-            self._intake.take(cdr, convert, now)
+            self._intake.take(cdr, convert, now if arrival is None else arrival)
+
+    def _may_wait(self) -> bool:
+        """Whether nothing follows from frames before the pending prediction is due."""
+        predictor, futures = self.predictor, self.futures
+        return (
+            predictor.resync.start == 'first'
+            and predictor.pending is not None
+            and not (self.paused or self.learning.on or self._markers.watched)
+            and not (futures.seconds and futures.heard)
+        )
 
     def _on_accepted(self, now: int, restarted: bool) -> None:
         """Go on with the newest frame of the window."""
+        if not self._node.context.ok():
+            return  # those that a signal found waiting are only recorded
         self.silence.broken()
         if restarted:
             self._stop('restart')

@@ -63,6 +63,11 @@ class SimulatorNode(ManagedNode):
         """See `executor`."""
         return self.simulation.quick if self._configured else {}
 
+    def settle(self) -> None:
+        """See `executor`."""
+        if self._configured:
+            self.simulation.topics.inbox.settle()
+
     def configure(self) -> None:
         """Load scene and model, and make topics and services."""
         values = declared(self, SIMULATOR)

@@ -25,6 +25,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from .executor import Quick
+from .inbox import Inbox
 from .inputs import Convert, Input
 from .moving_surfaces import Listener
 
@@ -77,7 +78,7 @@ class NodeTopics:
     def __init__(
         self,
         node: Node,
-        on_tracked: Callable[[bytes, Convert], None],
+        on_tracked: Callable[[bytes, Convert, int], None],
         on_lost: Callable[[str, int, int, int], None],
         record: str,
         *,
@@ -113,6 +114,7 @@ class NodeTopics:
         self.step_time = self._publisher(Float64, '~/step_time')
         self.diagnostics = self._publisher(DiagnosticArray, '/diagnostics')
         self._inputs: list[Input] = []
+        self.inbox = Inbox()
         self.tracked = self._subscription(PoseArray, 'tracked_poses')
         for name, (kind, convert) in inputs.items():
             self._subscription(kind, name, convert)
@@ -166,11 +168,12 @@ class NodeTopics:
         """Process all waiting messages of trackers."""
         for own in self._inputs:
             own.drain()
+        self.inbox.settle()
 
     @property
     def overtaken(self) -> bool:
         """Whether the tracker's next message is already here."""
-        return any(own.waiting for own in self._inputs)
+        return len(self.inbox) > 0
 
     def hear(self, wanted: bool) -> None:
         """Subscribe to all topics of trackers and bodies, or to none."""
@@ -190,6 +193,7 @@ class NodeTopics:
                 name,
                 profile,
                 overridable(),
+                self.inbox,
                 self._on_tracked,
                 self._on_lost,
                 *convert,
@@ -202,14 +206,15 @@ class NodeTopics:
     def _listen(self, name: str, kind: Any, take: Callable[[bytes], bool]) -> None:
         """Subscribe to a topic that is no tracker's."""
 
-        def heard(cdr: bytes, _: Convert) -> None:
+        def heard(cdr: bytes, _: Convert, now: int) -> None:
             if take(cdr):
-                now = self._node.get_clock().now().nanoseconds
                 self._record(own.topic, cdr, now)
 
         profile = sensor_data()
         with _named_overrides(name):
-            own = Input(self._node, kind, name, profile, overridable(), heard, lambda *_: None)
+            own = Input(
+                self._node, kind, name, profile, overridable(), self.inbox, heard, lambda *_: None
+            )
         self._inputs.append(own)
         self._register(own.topic, kind, profile)
 

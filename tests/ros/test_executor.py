@@ -116,6 +116,32 @@ def test_quick_calls_take_the_place_of_callbacks(spun: Spun) -> None:
     assert len(taken) + len(node.said) == 5 and len(taken) >= 3
 
 
+def test_what_subscriptions_gave_is_settled_before_all_else(spun: Spun) -> None:
+    node = spun.node
+    taken: list[str] = []
+
+    def take() -> None:
+        with node.topic.handle:
+            message = node.topic.handle.take_message(String, False)
+        if message is not None:
+            taken.append(message[0].data)
+
+    def settle() -> None:
+        node.said += taken
+        taken.clear()
+
+    node.settle = settle  # type: ignore[attr-defined]
+    node.own = {node.topic: take}
+    spun.executor.wake()
+    spun.until(node.publisher.get_subscription_count)
+    node.said.clear()
+    node.publisher.publish(String(data='one'))
+    spun.until(lambda: taken or 'one' in node.said)
+    before = len(node.said)
+    spun.until(lambda: 'timer' in node.said[before:])
+    assert not taken and node.said.index('one') < len(node.said) - 1
+
+
 def test_services_are_answered_while_messages_keep_coming(spun: Spun) -> None:
     node = spun.node
     node.destroy_timer(node.timer)

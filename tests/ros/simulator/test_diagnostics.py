@@ -163,11 +163,11 @@ def test_levels_of_the_horizon(simulated: Simulated, falling: Falling) -> None:
 def test_statistics_are_of_the_last_seconds() -> None:
     now = [100.0]
     recent = Recent(lambda: now[0])
-    assert len(recent) == 0 and recent.rate == 0.0 and str(recent.quantile(0.5)) == 'nan'
+    assert len(recent) == 0 and recent.rate == 0.0 and str(recent.quantiles(0.5)) == '[nan]'
     for value in range(20):
         now[0] += 1.0
         recent.add(float(value))
-    assert len(recent) == 11 and recent.quantile(0.0) == 9.0 and recent.quantile(1.0) == 19.0
+    assert len(recent) == 11 and recent.quantiles(0.0, 1.0) == [9.0, 19.0]
     assert recent.rate == pytest.approx(1.1)
     now[0] += 30.0
     assert len(recent) == 0 and recent.since_last == 30.0

@@ -259,7 +259,7 @@ def test_of_frames_that_wait_together_the_newest_gets_its_future(
     waiting = [(encoded(falling, k), {}) for k in (1, 2, 3)]
     own = simulation.topics._inputs[0]
     monkeypatch.setattr(own, '_take', lambda: waiting.pop(0) if waiting else None)
-    own.drain()
+    simulation.topics.drain()
     assert heard_future(setup, heard, 2).stamp_ns == T0 + 3 * DT
     assert len(simulation.diagnostics._superseded) == 2
 
