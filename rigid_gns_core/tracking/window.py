@@ -159,6 +159,12 @@ class TrackingWindow:
         """Largest stamp minus arrival time of the newest 20 frames [ns]."""
         return self._order.lead_ns
 
+    @property
+    def interval(self) -> float:
+        """Time between the newest two frames [s]; 0: there is one at most."""
+        stamps = self._tracks.stamps
+        return float(stamps[-1] - stamps[-2]) * 1e-9 if len(stamps) > 1 else 0.0
+
     def clear(self) -> None:
         """Drop all frames and tracks."""
         self._frames.clear()

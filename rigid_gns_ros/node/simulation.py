@@ -164,14 +164,24 @@ class Simulation:
             self._intake.take(cdr, convert, now if arrival is None else arrival)
 
     def _may_wait(self) -> bool:
-        """Whether nothing follows from frames before the pending prediction is due."""
+        """Whether nothing follows from the newest frame before the alarm rings."""
         predictor, futures = self.predictor, self.futures
-        return (
-            predictor.resync.start == 'first'
-            and predictor.pending is not None
-            and not (self.paused or self.learning.on or self._markers.watched)
-            and not (futures.seconds and futures.heard)
-        )
+        if (
+            predictor.forecast is None
+            or predictor.resync.start == 'diverged'
+            or (self.paused or self.learning.on or self._markers.watched)
+            or (futures.seconds and futures.heard)
+        ):
+            return False
+        return not predictor.every or self._another_comes
+
+    @property
+    def _another_comes(self) -> bool:
+        """Whether a newer frame is expected before the next prediction is computed, by `every`."""
+        predictor, left = self.predictor, self._alarm.left
+        if predictor.pending is not None:
+            left += predictor.period_ns // 2 * 1e-9
+        return predictor.every and 0 < self.window.interval < left
 
     def _on_accepted(self, now: int, restarted: bool) -> None:
         """Go on with the newest frame of the window."""
@@ -221,7 +231,7 @@ class Simulation:
             return
         elif window.generation != self._generation:
             self._restart(now, 'spheres')
-        elif not self.topics.overtaken and predictor.has_diverged():
+        elif not (self.topics.overtaken or self._another_comes) and predictor.has_diverged():
             self._restart(now, 'diverged')
         if predictor.forecast is not None and not self.paused:
             self.futures.request()
@@ -293,6 +303,7 @@ class Simulation:
             with self.futures.held():
                 self.topics.drain()
                 if predictor.forecast is not None and predictor.pending is None:
+                    predictor.has_diverged()  # so that the error is known, if no frame told it
                     self.compute()
             return
         now = self._now()

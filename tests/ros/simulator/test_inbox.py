@@ -104,6 +104,29 @@ def test_frames_that_something_follows_from_do_not_wait(
     assert taking.waiting == 0 and taking.newest == 2
 
 
+def test_by_every_frames_wait_and_are_not_fitted_while_another_one_is_expected(
+    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup = simulated(start='every')
+    setup.start(falling(0.0))
+    taking = Taking(setup, falling, monkeypatch)
+    predictor, compared = taking.simulation.predictor, []
+    fit = predictor.has_diverged
+    monkeypatch.setattr(predictor, 'has_diverged', lambda: compared.append(taking.newest) or fit())
+    taking.take(1)
+    assert taking.newest == 1 and not compared  # frames every millisecond, 150 ms are left
+    taking.take(2)
+    taking.take(3)
+    assert taking.newest == 1 and taking.waiting == 2
+    setup.node.settle()
+    assert taking.newest == 3 and not compared
+    taking.take(203)
+    setup.node.settle()
+    assert compared == [203]  # frames are 200 ms apart now
+    taking.take(204)
+    assert taking.newest == 204 and not taking.waiting
+
+
 def test_frames_do_not_wait_where_futures_or_markers_are_heard_or_nothing_is_predicted(
     simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
 ) -> None:
