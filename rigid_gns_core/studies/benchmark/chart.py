@@ -26,6 +26,7 @@ STYLES = {
     'Bullet': ('#e69f00', 'o'),
     'MuJoCo': ('#009e73', 's'),
     'Rapier': ('#d55e00', 'v'),
+    'Jolt': ('#e69f00', '<'),
     'LAMMPS': ('#56b4e9', 'P'),
     'GNS': ('#cc79a7', 'D'),
 }
@@ -33,6 +34,7 @@ LEGEND = {
     'Bullet': 'Bullet, by substeps',
     'MuJoCo': 'MuJoCo, by substeps',
     'Rapier': 'Rapier, by substeps',
+    'Jolt': 'Jolt, by substeps',
     'LAMMPS': 'LAMMPS granular',
     'GNS': "thesis' network",
     'laws': 'laws, by substeps',

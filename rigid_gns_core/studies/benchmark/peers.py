@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The peers that are compared: Bullet, MuJoCo, Rapier, LAMMPS, the thesis' GNS and the laws."""
+"""The peers: Bullet, MuJoCo, Rapier, Jolt, LAMMPS, the thesis' GNS and the laws."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import warnings
 import numpy as np
 
 from .bullet_engine import BulletSpheres
+from .jolt_engine import describe as describe_jolt
+from .jolt_engine import JoltSettings, JoltSpheres, load_jolt
 from .lammps_engine import describe as describe_lammps
 from .lammps_engine import LammpsSpheres, load_lammps
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
@@ -31,7 +33,7 @@ from ...teacher.settings import TeacherSettings
 
 BULLET_SUBSTEPS = (1, 2, 3, 6, 12, 24, 48, 96)
 MUJOCO_SUBSTEPS = (6, 12, 24, 48)
-RAPIER_SUBSTEPS = (1, 2, 6, 12, 24)
+GAME_SUBSTEPS = (1, 2, 6, 12, 24)
 LAWS_SUBSTEPS = (1, 2, 4, 8, 16)
 BULLET_ITERATIONS = 10
 
@@ -95,6 +97,7 @@ NOTES = {
     'MuJoCo': 'has no coefficient of restitution: the damping ratio of its contacts is set to the '
     'closed form for the restitution of each pair; its planes are infinite',
     'Rapier': 'a game engine, in a process of its own; it has no rolling friction here',
+    'Jolt': 'a game engine, in a process of its own; it has no rolling friction',
     'LAMMPS': 'granular spheres as springs, of finite stiffness; boxes of one material, without '
     'rolling friction; not made for few spheres',
     'GNS': "the thesis' network; trained on one material, not on those of the other scenes",
@@ -121,7 +124,8 @@ def all_peers(
     makers: dict[str, Callable[[], list[Peer]]] = {
         'Bullet': lambda: _bullet((2, 6) if quick else BULLET_SUBSTEPS, bullet_iterations),
         'MuJoCo': lambda: _mujoco((12,) if quick else MUJOCO_SUBSTEPS),
-        'Rapier': lambda: _rapier((6,) if quick else RAPIER_SUBSTEPS),
+        'Rapier': lambda: _rapier((6,) if quick else GAME_SUBSTEPS),
+        'Jolt': lambda: _jolt((6,) if quick else GAME_SUBSTEPS),
         'LAMMPS': _lammps,
         'GNS': _gns,
         'laws': lambda: _laws((8,) if quick else LAWS_SUBSTEPS),
@@ -171,6 +175,11 @@ def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
 def _rapier(substeps: tuple[int, ...]) -> list[Peer]:
     load_rapier()
     return [_at('Rapier', n, RapierSpheres, RapierSettings(n), describe_rapier) for n in substeps]
+
+
+def _jolt(substeps: tuple[int, ...]) -> list[Peer]:
+    load_jolt()
+    return [_at('Jolt', n, JoltSpheres, JoltSettings(n), describe_jolt) for n in substeps]
 
 
 def _at(

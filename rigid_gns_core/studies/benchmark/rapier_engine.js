@@ -1,15 +1,19 @@
 // SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Rapier for `rapier_engine.py`: the first line of the input is a scene, each further one asks for
-// a frame, which is answered with the centres, as doubles.
+// Rapier for `rapier_engine.py`.
 
 'use strict'
 
-const { writeSync } = require('node:fs')
-const { createInterface } = require('node:readline')
+const { serve } = require('./node_engine.js')
 
 const xyz = ([x, y, z]) => ({ x, y, z })
+
+const load = async (name) => {
+  const RAPIER = require(require.resolve(name, { paths: [process.cwd()] }))
+  await RAPIER.init()
+  return RAPIER
+}
 
 const begin = (RAPIER, scene) => {
   const world = new RAPIER.World(xyz(scene.gravity))
@@ -38,36 +42,13 @@ const begin = (RAPIER, scene) => {
     world.createCollider(material(ball, scene), body)
     return body
   })
-  return { world, bodies, substeps: scene.substeps, places: new Float64Array(3 * bodies.length) }
-}
-
-const answer = (array) => {
-  const bytes = new Uint8Array(array.buffer)
-  for (let done = 0; done < bytes.length; ) done += writeSync(1, bytes, done)
-}
-
-const advance = ({ world, bodies, substeps, places }) => {
-  for (let k = 0; k < substeps; k += 1) world.step()
-  bodies.forEach((body, i) => {
-    const { x, y, z } = body.translation()
-    places.set([x, y, z], 3 * i)
-  })
-  answer(places)
-}
-
-const main = async (name) => {
-  const RAPIER = require(require.resolve(name, { paths: [process.cwd()] }))
-  await RAPIER.init()
-  answer(new Float64Array(1)) // it is loaded
-  let run = null
-  for await (const line of createInterface({ input: process.stdin })) {
-    if (run === null) {
-      run = begin(RAPIER, JSON.parse(line))
-      answer(new Float64Array(1))
-    } else {
-      advance(run)
-    }
+  return (places) => {
+    for (let k = 0; k < scene.substeps; k += 1) world.step()
+    bodies.forEach((body, i) => {
+      const { x, y, z } = body.translation()
+      places.set([x, y, z], 3 * i)
+    })
   }
 }
 
-main(process.argv[2])
+serve(load, begin)
