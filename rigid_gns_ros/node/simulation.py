@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, TYPE_CHECKING
 
-from rigid_gns_core.forecasts.forecaster import Forecaster, Prediction
+from rigid_gns_core.forecasts.forecaster import Forecaster
 from rigid_gns_core.forecasts.learned_scene import LearnedScene
 from rigid_gns_core.forecasts.moving_surfaces import MovingSurfaces
 from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
@@ -16,7 +16,7 @@ from rigid_gns_core.forecasts.starts import Reason, Start
 from rigid_gns_core.forecasts.tracker_kinds import balls_of
 from rigid_gns_core.forecasts.window_setup import longest_gap, window_of
 from rigid_gns_core.messages.diagnostics import encode_diagnostics
-from rigid_gns_core.messages.poses import encode_float64, encode_string, PoseArrayCodec
+from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.tracking.usable_frames import seconds
 
 from .alarm import Alarm
@@ -30,6 +30,7 @@ from .learning import Learning
 from .markers import MarkerPublisher
 from .moving_surfaces import Bodies
 from .odd_parameters import odd_parameters
+from .predictions import Predictions
 from .residual_range import ResidualRange
 from .silence import Silence, too_slow
 from .throttle import Warner
@@ -60,7 +61,7 @@ class Simulation:
         parameters: Mapping[str, Any],
         surfaces: MovingSurfaces,
     ) -> None:
-        self._node, self._model, self._frame_id = node, model, str(parameters['frame_id'])
+        self._node, self._model = node, model
         self.warn = Warner(node.get_logger())
         gap = longest_gap(model)
         self.window = window_of(model, parameters, check=self._check_count, on_gap=self._warn_gap)
@@ -78,18 +79,17 @@ class Simulation:
             surfaces=surfaces.at,
         )
         self.surfaces = surfaces
-        self._bodies = Bodies(surfaces, self._frame_id, self._now, self.warn)
+        frame_id = str(parameters['frame_id'])
+        self._bodies = Bodies(surfaces, frame_id, self._now, self.warn)
         self.learning = Learning(
             model, self.window, self._take_scene, node.get_logger(), on=bool(parameters['learn'])
         )
         name = node.get_fully_qualified_name().lstrip('/')
         self.diagnostics = Diagnostics(name, model, self.predictor, self.window)
         self.residual = ResidualRange(model, self.predictor)
-        self.paused = False
         self.silence = Silence(node.get_logger(), float(parameters['tracker_timeout']))
         self._reason: Reason = 'first'  # of the next start from an empty window
         self._generation = self.window.generation  # of the tracks of the present forecast
-        self._codec = PoseArrayCodec(self._frame_id, 0)
         self._alarm, self._clock = Alarm(node, self._on_due), ClockWatch(node)
         balls = balls_of(str(parameters['balls']), str(parameters['tracker']))
         self._intake = Intake(
@@ -118,6 +118,17 @@ class Simulation:
         self._intake.record = self.topics.received
         self.topics.inbox.may_wait = self._may_wait
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
+        self.predictions = Predictions(
+            node,
+            self.predictor,
+            self._alarm,
+            self.topics,
+            self._markers,
+            diagnostics=self.diagnostics,
+            residual=self.residual,
+            frame_id=frame_id,
+            failed=self._give_up,
+        )
         self.futures = Futures(
             node,
             model,
@@ -132,6 +143,11 @@ class Simulation:
         )
         for text in odd_parameters(parameters):
             node.get_logger().warning(text)
+
+    @property
+    def paused(self) -> bool:
+        """Whether predictions are paused."""
+        return self.predictions.paused
 
     @property
     def quick(self) -> Quick:
@@ -177,11 +193,8 @@ class Simulation:
 
     @property
     def _another_comes(self) -> bool:
-        """Whether a newer frame is expected before the next prediction is computed, by `every`."""
-        predictor, left = self.predictor, self._alarm.left
-        if predictor.pending is not None:
-            left += predictor.period_ns // 2 * 1e-9
-        return predictor.every and 0 < self.window.interval < left
+        """Whether, with `every`, a newer frame is expected before the next computation."""
+        return self.predictions.waits_longer_than(self.window.interval)
 
     def _on_accepted(self, now: int, restarted: bool) -> None:
         """Go on with the newest frame of the window."""
@@ -256,7 +269,7 @@ class Simulation:
             f'started from stamp {seconds(self.window.stamp_ns or 0)} s: {self.window.count} '
             f'spheres, velocities from {self.window.length} frames'
         )
-        self.compute()
+        self.predictions.compute()
 
     def _restart(self, now: int, reason: Reason) -> None:
         try:
@@ -264,35 +277,12 @@ class Simulation:
         except PredictionError as error:
             self._give_up(error)
             return
-        if self.predictor.pending is not None:
-            self._report_steps(self.predictor.pending.step_times)
-            if not self.paused:
-                self._alarm.set(self.predictor.due_ns)
+        self.predictions.renewed()
 
     def _on_start(self, start: Start) -> None:
         self._reason, self._generation = 'restart', self.window.generation
         self.diagnostics.started()
         self.topics.send(self.topics.start, encode_string(start.json))
-
-    def compute(self) -> str:
-        """Compute the next prediction, to publish it when due; why it failed, or an empty text."""
-        try:
-            prediction = self.predictor.compute(self._now(), paused=self.paused)
-        except PredictionError as error:
-            self._give_up(error)
-            return str(error)
-        self._report_steps(prediction.step_times)
-        if not self.paused:
-            self._alarm.set(self.predictor.due_ns)
-        return ''
-
-    def _report_steps(self, step_times: Sequence[float]) -> None:
-        self.diagnostics.stepped(step_times)
-        self.residual.note()
-        if self.topics.bag is None and not self.topics.step_time.get_subscription_count():
-            return
-        for step_time in step_times:
-            self.topics.send(self.topics.step_time, encode_float64(step_time))
 
     def _on_due(self) -> None:
         self._check_clock(self._now())
@@ -304,31 +294,12 @@ class Simulation:
                 self.topics.drain()
                 if predictor.forecast is not None and predictor.pending is None:
                     predictor.has_diverged()  # so that the error is known, if no frame told it
-                    self.compute()
+                    self.predictions.compute()
             return
         now = self._now()
         if self._tracker_is_gone(now):
             return
-        self.diagnostics.due((now - predictor.due_ns) * 1e-9)
-        prediction = predictor.take_in_time(now)
-        if prediction is not None:
-            self.publish(prediction)
-        if predictor.every:
-            self._alarm.set(predictor.due_ns + predictor.period_ns // 2, exact=False)
-        else:
-            self.compute()
-
-    def publish(self, prediction: Prediction) -> None:
-        """Publish a prediction now."""
-        if self._codec.count != len(prediction.poses):
-            self._codec = PoseArrayCodec(self._frame_id, len(prediction.poses))
-        cdr = self._codec.encode(prediction.poses, prediction.stamp_ns)
-        self.topics.send(self.topics.predicted, cdr)
-        self.predictor.counts['published'] += 1  # only now: sending fails where ROS was shut down
-        start = self.predictor.last_start
-        if start is not None and start.ids is not None:
-            positions = prediction.poses[:, :3]
-            self._markers.predicted(prediction.stamp_ns, positions, start.ids)
+        self.predictions.publish_due(now)
 
     def _give_up(self, error: PredictionError) -> None:
         self.forget('restart')
@@ -351,7 +322,7 @@ class Simulation:
         """Pause or resume predictions; whether that changed anything."""
         if wanted == self.paused:
             return False
-        self.paused = wanted
+        self.predictions.paused = wanted
         predictor = self.predictor
         if wanted:
             self._alarm.cancel()
@@ -359,11 +330,7 @@ class Simulation:
         elif predictor.resync.start != 'first':
             self.forget('restart')  # the spheres have moved on meanwhile
         elif predictor.forecast is not None:
-            if predictor.pending is None:
-                self.compute()
-            predictor.resume(self._now())
-            if predictor.pending is not None:
-                self._alarm.set(predictor.due_ns)
+            self.predictions.resume()
         return True
 
     def forget(self, reason: Reason) -> None:

@@ -155,7 +155,7 @@ class SimulatorNode(ManagedNode):
         simulation, predictor = self.simulation, self.simulation.predictor
         failure = ''
         if simulation.paused and predictor.forecast is not None and predictor.pending is None:
-            failure = simulation.compute()
+            failure = simulation.predictions.compute()
         if not simulation.paused:
             response.message = 'not paused: call ~/pause with data: true first'
         elif predictor.pending is None:
@@ -165,9 +165,9 @@ class SimulatorNode(ManagedNode):
             response.success = True
             stamp = seconds(prediction.stamp_ns)
             response.message = f'published prediction {predictor.index} for {stamp} s'
-            simulation.publish(prediction)
+            simulation.predictions.publish(prediction)
             if not predictor.every:
-                simulation.compute()
+                simulation.predictions.compute()
         return response
 
     def _on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
