@@ -121,11 +121,10 @@ class QuickExecutor(SingleThreadedExecutor):
 
     def _wait(self, seconds: float) -> None:
         """Wait so long for subscriptions, timers and guard conditions; do what is ready."""
-        if self._wait_set is None:
-            self._make_wait_set()
-        wait_set, entities = self._wait_set, self._entities
+        # another thread may call for a new one at any time
+        wait_set = self._wait_set or self._make_wait_set()
         wait_set.clear_entities()
-        for handle, add in entities:
+        for handle, add in self._entities:
             add(handle)
         wait_set.wait(max(int(seconds * 1e9), 0))
         ready = [
@@ -140,7 +139,7 @@ class QuickExecutor(SingleThreadedExecutor):
                     self._settle()
                 call()
 
-    def _make_wait_set(self) -> None:
+    def _make_wait_set(self) -> Any:
         self._kept.close()
         nodes = self.get_nodes()
         self._settles = [node.settle for node in nodes if hasattr(node, 'settle')]
@@ -152,14 +151,14 @@ class QuickExecutor(SingleThreadedExecutor):
             for name in ('subscriptions', 'timers', 'guards')
         )
         own = [self._changed, self._signal]
-        self._wait_set = rclpy_implementation.WaitSet(
+        made = self._wait_set = rclpy_implementation.WaitSet(
             *(len(subscriptions), len(guards) + len(own), len(timers), 0, 0, 0),
             self.context.handle,
         )
         self._entities = [
-            *((one.handle, self._wait_set.add_subscription) for one in subscriptions),
-            *((one.handle, self._wait_set.add_timer) for one in timers),
-            *((one.handle, self._wait_set.add_guard_condition) for one in (*guards, *own)),
+            *((one.handle, made.add_subscription) for one in subscriptions),
+            *((one.handle, made.add_timer) for one in timers),
+            *((one.handle, made.add_guard_condition) for one in (*guards, *own)),
         ]
         for handle, _ in self._entities:
             self._kept.enter_context(handle)
@@ -169,6 +168,7 @@ class QuickExecutor(SingleThreadedExecutor):
         for guard in guards:
             calls[guard.handle.pointer] = quick.get(guard, partial(self._trigger, guard))
         self._calls = calls
+        return made
 
     def _trigger(self, guard: GuardCondition) -> None:
         """Trigger a guard condition again, whose trigger this wait took."""
