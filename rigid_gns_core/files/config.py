@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import dataclasses
+import math
 from pathlib import Path
 import re
 import sys
@@ -203,19 +204,26 @@ def find_config(kind: str, name: str | Path) -> Path:
 
 
 def check_least(config: object, least: float, *names: str) -> None:
-    """Raise UserError where a field of a configuration is below `least`, or NaN."""
+    """Raise UserError where a field of a configuration is below `least`, or not finite."""
     for name in names:
         value = getattr(config, name)
         if not value >= least:
             raise UserError(f'{name} is {value}, expected at least {least}')
+        _check_finite(name, value)
 
 
 def check_positive(config: object, *names: str) -> None:
-    """Raise UserError where a field of a configuration is not above 0."""
+    """Raise UserError where a field of a configuration is not above 0, or not finite."""
     for name in names:
         value = getattr(config, name)
         if not value > 0:
             raise UserError(f'{name} is {value}, expected more than 0')
+        _check_finite(name, value)
+
+
+def _check_finite(name: str, value: float) -> None:
+    if value == math.inf:  # JSON, in which cards are written, has no such number
+        raise UserError(f'{name} is {value}, expected a finite number')
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

@@ -22,6 +22,9 @@ from ..scenes.similarity import ModelUnits
 
 N = TypeVar('N', bound=nn.Module)
 
+# windows in a step: more fill any memory, and the process is killed for it
+_MOST_BATCH = 100_000
+
 
 @dataclass(frozen=True)
 class Schedule:
@@ -56,6 +59,8 @@ class Schedule:
     def __post_init__(self) -> None:
         check_least(self, 1, 'steps', 'batch', 'validate_every', 'validation_steps')
         check_least(self, 0, 'seed', 'warm_up', 'validation_rollouts', 'average')
+        if self.batch > _MOST_BATCH:
+            raise UserError(f'batch is {self.batch}, expected at most {_MOST_BATCH}')
         check_positive(self, 'learning_rate', 'final_learning_rate', 'clip')
         if not self.average < 1:
             raise UserError(f'average is {self.average}, expected less than 1')

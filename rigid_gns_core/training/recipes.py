@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .gns.learner import GNSTrainConfig
 from .residual.learner import ResidualTrainConfig
+from ..errors import shown
 from ..files.config import ConfigError, find_config, from_mapping, load_yaml
 
 RECIPES: dict[str, type[GNSTrainConfig] | type[ResidualTrainConfig]] = {
@@ -26,6 +27,6 @@ def load_recipe(name: str | Path) -> GNSTrainConfig | ResidualTrainConfig:
     path = find_config('train', name)
     mapping = load_yaml(path)
     kind = mapping.pop('kind', None)
-    if kind not in RECIPES:
-        raise ConfigError(f'{path}: kind is {kind!r}, allowed: {", ".join(RECIPES)}')
+    if not isinstance(kind, str) or kind not in RECIPES:
+        raise ConfigError(f'{path}: kind is {shown(kind)}, allowed: {", ".join(RECIPES)}')
     return from_mapping(RECIPES[kind], mapping, str(path))

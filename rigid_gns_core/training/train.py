@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 import json
 import math
@@ -30,6 +31,7 @@ from .residual.validation import rollout_error
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
 from ..errors import UserError
+from ..files.atomic_file import whole_file
 from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
 from ..files.config import ConfigError, load_yaml, to_mapping
 from ..prediction.gns import GNSSimulator
@@ -87,6 +89,7 @@ class Trainer:
         else:
             self.learner = GNSLearner.of(config, records, device)
         self.best = math.inf
+        self.losses: list[float] = []  # since the last validation
         self.comparison: Comparison | None = None
         self._resume()
         if start is not None:
@@ -101,15 +104,14 @@ class Trainer:
         """
         learner, config = self.learner, self.config
         end = config.steps if stop_at is None else min(stop_at, config.steps)
-        losses: list[float] = []
+        losses = self.losses
         self._saved = time.monotonic()
         with Progress(end, 'train', initial=learner.step) as progress, stop_on_signal() as stop:
             while learner.step < end and not stop:
                 losses.append(learner.advance())
                 progress.update(loss=float(np.mean(losses[-100:])), best=self.best)
                 if learner.step % config.validate_every == 0 or learner.step == config.steps:
-                    self._validate_and_save(losses, progress)
-                    losses.clear()
+                    self._validate_and_save(progress)
                 elif time.monotonic() - self._saved > SAVE_EVERY:
                     self._save_state()
             self._save_state()
@@ -164,13 +166,13 @@ class Trainer:
         radius = float(np.max(record.scene.radius))
         return math.sqrt(chamfer(predicted.positions, reference.positions)) / radius
 
-    def _validate_and_save(self, losses: list[float], progress: Progress) -> None:
+    def _validate_and_save(self, progress: Progress) -> None:
         score = self.validate()
         better = score < self.best
         step = self.learner.step
         entry = {
             'step': step,
-            'loss': float(np.mean(losses)),
+            'loss': float(np.mean(self.losses)),
             'validation': score if math.isfinite(score) else None,
             'learning_rate': self.config.learning_rate_at(step),
         }
@@ -183,14 +185,16 @@ class Trainer:
             with self.learner.averaged_weights() as network:
                 finite = score if math.isfinite(score) else None
                 save_model(self.folder / 'best', network, self.card(finite))
-        # the state first: a run killed in between lacks a line of the log, and has none twice
-        self._save_state()
+        # a run killed before its state is saved comes here again, and drops this line before
         with open(self.folder / LOG, 'a', encoding='utf-8') as log:
             log.write(json.dumps(entry) + '\n')
+        self.losses.clear()
+        self._save_state()
 
     def _save_state(self) -> None:
         state = {name: value.numpy() for name, value in self.learner.state().items()}
-        save_tensors(self.folder / STATE, {**state, 'best': np.array(self.best)})
+        own = {'best': np.array(self.best), 'losses': np.array(self.losses, dtype=np.float64)}
+        save_tensors(self.folder / STATE, {**state, **own})
         self._saved = time.monotonic()
 
     def _resume(self) -> None:
@@ -198,10 +202,26 @@ class Trainer:
         if (self.folder / STATE).is_file():
             tensors = load_tensors(self.folder / STATE)
             self.best = float(tensors.pop('best'))
+            self.losses = tensors.pop('losses', np.zeros(0)).tolist()  # older runs have none
             self.learner.load_state({k: torch.from_numpy(v) for k, v in tensors.items()})
+        self._trim_log()
+
+    def _trim_log(self) -> None:
+        """Drop what a killed run logged after its last state, or has written by half."""
+        log = self.folder / LOG
+        if not log.is_file():
+            return
+        text = log.read_text(encoding='utf-8')
+        whole = text[: text.rfind('\n') + 1].splitlines(keepends=True)
+        kept = ''.join(line for line in whole if json.loads(line)['step'] <= self.learner.step)
+        if kept != text:
+            with whole_file(log) as partial:
+                partial.write_text(kept, encoding='utf-8')
 
     def _claim_folder(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
+        for left_over in self.folder.glob('.*.tmp'):  # of a run that was killed
+            left_over.unlink()
         recipe = self.folder / RECIPE
         asked = {**to_mapping(self.config), 'sha256': self.data}
         if self.start is not None:
@@ -220,7 +240,9 @@ class Trainer:
                 f'{recipe} differs from the recipe and data asked for in {", ".join(keys)}; '
                 'use the same, or another folder'
             )
-        recipe.write_text(text, encoding='utf-8')
+        if not recipe.is_file():
+            with whole_file(recipe) as partial:
+                partial.write_text(text, encoding='utf-8')
 
 
 def find_device(name: str) -> torch.device:
@@ -245,6 +267,17 @@ def _long_enough(records: Sequence[Record], config: TrainConfig) -> list[Record]
             'generate longer ones'
         )
     return enough[: config.validation_rollouts]
+
+
+@contextmanager
+def _memory_told() -> Iterator[None]:
+    """Raise a MemoryError where torch, which has another error for it, has too little memory."""
+    try:
+        yield
+    except RuntimeError as error:
+        if not (isinstance(error, torch.OutOfMemoryError) or 'allocate memory' in str(error)):
+            raise
+        raise MemoryError('train with a smaller batch, or a smaller model') from error
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -274,11 +307,12 @@ def run(arguments: argparse.Namespace) -> int:
     if start := StartingPoint.of(arguments.start) if arguments.start else None:
         records, validation = start.records(records), start.records(validation)
         origin += f' from {start.name}'
-    trainer = Trainer(config, records, validation, arguments.out, origin, device, start)
-    if isinstance(trainer.learner, ResidualLearner):
-        for text in shortcomings(trainer.learner.tracks, arguments.data):
-            print(f'note: {text}', file=sys.stderr)
-    best = trainer.run()
+    with _memory_told():
+        trainer = Trainer(config, records, validation, arguments.out, origin, device, start)
+        if isinstance(trainer.learner, ResidualLearner):
+            for text in shortcomings(trainer.learner.tracks, arguments.data):
+                print(f'note: {text}', file=sys.stderr)
+        best = trainer.run()
     score = f'best validation {best:.4g}' if validation else 'no validation set: last weights'
     print(f'{score}; weights: {arguments.out / "best.safetensors"}')
     if trainer.comparison is not None:

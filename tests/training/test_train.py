@@ -21,7 +21,7 @@ from rigid_gns_core.scenes.state import Trajectory
 from rigid_gns_core.training.gns.closed_loop import batch_of
 from rigid_gns_core.training.gns.learner import GNSLearner, GNSTrainConfig
 from rigid_gns_core.training.gns.windows import Noise, Source
-from rigid_gns_core.training.train import find_device, load_recipe, Trainer
+from rigid_gns_core.training.train import _memory_told, find_device, load_recipe, Trainer
 import torch
 
 UNITS = ModelUnits(radius=1.0, gravity=9.81, dt=0.1)
@@ -174,6 +174,64 @@ def test_a_run_that_is_killed_loses_little(tmp_path, monkeypatch):
     other.run()
     for name in ('best.safetensors', 'state.safetensors'):
         assert (tmp_path / 'whole' / name).read_bytes() == (tmp_path / 'parts' / name).read_bytes()
+
+
+def test_a_run_killed_as_it_writes_goes_on_to_the_same_files(tmp_path, monkeypatch):
+    """Killed before and after each file is put in its place; signals leave half of the losses."""
+    Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'whole').run()
+    replace_file = os.replace
+    for last in range(1, 8):
+        folder = tmp_path / f'{last}'
+        count = 0
+
+        def killed(source, target, last=last):
+            nonlocal count
+            count += 1
+            if count == last:
+                raise MemoryError
+            replace_file(source, target)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(os, 'replace', killed)
+            with pytest.raises(MemoryError):
+                Trainer(CONFIG, RECORDS, HELD_OUT, folder).run()
+        (folder / '.state.safetensors.1.tmp').touch()  # what a kill leaves
+        if (log := folder / 'log.jsonl').exists():
+            log.write_text(log.read_text() + '{"step": 99')
+        Trainer(CONFIG, RECORDS, HELD_OUT, folder).run(stop_at=7)
+        Trainer(CONFIG, RECORDS, HELD_OUT, folder).run()
+        assert sorted(os.listdir(folder)) == sorted(os.listdir(tmp_path / 'whole'))
+        for file in (tmp_path / 'whole').iterdir():
+            assert file.read_bytes() == (folder / file.name).read_bytes(), (last, file.name)
+
+
+def test_a_full_disk_leaves_the_recipe_of_a_run(tmp_path, monkeypatch):
+    Trainer(CONFIG, RECORDS, [], tmp_path).run(stop_at=1)
+    before = (tmp_path / 'recipe.yaml').stat()
+    Trainer(CONFIG, RECORDS, [], tmp_path)
+    after = (tmp_path / 'recipe.yaml').stat()
+    assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
+
+
+@pytest.mark.parametrize(
+    ('line', 'message'),
+    [
+        ('kind: [gns]', r"kind is \['gns'\], allowed: gns, residual"),
+        ('clip: .inf', 'clip is inf, expected a finite number'),
+        ('noise: {std: .inf}', 'std of the noise is inf, expected a finite number'),
+        ('batch: 1000000000', 'batch is 1000000000, expected at most 100000'),
+    ],
+)
+def test_recipes_that_cannot_be_used_are_refused(tmp_path, line, message):
+    kind = '' if line.startswith('kind') else 'kind: gns\n'
+    (tmp_path / 'recipe.yaml').write_text(f'{kind}{line}\n')
+    with pytest.raises(ConfigError, match=message):
+        load_recipe(tmp_path / 'recipe.yaml')
+
+
+def test_too_little_memory_is_told():
+    with pytest.raises(MemoryError, match='train with a smaller batch'), _memory_told():
+        torch.empty(10**15)
 
 
 def quiet_batch(learner):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -77,8 +78,8 @@ class Noise:
     corrects_target: bool = False
 
     def __post_init__(self) -> None:
-        if not self.std >= 0:
-            raise UserError(f'std of the noise is {self.std}, expected at least 0')
+        if not 0 <= self.std < math.inf:
+            raise UserError(f'std of the noise is {self.std}, expected a finite number from 0 on')
 
     def draw(self, count: int, history: int, radius: float, rng: np.random.Generator) -> Shifts:
         """Noise for `count` spheres of `radius` [m] and `history` previous velocities."""
