@@ -81,8 +81,10 @@ def eliminated(
             whole,
             side,
         )
-        h = whole[:9, :9] + fit.precisions[k]
-        inverse = np.asarray(np.linalg.inv(h), np.float64)
+        inverse = _inverse(whole[:9, :9] + fit.precisions[k])
+        if inverse is None:
+            whole, side = np.zeros_like(whole), np.zeros_like(side)
+            inverse = np.asarray(np.linalg.inv(fit.precisions[k]), np.float64)
         g: Array = side[:9] - fit.precisions[k] @ (starts[k] - fit.means[k])
         cross = whole[:9, 9:]
         matrix += whole[9:, 9:] - cross.T @ inverse @ cross
@@ -91,6 +93,19 @@ def eliminated(
         blocks.append((inverse, g, cross))
         scores[one.track] = scores.get(one.track, np.zeros(count)) + score
     return Eliminated(matrix, vector, blocks, scores)
+
+
+def _inverse(h: Array) -> Array | None:
+    """Inverse of the block of a start; None where rounding leaves it none.
+
+    The slopes of a ball that comes to rest as its stretch begins are of any size: where it stands
+    is then all that its frames tell.
+    """
+    try:
+        inverse = np.asarray(np.linalg.inv(h), np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    return inverse if (np.diag(inverse) > 0.0).all() else None
 
 
 def standard_errors(

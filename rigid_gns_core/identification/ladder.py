@@ -31,6 +31,8 @@ _WORTH = 0.003
 _FEWEST_STARTS = 20
 # fits to known stretches, each with what the one before shows of them
 _TRIMS = 2
+# frames of this time before the last count in an estimate [s]
+MEMORY = 0.4
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Setup:
     spin: str
     bandwidth: float
     noise: tuple[float, float, float]
-    memory: float = 0.4
+    memory: float = MEMORY
 
 
 def always(setup: Setup) -> bool:  # noqa: ARG001

@@ -14,6 +14,7 @@ from .collisions import shown_collisions, usual_restitution
 from .correction_fit import CorrectionFit, kept, Missed, missed_by
 from .coverage import fit_coverage
 from .diagnostics import Diagnostics, diagnostics_of
+from .enough import check_enough
 from .first_look import shown_noise, shown_restitution
 from .jackknife import fits_without, groups_of, jackknife_errors, LeftOut
 from .ladder import fit_setup, Fold, Ladder, Setup, Tried
@@ -39,7 +40,6 @@ _GROUPS = 8
 _WINDOWS = 150
 # before the residuals are known: drift [m^2/s^3] and kick
 _DRIFT, _KICK = 1e-2, 0.02
-_FEWEST_TRACKS = 4
 # states drawn for the covariance of a forecast
 _SAMPLES = 32
 # of fewer tracks than this the pieces between unknown contacts are left out one by one
@@ -106,7 +106,8 @@ def learn(
             all that earn their place.
 
     Raises:
-        UserError: There are too few tracks, or none has enough frames, or a surface changes place.
+        UserError: There are too few tracks, or none has enough frames, or a surface changes place,
+            or no ball moves.
     """
     for k, surface in enumerate(scene.surfaces):
         if surface.changes_place:
@@ -125,13 +126,10 @@ def learn(
         found.sort(key=lambda one: (one.track, one.times[0]))
         tracks = [_track_of(one, labels, k) for k, one in enumerate(found)]
         found = [replace(one, track=k) for k, one in enumerate(found)]
-    numbers = sorted({one.track for one in found})
-    if len(numbers) < _FEWEST_TRACKS:
-        raise UserError(
-            f'the tracks show {len(numbers)} stretches of a ball of 8 frames or more, '
-            f'but a fit with left-out tracks takes at least {_FEWEST_TRACKS}; import more tracks'
-        )
     every = stretches(found, laws.models, noise)
+    numbers = sorted({one.track for one in every})
+    found = [one for one in found if one.track in numbers]
+    check_enough(recorded, found, every, noise)
     met = met_by(laws, every, noise)
     _look(laws, found, met)
     ladder = _ladder(laws, found, numbers, noise, few)

@@ -132,6 +132,7 @@ def test_a_report_is_of_all_and_of_groups() -> None:
         (['--window', '-1'], 'window is -1.0, expected more than 0 s'),
         (['--window', '0.2', '--every', '0'], 'every is 0.0, expected more than 0 s'),
         (['--window', '0.2', '--horizons', '3'], 'no track shows a sphere 3 s after a window'),
+        (['--window', '0.001'], 'with 3 samples; the longest has 1.2 s: give a longer --window'),
         (['--window', '0.2', '--steps', '3'], '--steps goes with --data: of tracks there'),
         (['--window', '0.2', '--figure', 'x.png'], '--figure goes with --data: of tracks'),
         (['--window', '0.2', '--match'], '--match goes with --bag'),

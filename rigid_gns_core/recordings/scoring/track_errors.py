@@ -133,10 +133,11 @@ def track_outcomes(
         done()
     if not outcomes:
         longest = max((float(track.times[-1]) for track in found.tracks), default=0.0)
+        too_short = longest < windows.window + windows.horizons[0]
         raise UserError(
             f'no track shows a sphere {windows.horizons[0]:g} s after a window of '
             f'{windows.window:g} s with {_SAMPLES} samples; the longest has {longest:.3g} s: give '
-            'a shorter --window or --horizons'
+            + ('a shorter --window or --horizons' if too_short else 'a longer --window')
         )
     return outcomes
 
