@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import hashlib
 import json
+import os
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -59,9 +60,8 @@ def tensors_of(network: Network) -> Tensors:
 
 def save_tensors(path: Path, tensors: Mapping[str, NDArray[Any]]) -> None:
     """Write safetensors, whole or not at all."""
-    contiguous = {name: np.asarray(value, order='C') for name, value in tensors.items()}
     with whole_file(path) as partial:
-        partial.write_bytes(save(contiguous))
+        partial.write_bytes(_packed(tensors))
 
 
 def load_tensors(path: Path) -> Tensors:
@@ -84,17 +84,48 @@ def save_model(path: str | Path, network: Network, card: dict[str, Any]) -> None
 
 
 def save_weights(path: str | Path, tensors: Mapping[str, NDArray[Any]], card: Any) -> None:
-    """As `save_model`, of weights by name."""
+    """As `save_model`, of weights by name.
+
+    A process that is killed between the two files leaves the new card beside them, for
+    `finish_saving`.
+    """
     weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
-    save_tensors(weights, tensors)
-    stamps = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(weights)}
+    content = _packed(tensors)
+    stamps = {'format_version': FORMAT_VERSION, 'weights_sha256': _sha256(content)}
     text = json.dumps({**card, **stamps}, indent=2, allow_nan=False) + '\n'
-    with whole_file(card_path) as partial:
+    coming = _coming(card_path)
+    with whole_file(coming) as partial:
         partial.write_text(text, encoding='utf-8')
+    try:
+        with whole_file(weights) as partial:
+            partial.write_bytes(content)
+    finally:
+        finish_saving(path)  # also where Ctrl-C comes just then
 
 
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def finish_saving(path: str | Path) -> None:
+    """Put the card in place that belongs to the weights, where a kill came before it."""
+    weights, card_path = Path(f'{path}.safetensors'), Path(f'{path}.json')
+    coming = _coming(card_path)
+    if not coming.is_file():
+        return
+    card = parse_json(coming.read_bytes())
+    if weights.is_file() and _sha256(weights.read_bytes()) == card['weights_sha256']:
+        os.replace(coming, os.path.realpath(card_path))
+    coming.unlink(missing_ok=True)
+
+
+def _coming(card_path: Path) -> Path:
+    path = Path(os.path.realpath(card_path))
+    return path.with_name(f'.{path.name}.next')
+
+
+def _packed(tensors: Mapping[str, NDArray[Any]]) -> bytes:
+    return save({name: np.asarray(value, order='C') for name, value in tensors.items()})
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def shipped_networks() -> dict[str, Path]:
@@ -163,7 +194,7 @@ def load_weights(path: Path, sha256: str) -> Tensors:
         CheckpointError: The file is another one, or a weight is not float32 or not finite.
     """
     tensors = load_tensors(path)
-    if _sha256(path) != sha256:
+    if _sha256(path.read_bytes()) != sha256:
         raise CheckpointError(
             f'{path}: is not the file that its card was written with (SHA-256 differs); '
             'copy both files again'

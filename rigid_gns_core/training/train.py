@@ -31,8 +31,8 @@ from .residual.validation import rollout_error
 from ..data.common_scene import fingerprint
 from ..data.records import Dataset, Record
 from ..errors import UserError
-from ..files.atomic_file import whole_file
-from ..files.checkpoint import load_tensors, save_model, save_tensors, tensors_of
+from ..files.atomic_file import make_folder, whole_file
+from ..files.checkpoint import finish_saving, load_tensors, save_model, save_tensors, tensors_of
 from ..files.config import ConfigError, load_yaml, to_mapping
 from ..prediction.gns import GNSSimulator
 from ..rollout.simulator import Simulator
@@ -219,9 +219,10 @@ class Trainer:
                 partial.write_text(kept, encoding='utf-8')
 
     def _claim_folder(self) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self.folder)
         for left_over in self.folder.glob('.*.tmp'):  # of a run that was killed
             left_over.unlink()
+        finish_saving(self.folder / 'best')
         recipe = self.folder / RECIPE
         asked = {**to_mapping(self.config), 'sha256': self.data}
         if self.start is not None:

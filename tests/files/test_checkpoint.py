@@ -4,9 +4,21 @@
 """A loader refuses what it does not know, and says what and why."""
 
 import json
+import os
+from pathlib import Path
 
+import numpy as np
 import pytest
-from rigid_gns_core.files.checkpoint import CheckpointError, find_model, load_card, save_model
+from rigid_gns_core.files.checkpoint import (
+    CARD_KEYS,
+    CheckpointError,
+    find_model,
+    finish_saving,
+    load_card,
+    load_weights,
+    save_model,
+    save_weights,
+)
 from rigid_gns_core.files.config import to_mapping
 from rigid_gns_core.gns.config import GNSConfig
 from rigid_gns_core.gns.network import GNS
@@ -120,3 +132,32 @@ def test_weights_that_are_not_finite(saved):
     save_model(saved.with_suffix(''), network, load_card(saved))
     with pytest.raises(CheckpointError, match='decoder.bias.*not finite'):
         load_simulator(saved)
+
+
+def test_a_save_that_is_killed_between_its_files_can_be_finished(tmp_path, monkeypatch):
+    """Of three files that are put in place, a kill before any leaves the old pair or the new."""
+    old, new = ({'w': np.full(3, value, np.float32)} for value in (1.0, 2.0))
+    card = dict.fromkeys(CARD_KEYS, '')
+    replace_file = os.replace
+    for last in (1, 2, 3):
+        path = tmp_path / f'{last}'
+        save_weights(path, old, card)
+        count = 0
+
+        def killed(source, target, last=last):
+            nonlocal count
+            count += 1
+            if count == last:
+                raise MemoryError
+            replace_file(source, target)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(os, 'replace', killed)
+            patched.setattr(Path, 'unlink', lambda *_, **__: None)  # a kill cleans nothing
+            with pytest.raises(MemoryError):
+                save_weights(path, new, card)
+        finish_saving(path)
+        weights = path.with_suffix('.safetensors')
+        found = load_weights(weights, load_card(weights)['weights_sha256'])
+        assert found['w'][0] == (2.0 if last == 3 else 1.0)
+        assert not list(tmp_path.glob('.*.next'))
