@@ -16,7 +16,7 @@ from .arguments import completes, configs, figure_file, positive, shipped_models
 from .calibrate_tracks import calibrate_tracks, hold_positions_only
 from ..data.records import Dataset
 from ..errors import UserError
-from ..files.atomic_file import whole_file
+from ..files.atomic_file import make_folder, whole_file
 from ..files.tables import format_rows, number
 from ..identification.calibrate import calibrate, Calibration, DEFAULT
 from ..identification.fit import MATERIALS
@@ -101,10 +101,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `rigid-gns calibrate`; the exit code."""
-    for path in filter(None, (arguments.out, arguments.json, arguments.figure)):
+    outputs = [one for one in (arguments.out, arguments.json, arguments.figure) if one is not None]
+    if len({path.resolve() for path in outputs}) < len(outputs):
+        raise UserError('--out, --json and --figure name one file; give each its own')
+    for path in outputs:
         if path.exists():
             raise FileExistsError(f'{path} exists; remove it or give another name')
-        path.parent.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+        make_folder(path.parent, path)  # before the work, not after it
     if arguments.method == 'rollouts' and arguments.figure is not None:
         raise UserError('--figure is of a fit to tracks; leave it out, or give --method tracks')
     by_tracks = arguments.method == 'tracks' or (

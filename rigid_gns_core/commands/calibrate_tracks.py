@@ -38,6 +38,7 @@ def hold_positions_only(folders: Sequence[Path]) -> bool:
 def calibrate_tracks(arguments: argparse.Namespace) -> int:
     """Fit a scene to the tracks of data sets, print what they tell, and write it."""
     sets = [read_tracks(folder) for folder in arguments.data]
+    _refuse_twice(arguments.data, sets)
     labels = _labels(sets)
     tracks = [track for found in sets for track in found.tracks]
     scene = load_scene(arguments.scene) if arguments.scene else sets[0].scene
@@ -54,6 +55,18 @@ def calibrate_tracks(arguments: argparse.Namespace) -> int:
         draw_learned(learned, arguments.figure)
     print(f'scene: {arguments.out}')
     return 0
+
+
+def _refuse_twice(folders: Sequence[Path], sets: Sequence[TrackSet]) -> None:
+    """Raise UserError where two data sets hold the same tracks."""
+    first: dict[str, Path] = {}
+    for folder, found in zip(folders, sets, strict=True):
+        same = first.setdefault(tracks_hash(found.tracks), folder)
+        if same is not folder:
+            raise UserError(
+                f'{folder} holds the tracks of {same}: one would be fitted where the other is '
+                'left out; give each once'
+            )
 
 
 def format_learned(learned: Learned) -> str:

@@ -28,6 +28,7 @@ from .records import (
     write_record,
 )
 from ..errors import UserError
+from ..files.atomic_file import make_folder
 from ..files.config import from_mapping
 from ..running.progress import Progress
 from ..running.workers import WorkerDied, Workers
@@ -133,7 +134,7 @@ def _describe(settings: dict[str, Any]) -> dict[str, Any]:
 
 def _claim(folder: Path, recipe: DataRecipe) -> None:
     """Write the recipe to a new folder, or check that the folder has the same one."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     present = present_records(folder)
     if (folder / RECIPE_NAME).exists():
         if difference := recipe_difference(read_recipe(folder), recipe):

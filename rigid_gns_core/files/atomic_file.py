@@ -11,6 +11,19 @@ import os
 from pathlib import Path
 
 
+def make_folder(folder: Path, path: Path | None = None) -> None:
+    """Make a folder if absent, for a file `path` in it.
+
+    Raises:
+        OSError: It cannot be made; where a file has its name, the message says so.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        file = next(one for one in (folder, *folder.parents) if one.exists())
+        raise OSError(f'{path or folder} cannot be written: {file} is no folder') from error
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Write a file whole or not at all: yield a temporary path that replaces `path` at the end.
@@ -26,10 +39,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         yield path
         return
     path = Path(os.path.realpath(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise OSError(f'{path} cannot be written: {error.filename} is no folder') from error
+    make_folder(path.parent, path)
     partial = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
     try:
         yield partial

@@ -50,3 +50,36 @@ def test_a_scene_with_its_card_from_a_csv_file(
     # the scene is one for forecasts, too
     evaluate = ['evaluate', '--data', str(tmp_path / 'data'), '--scene', str(out)]
     assert main([*evaluate, '--window', '0.2', '--horizons', '0.3', '--samples', '8']) == 0
+
+
+def test_data_given_twice_and_outputs_of_one_name_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Twice, a track would be left out and fitted at once; the JSON would replace the scene."""
+    write_csv(tmp_path / 'shots.csv', rows_of(shots(count=2, duration=0.3)))
+    (tmp_path / 'rig.yaml').write_text(SCENE)
+    data, again, out = (str(tmp_path / name) for name in ('data', 'again', 'lab.yaml'))
+    for folder in (data, again):
+        made = ['import', str(tmp_path / 'shots.csv'), '--scene', str(tmp_path / 'rig.yaml')]
+        assert main([*made, '--out', folder]) == 0
+    for others in ([data], [again]):
+        assert main(['calibrate', '--data', data, *others, '--out', out]) == 2
+        assert f'holds the tracks of {data}' in capsys.readouterr().err
+    assert main(['calibrate', '--data', data, '--out', out, '--json', out]) == 2
+    assert '--out, --json and --figure name one file' in capsys.readouterr().err
+    assert not Path(out).exists()
+
+
+@pytest.mark.parametrize('command', ['calibrate', 'import'])
+def test_a_file_where_a_folder_should_be_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    write_csv(tmp_path / 'shots.csv', rows_of(shots(count=2, duration=0.3)))
+    (tmp_path / 'rig.yaml').write_text(SCENE)
+    source = ['--data', 'data']
+    if command == 'import':
+        source = [str(tmp_path / 'shots.csv'), '--scene', str(tmp_path / 'rig.yaml')]
+    out = tmp_path / 'shots.csv' / 'deep' / 'lab'
+    assert main([command, *source, '--out', str(out)]) == 2
+    told = f'{out} cannot be written: {tmp_path / "shots.csv"} is no folder'
+    assert told in capsys.readouterr().err

@@ -30,6 +30,7 @@ from ...data.records import (
 )
 from ...data.tracks import Track, tracks_hash, TrackSet, write_tracks
 from ...errors import UserError
+from ...files.atomic_file import make_folder
 from ...files.config import from_mapping
 from ...running.progress import Progress
 
@@ -68,7 +69,8 @@ def import_bags(
     recipe = _recipe(records, reports) if records else None
     partial = out.with_name(f'.{out.name}.{os.getpid()}.tmp')
     try:
-        partial.mkdir(parents=True)
+        make_folder(out.parent, out)
+        partial.mkdir()
         write_tracks(partial, found)
         if recipe is not None:
             _write_records(partial, records, recipe)
