@@ -62,7 +62,8 @@ def estimate_state(
     a scene without air and learned tracker it is the fit of motions that the node then makes.
 
     Args:
-        scene: Surfaces, radii and gravity; surfaces that move are where they are at the last frame.
+        scene: Surfaces, radii and gravity. Surfaces that move are where they are at the last
+            frame.
         times: Rising times of the frames [s], shape (m,).
         positions: Centres [m], shape (m, n, 3), NaN where a sphere was not seen.
         quaternions: Rotations (x, y, z, w), shape (m, n, 4), NaN where unknown; None: not
