@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .ball_window import estimate_window
+from .ball_window import APART, estimate_window
 from .jit import compiled, entry
 from .kinks import find_kinks
 from .spin_windows import SpinWindows
@@ -207,22 +207,29 @@ def estimate_balls(
                 places[count] = positions[frame, i]
                 frames[count] = frame
                 count, last = count + 1, frame
-        if count < fewest:
+        tell = count >= 2 and own_times[count - 1] - own_times[0] >= APART
+        if count < fewest and not (learned and tell):
             continue
         ball = balls[i : i + 1]
         if not learned:
             own_noise[0] = with_stamp_noise(own_times[:count], places[:count], noise[0])
         hits = find_kinks(ball, planes, own_times[:count], places[:count], own_noise[0], kinks)
         first = kinks[hits - 1] if hits else 0
+        jump = first
         if count - first < fewest:
             count, first = _without_lone(
                 ball, planes, own_noise[0], count, fewest, own_times, places, frames, kinks
             )
             last = frames[count - 1]
         if first < 0:
-            if worst == np.inf:
+            if learned and own_times[count - 1] - own_times[jump] >= APART:
+                first = jump
+            elif worst == np.inf:
                 continue
-            first = 0  # a jump may be of stamps that jitter; if not, the newest frames are missed
+            else:
+                first = (
+                    0  # a jump may be of stamps that jitter; if not, the newest frames are missed
+                )
         motion_before(times, positions, seen, balls[:, 7], i, frames[first:count], before)
         ends_out[i, 1], loss, _, _ = estimate_window(
             ball,

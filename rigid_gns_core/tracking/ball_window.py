@@ -24,11 +24,14 @@ MOST_CONTACTS = 32
 # parts of the window that are tried, until one is met to this loss per coordinate: what the laws
 # do not know, as a net or a racket, may be in it; and a loss at which another guess is made
 _PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
+# and where the newest frames are missed by all of them, so many of the last frames: fewer than
+# `FEWEST` if they tell a velocity, as they are so far apart [s]
+_LAST, APART = (4, 3, 2), 0.015
 _STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
 # a ball this near to what is no plane at rest, and as slow as a hop, lies on it [m]
 _HOP = 1e-3
-# one frame at the end may be off, so many are not
-_MISSED = 2
+# the last frame may be off, but not with one of so many before it
+_MISSED = 3
 
 
 @in_place
@@ -154,7 +157,8 @@ def _estimate(
             for c in range(3):
                 state_out[3 + c] -= speed * normal[c]
     doubt = loss + 4.0 * (1.0 - weights.mean())
-    if weights[-_MISSED:].max() == 0.0:  # where the ball is by now, the path is not
+    # where the ball is by now, the path is not
+    if weights[-1] == 0.0 and weights[-1 - _MISSED : -1].min() == 0.0:
         doubt += 2.0 * _MET  # it yields to any part that is met
     return where, loss, contacts, doubt
 
@@ -165,16 +169,32 @@ def _line(
 ) -> None:
     """State of a ball that moved evenly in its last frames, and does not spin."""
     m = len(times)
-    span = times[m - 1] - times[m - FEWEST]
+    early = max(m - FEWEST, 0)
+    span = times[m - 1] - times[early]
     for a in range(9):
         state_out[a] = 0.0
         for b in range(9):
             covariance_out[a, b] = 0.0
     for c in range(3):
         state_out[c] = positions[m - 1, c]
-        state_out[3 + c] = (positions[m - 1, c] - positions[m - FEWEST, c]) / span
+        state_out[3 + c] = (positions[m - 1, c] - positions[early, c]) / span
         covariance_out[c, c] = noise**2
         covariance_out[3 + c, 3 + c] = 2.0 * (noise / span) ** 2
+
+
+@in_place
+def _begin(times: Array, tried: int) -> int:
+    """First frame of a part of a window, by its number: those of `_PARTS`, then of `_LAST`."""
+    m, begin = len(times), 0
+    if tried < len(_PARTS):
+        span = _PARTS[tried] * (times[-1] - times[0])
+        while times[begin] < times[-1] - span - 1e-9:
+            begin += 1
+        return begin
+    few = _LAST[tried - len(_PARTS)]
+    if few < FEWEST and few < m and times[-1] - times[m - few] < APART:
+        return 0
+    return max(m - few, 0)
 
 
 @entry
@@ -215,12 +235,14 @@ def estimate_window(
     on, loss, contacts = FREE, math.inf, 0
     state, covariance = np.zeros(9), np.zeros((9, 9))
     other, other_covariance, unknown = np.zeros(9), np.zeros((9, 9)), np.zeros(4)
-    for part in _PARTS:
-        begin = 0
-        while times[begin] < times[-1] - part * (times[-1] - times[0]) - 1e-9:
-            begin += 1
-        if best >= 0 and m - begin < _FEW:
-            break
+    for tried in range(len(_PARTS) + len(_LAST)):
+        begin, last = _begin(times, tried), tried >= len(_PARTS)
+        if last and (quality < 2.0 * _MET or begin == 0):
+            continue
+        if not last and best >= 0 and m - begin < _FEW:
+            continue
+        # a ball that was struck and has met a cushion since spins as before, more or less
+        known = before if begin == 0 or last else unknown
         seen, places = times[begin:], positions[begin:]
         frames, touches = first_frames(seen), _may_touch(ball, planes, seen, places)
         # without a contact there is none that must be met with a known path, nor one to be made
@@ -232,7 +254,7 @@ def estimate_window(
             noise,
             windows,
             spinning,
-            before if begin == 0 else unknown,
+            known,
             seen,
             places,
             frames,
@@ -250,7 +272,7 @@ def estimate_window(
                 noise,
                 windows,
                 spinning,
-                before if begin == 0 else unknown,
+                known,
                 seen,
                 places,
                 FEWEST,
@@ -272,5 +294,5 @@ def estimate_window(
             break
     if best < 0:
         _line(times, positions, noise[0], state_out, covariance_out)
-        best = m - FEWEST
+        best = max(m - FEWEST, 0)
     return on, loss, best, contacts

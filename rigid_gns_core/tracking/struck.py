@@ -45,14 +45,15 @@ def motion_before(
         seen: Whether a ball is seen, shape (m, n).
         radii: Of the balls [m], shape (n,).
         ball: Number of the ball.
-        frames: Frames that show it since, 4 or more.
+        frames: Frames that show it since, 2 or more.
         before_out: Velocity [m/s], and deviation of the spin as a speed at the equator [m/s]; 0:
             it was not struck, or how it moved is not known. Shape (4,).
     """
     before_out[:] = 0.0
     first = frames[0]
-    place, later = positions[first, ball], positions[frames[3], ball]
-    span = times[frames[3]] - times[first]
+    then = frames[min(3, len(frames) - 1)]
+    place, later = positions[first, ball], positions[then, ball]
+    span = times[then] - times[first]
     speed = 0.0
     for c in range(3):
         speed += (later[c] - place[c]) ** 2
