@@ -25,6 +25,9 @@ from ..tracking.ball_slopes import normal_equations
 
 # step of slopes over a parameter [widths of its prior]
 _STEP = 1e-3
+# of an information beyond this [1/m^2] the differences of sums have no digits: a thousand frames
+# of a noise of 1e-5 m make 1e13
+_OVERFLOW = 1e18
 
 
 @dataclass(frozen=True)
@@ -82,10 +85,10 @@ def eliminated(
             side,
         )
         inverse = _inverse(whole[:9, :9] + fit.precisions[k])
-        if inverse is None:
-            whole, side = np.zeros_like(whole), np.zeros_like(side)
-            inverse = np.asarray(np.linalg.inv(fit.precisions[k]), np.float64)
         g: Array = side[:9] - fit.precisions[k] @ (starts[k] - fit.means[k])
+        if inverse is None:  # it tells nothing: its start stays, as well known as beforehand
+            inverse, g = np.asarray(np.linalg.inv(fit.precisions[k]), np.float64), np.zeros(9)
+            whole, side = np.zeros_like(whole), np.zeros_like(side)
         cross = whole[:9, 9:]
         matrix += whole[9:, 9:] - cross.T @ inverse @ cross
         score: Array = side[9:] - cross.T @ (inverse @ g)
@@ -95,14 +98,16 @@ def eliminated(
     return Eliminated(matrix, vector, blocks, scores)
 
 
-def _inverse(h: Array) -> Array | None:
+def _inverse(matrix: Array) -> Array | None:
     """Inverse of the block of a start; None where rounding leaves it none.
 
-    The slopes of a ball that comes to rest as its stretch begins are of any size: where it stands
-    is then all that its frames tell.
+    Slopes through many impacts, or of a ball that comes to rest as its stretch begins, are of any
+    size: where it stands is then all that its frames tell.
     """
+    if not matrix.diagonal().max() < _OVERFLOW:
+        return None
     try:
-        inverse = np.asarray(np.linalg.inv(h), np.float64)
+        inverse = np.asarray(np.linalg.inv(matrix), np.float64)
     except np.linalg.LinAlgError:
         return None
     return inverse if (np.diag(inverse) > 0.0).all() else None

@@ -24,6 +24,8 @@ _SIDE, _NEXT = 6, 1
 _LOW, _SLOW = 0.01, 0.3
 # a restitution that so many bounces show
 _FEWEST = 3
+# frames are no flight where a line leaves less than this part of what a parabola leaves, squared
+_STRAIGHT = 0.5
 
 
 def shown_restitution(laws: Laws, found: Sequence[Stretch], group: int) -> float | None:
@@ -60,17 +62,24 @@ def _bounces(times: Array, heights: Array, pull: float) -> list[tuple[float, flo
             continue
         step = float(np.diff(times[i - 1 : i + 2]).max())
         near = heights[i] < _LOW + step * abs(speeds[0])
+        # a ball that rolls seems to fall, and to rise again, if it is taken for one that flies
+        straight = speeds[0] - pull * float(times[before].mean() - times[i])
+        near = near and straight < -_SLOW
         if near and speeds[0] < -_SLOW and 0.0 < speeds[1] <= -1.05 * speeds[0]:
             bounces.append((-speeds[0], min(-speeds[1] / speeds[0], 1.0)))
     return bounces
 
 
 def _speed(times: Array, heights: Array, pull: float) -> float | None:
-    """Normal velocity at time 0 of a parabola."""
+    """Normal velocity at time 0 of a parabola; None: too few frames, or they do not fly."""
     if len(times) < _SIDE:
         return None
     line = np.stack([np.ones_like(times), times], axis=1)
-    return float(np.linalg.lstsq(line, heights - 0.5 * pull * times**2, rcond=None)[0][1])
+    fall = heights - 0.5 * pull * times**2
+    found = np.linalg.lstsq(line, fall, rcond=None)[0]
+    rest = heights - line @ np.linalg.lstsq(line, heights, rcond=None)[0]
+    off = fall - line @ found
+    return None if rest @ rest < _STRAIGHT * (off @ off) else float(found[1])
 
 
 def shown_noise(found: Sequence[Stretch]) -> float:

@@ -20,6 +20,7 @@ from .jackknife import fits_without, groups_of, jackknife_errors, LeftOut
 from .ladder import fit_setup, Fold, Ladder, Setup, Tried
 from .left_out import CLOSE, Part
 from .parameters import Laws
+from .shown_planes import placed_surfaces
 from .stretches import pieces, Stretch, stretches
 from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
@@ -121,6 +122,11 @@ def learn(
     for _ in range(2):  # where tracks are cut depends on the noise
         found = pieces(tracks, scene, labels, laws.models, noise)
         noise = shown_noise(found)
+    scene, placed = placed_surfaces(scene, tracks, labels, noise)
+    if placed:
+        laws = Laws(scene, max(len(labels), 1))
+        found = pieces(tracks, scene, labels, laws.models, noise)
+        noise = shown_noise(found)
     few = len({one.track for one in found}) < _FEW_TRACKS
     if few:  # the flights of a few long recordings, in the order of time
         found.sort(key=lambda one: (one.track, one.times[0]))
@@ -135,6 +141,7 @@ def learn(
     ladder = _ladder(laws, found, numbers, noise, few)
     _climb(ladder, laws, met, say, terms)
     learned = _finish(ladder, laws, met, every, {k: tracks[k] for k in numbers})
+    learned = replace(learned, notes=(*placed, *learned.notes))
     return _with_collisions(learned, shown_collisions(recorded, laws.models[0].radius))
 
 
