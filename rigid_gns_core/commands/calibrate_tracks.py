@@ -77,7 +77,7 @@ def format_learned(learned: Learned) -> str:
     ]
     lines = [format_rows(['parameter', 'value', 'error', 'unit'], rows, left=(0, 3))]
     held = ', '.join(
-        f'{100 * parts[1]:.0f} and {100 * parts[2]:.0f} % at {horizon} s'
+        f'{100 * parts[1]:.0f} and {100 * parts[2]:.0f} % of {parts[0]:.0f} at {horizon} s'
         for horizon, parts in learned.coverage.items()
     )
     lines.append(f'regions of 50 and 90 % hold of left-out tracks: {held}')

@@ -134,6 +134,8 @@ class Laws:
             for body in self.groups[int(part.split()[1])]:
                 for k in self.rows[body]:
                     _set_law(laws[k], field, value)
+        # as `scene_at` writes them: a fit beyond the bounds would be another one than the scene's
+        np.clip(laws[:, :2], 0.0, 1.0, out=laws[:, :2])
         return [
             replace(model, ball=self._ball(i, values), planes=rows, laws=laws)
             for i, model in enumerate(self.models)

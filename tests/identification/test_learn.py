@@ -149,6 +149,18 @@ def test_a_fitted_law_takes_the_place_of_materials() -> None:
     np.testing.assert_allclose(rows.ball, Laws(given).models_at(values)[0].ball, atol=1e-12)
 
 
+def test_a_fit_has_the_restitution_that_its_scene_has() -> None:
+    """One that falls with speed from beyond 1 was fitted as it is, and written as from 1."""
+    laws = Laws(GIVEN)
+    values = {
+        'contact 0.restitution': 0.66,
+        'contact 0.restitution_drop': -0.41,
+        'contact 0.restitution_speed': 1.24,
+    }
+    fitted = laws.models_at(values)[0].laws
+    np.testing.assert_array_equal(fitted, BallModel.of(laws.scene_at(values)).laws)
+
+
 def test_a_scene_of_balls_that_do_not_spin_says_so() -> None:
     """Where no spin predicted best, an estimate has none, or that of rolling."""
     spins = _spins(Setup((), 'none', np.inf, (1e-3, 1e-2, 0.02)), None)
