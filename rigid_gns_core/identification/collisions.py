@@ -41,7 +41,7 @@ def shown_collisions(tracks: Sequence[Track], radius: float) -> Array:
         for pair in combinations(range(len(track.spheres)), 2):
             found += [
                 np.array([one])
-                for time in _meetings(track, pair, radius)
+                for time in meetings(track, pair, radius)
                 if (one := _collision(track, pair, time, radius)) is not None
             ]
     return np.concatenate(found)
@@ -58,7 +58,7 @@ def usual_restitution(shown: Array) -> tuple[float, float]:
     return value, error if len(shown) >= _TELL else np.inf
 
 
-def _meetings(track: Track, pair: tuple[int, int], radius: float) -> Iterator[float]:
+def meetings(track: Track, pair: tuple[int, int], radius: float) -> Iterator[float]:
     """Times at which two balls are nearest to each other, and near."""
     (a, first), (b, second) = (track.samples(sphere) for sphere in pair)
     if len(a) < 2 or len(b) < 2:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .collision_forecasts import told_restitution, with_restitution
 from .collisions import shown_collisions, usual_restitution
 from .correction_fit import CorrectionFit, kept, Missed, missed_by
 from .coverage import fit_coverage
@@ -25,9 +26,7 @@ from .stretches import pieces, Stretch, stretches
 from .terms import core_terms, further_terms, Met, met_by
 from ..data.tracks import Track
 from ..errors import UserError
-from ..scenes.contact_law import ContactLaw
 from ..scenes.scene import Scene
-from ..scenes.state import Array
 from ..scenes.tracker import Spins, Tracker
 from ..tracking.start_prior import StartPrior
 
@@ -142,25 +141,37 @@ def learn(
     _climb(ladder, laws, met, say, terms)
     learned = _finish(ladder, laws, met, every, {k: tracks[k] for k in numbers})
     learned = replace(learned, notes=(*placed, *learned.notes))
-    return _with_collisions(learned, shown_collisions(recorded, laws.models[0].radius))
+    return _with_collisions(learned, recorded, laws.models[0].radius, noise)
 
 
-def _with_collisions(learned: Learned, shown: Array) -> Learned:
-    """The same with the restitution of two balls, where enough collisions show it."""
-    if not len(shown):
-        return learned
-    value, error = usual_restitution(shown)
-    if not np.isfinite(error):
+def _with_collisions(
+    learned: Learned, tracks: Sequence[Track], radius: float, noise: float
+) -> Learned:
+    """The same with the restitution of two balls, where enough collisions show it.
+
+    As parabolas on both sides show it, unless forecasts through collisions are better by more than
+    an error bar with another.
+    """
+    shown = shown_collisions(tracks, radius)
+    value, error = usual_restitution(shown) if len(shown) else (0.0, np.inf)
+    if np.isfinite(error):
+        learned = _of_balls(learned, value, error)
+    told = told_restitution(learned.scene, tracks, noise)
+    if told is not None:
+        return _of_balls(learned, *told)
+    if len(shown) and not np.isfinite(error):
         note = f'{len(shown)} collisions of two balls show, too few to tell their restitution'
         return replace(learned, notes=(*learned.notes, note))
-    scene = learned.scene
-    friction = float(np.mean(scene.friction)) ** 2
-    law = replace(scene.sphere_contact or ContactLaw(friction=friction), restitution=value)
-    told = learned.parameters | {'balls.restitution': Told(value, error, '')}
+    return learned
+
+
+def _of_balls(learned: Learned, value: float, error: float) -> Learned:
+    """The same with a restitution of two balls, in the fits without a part of the tracks, too."""
     left_out = tuple(
-        replace(part, scene=replace(part.scene, sphere_contact=law)) for part in learned.left_out
+        replace(part, scene=with_restitution(part.scene, value)) for part in learned.left_out
     )
-    scene = replace(scene, sphere_contact=law)
+    told = learned.parameters | {'balls.restitution': Told(value, error, '')}
+    scene = with_restitution(learned.scene, value)
     return replace(learned, scene=scene, parameters=told, left_out=left_out)
 
 
