@@ -74,7 +74,10 @@ def scaled(simulate: Simulate, length: float) -> Simulate:
     def air(of: Air | None) -> Air | None:
         if of is None:
             return None
-        return replace(of, wind=faster(of.wind), spin_decay=of.spin_decay / time)
+        crisis = of.crisis_speed * length / time
+        return replace(
+            of, wind=faster(of.wind), spin_decay=of.spin_decay / time, crisis_speed=crisis
+        )
 
     def simulate_scaled(scene: Scene, start: State, steps: int, dt: float) -> Trajectory:
         larger = replace(

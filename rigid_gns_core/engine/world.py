@@ -76,7 +76,7 @@ class World(NamedTuple):
 
     radius, inverse_mass, inverse_inertia: of spheres, and of the fixed body (0), shape (n + 1,);
     the mass is that with the added mass of air; flight: acceleration by gravity and buoyancy, and
-    in air the other parameters of `kernels.flight`, shape (n, 3) or (n, 13); in_air: whether there
+    in air the other parameters of `kernels.flight`, shape (n, 3) or (n, 15); in_air: whether there
     is air; restitution, friction, rolling_friction: of spheres, shape (n,); gravity: a
     vector; point: of the planes, shape (s, 3); axes: rows direction, normal x direction, normal of
     each plane, shape (s, 3, 3); half: half lengths along the first two axes, may be infinite,

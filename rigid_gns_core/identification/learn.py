@@ -28,6 +28,7 @@ from ..data.tracks import Track
 from ..errors import UserError
 from ..scenes.scene import Scene
 from ..scenes.tracker import Spins, Tracker
+from ..tracking.ball_contact import FREE
 from ..tracking.start_prior import StartPrior
 
 # folds of the tracks; many tracks make two do
@@ -176,7 +177,14 @@ def _of_balls(learned: Learned, value: float, error: float) -> Learned:
 
 
 def _look(laws: Laws, found: Sequence[Stretch], met: Met) -> None:
-    """Begin restitutions where bounces show them."""
+    """Begin restitutions where bounces show them, and a drag crisis at the usual speed."""
+    flying = [one for one in found if one.on == FREE]
+    speeds = [
+        np.linalg.norm(np.diff(one.positions, axis=0), axis=1) / np.diff(one.times)
+        for one in flying
+    ]
+    if speeds:
+        laws.shown['air.crisis_speed'] = max(float(np.median(np.concatenate(speeds))), 1.0)
     for group, count in enumerate(met.impacts):
         shown = shown_restitution(laws, found, group) if count else None
         if shown is not None:

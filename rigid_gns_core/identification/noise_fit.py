@@ -81,7 +81,7 @@ def _likelihood(fit: JointFit, values: dict[str, float], starts: Array) -> float
     total = float(losses.sum())
     for k, one in enumerate(fit.found):
         model = fit.model_of(one, fit.laws.models_at(values))
-        matrix, vector, none = np.zeros((9, 9)), np.zeros(9), np.zeros((0, 1, 14))
+        matrix, vector, none = np.zeros((9, 9)), np.zeros(9), np.zeros((0, 1, 16))
         _, log = normal_equations(
             starts[k],
             fit.varied,

@@ -49,6 +49,8 @@ WALL = 0.7
 _MOST = 50.0
 AIR = {
     'drag_coefficient': Parameter('air.drag_coefficient', 0.45, 0.3, 0.0, _MOST),
+    'drag_drop': Parameter('air.drag_drop', 0.1, 0.2, 0.0, _MOST),
+    'crisis_speed': Parameter('air.crisis_speed', 10.0, 4.0, 1.0, 100.0, 'm/s'),
     'drag_slope': Parameter('air.drag_slope', 0.0, 1.0, 0.0, _MOST),
     'lift_coefficient': Parameter('air.lift_coefficient', 0.37, 0.3, 0.0, _MOST),
     'lift_half_ratio': Parameter('air.lift_half_ratio', 0.25, 0.2, 0.02, 2.0),
@@ -101,7 +103,10 @@ class Laws:
         part, field = name.split('.')
         if part == 'air':
             parameter = AIR[field]
-            if self.scene.air is None or field == 'lift_coefficient':
+            # without a crisis in the scene, its speed would have no slope
+            air = self.scene.air or Air()
+            crisis = field in ('drag_drop', 'crisis_speed') and air.drag_drop == 0.0
+            if self.scene.air is None or field == 'lift_coefficient' or crisis:
                 return parameter
             if field.startswith('wind'):
                 start = self.scene.air.wind['xyz'.index(field[-1])]
@@ -152,6 +157,9 @@ class Laws:
         blowing = [
             fields.pop(f'wind_{axis}', still) for axis, still in zip('xyz', base.wind, strict=True)
         ]
+        if 'drag_drop' in fields:  # drag is never below 0
+            least = fields.get('drag_coefficient', base.drag_coefficient)
+            fields['drag_drop'] = min(fields['drag_drop'], least)
         return replace(base, wind=tuple(blowing), **fields)
 
     def gravity_at(self, values: Mapping[str, float]) -> Array:
@@ -210,7 +218,7 @@ class Laws:
         air = self.air_at(values) or Air(density=0.0, drag_coefficient=0.0)
         mass = self.scene.per_sphere('mass', self.count)[i : i + 1]
         flight = air.flight(old[0, 7:8], mass, self.gravity_at(values))
-        return np.column_stack([flight, old[:, 13:]])
+        return np.column_stack([flight, old[:, 15:]])
 
 
 def _law_of(row: Array) -> ContactLaw:

@@ -118,6 +118,8 @@ def further_terms(laws: Laws, met: Met) -> list[Rung]:
     if met.flights >= _FEWEST:
         for field in ('lift_half_ratio', 'spin_decay'):
             terms.append(_adding(field.replace('_', ' '), (f'air.{field}',), _spins))
+        crisis = ('air.drag_drop', 'air.crisis_speed')
+        terms.append(_adding('drag over speed', crisis))
         level = [a for a, up in zip('xyz', np.abs(laws.scene.up), strict=True) if up < 0.5]
         terms.append(_adding('wind', tuple(f'air.wind_{axis}' for axis in level)))
     for g, count in enumerate(met.impacts):

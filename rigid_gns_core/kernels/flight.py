@@ -7,7 +7,8 @@ With u = v - wind, q = rho A / 2 over the mass with added mass, and S |u|^2 = r 
 
     dv/dt = g' - q (C_d0 |u| + k r |w x u| / |u|) u + q a r |u|^2 / (r |w x u| + b |u|^2) w x u
 
-which is the law of `Air`, in a form that has no 0 / 0 where the air or the spin is at rest.
+and, beyond the drag crisis, C_d0 less d f, with f = 1 - 1 / (1 + (|u| / u_c)^8), which is the law
+of `Air`, in a form that has no 0 / 0 where the air or the spin is at rest.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ class Flight(NamedTuple):
     """Parameters of the flight of one sphere.
 
     pull: g', acceleration by weight and buoyancy; wind: velocity of the air; load: q; radius: r;
-    drag: C_d0; drag_slope: k; lift: a; lift_half_ratio: b; spin_decay: c.
+    drag: C_d0; drag_slope: k; lift: a; lift_half_ratio: b; spin_decay: c; drag_drop: d;
+    per_crisis: 1 / u_c^2.
     """
 
     pull: Vector
@@ -43,11 +45,13 @@ class Flight(NamedTuple):
     lift: float
     lift_half_ratio: float
     spin_decay: float
+    drag_drop: float
+    per_crisis: float
 
 
 @in_place
 def flight_at(rows: Array, i: int) -> Flight:
-    """Parameters of sphere i, from those of all, shape (n, 13), as of `Air.flight`."""
+    """Parameters of sphere i, from those of all, shape (n, 15), as of `Air.flight`."""
     return Flight(
         pull=(rows[i, 0], rows[i, 1], rows[i, 2]),
         wind=(rows[i, 3], rows[i, 4], rows[i, 5]),
@@ -58,7 +62,17 @@ def flight_at(rows: Array, i: int) -> Flight:
         lift=rows[i, 10],
         lift_half_ratio=rows[i, 11],
         spin_decay=rows[i, 12],
+        drag_drop=rows[i, 13],
+        per_crisis=rows[i, 14],
     )
+
+
+@in_place
+def past_crisis(square: float, flight: Flight) -> float:
+    """f, the part of the drop of drag that a squared speed has; of one, or of eight as lanes."""
+    ratio = square * flight.per_crisis
+    ratio = ratio * ratio
+    return 1.0 - 1.0 / (1.0 + ratio * ratio)
 
 
 @in_place
@@ -72,6 +86,8 @@ def acceleration(velocity: Vector, spin: Vector, flight: Flight) -> Vector:
     speed, turning = math.sqrt(square), cross(spin, u)
     twist = flight.radius * length(turning)
     drag = flight.load * (flight.drag * speed + flight.drag_slope * twist / speed)
+    if flight.drag_drop != 0.0:
+        drag = drag - flight.load * flight.drag_drop * past_crisis(square, flight) * speed
     lift = flight.load * flight.lift * flight.radius * square
     lift = lift / (twist + flight.lift_half_ratio * square)
     push, still = minus(times(lift, turning), times(drag, u)), square <= 0.0

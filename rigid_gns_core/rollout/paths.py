@@ -104,7 +104,7 @@ class Paths:
 
 @lru_cache(maxsize=64)
 def _flight(scene: Scene, count: int) -> tuple[Array, float]:
-    """Parameters of flight of the spheres, shape (n, 13), and gravity's size [m/s^2]."""
+    """Parameters of flight of the spheres, shape (n, 15), and gravity's size [m/s^2]."""
     radii, masses = scene.per_sphere('radius', count), scene.per_sphere('mass', count)
     rows = (scene.air or _VACUUM).flight(radii, masses, scene.gravity)
     return _plain(rows), float(np.linalg.norm(scene.gravity))

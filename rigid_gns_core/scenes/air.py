@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from .plane import checked_vector, Vector
 from .state import Array
 from .values import checked_number
+from ..errors import UserError
 
 _AT_LEAST_ZERO = (
-    'density', 'drag_coefficient', 'drag_slope', 'lift_coefficient', 'spin_decay',
+    'density', 'drag_coefficient', 'drag_slope', 'drag_drop', 'lift_coefficient', 'spin_decay',
 )  # fmt: skip
 
 
@@ -27,10 +28,12 @@ class Air:
 
         (m + rho V / 2) dv/dt = (m - rho V) g - rho A / 2 C_d |u| u
                                 + rho A / 2 C_l |u|^2 (w x u) / |w x u|
-        dw/dt = -c w,    C_d = C_d0 + k S,    C_l = a S / (S + b)
+        dw/dt = -c w,    C_l = a S / (S + b)
+        C_d = C_d0 + k S - d f,    f = (|u| / u_c)^8 / (1 + (|u| / u_c)^8)
 
-    The terms are buoyancy and added mass, drag, and lift (Magnus effect). The form of C_l, and
-    drag that grows with S, are empirical; docs/flight.md has values for real balls.
+    The terms are buoyancy and added mass, drag, and lift (Magnus effect). The form of C_l, drag
+    that grows with S, and how it falls at the drag crisis, are empirical; docs/flight.md has
+    values for real balls.
 
     Args:
         density: rho [kg/m^3]. Buoyancy and added mass follow from it.
@@ -40,6 +43,8 @@ class Air:
         lift_half_ratio: b, the spin ratio at which C_l is half of that.
         wind: Velocity of the air [m/s], world frame.
         spin_decay: c [1/s], the rate at which spin decays.
+        drag_drop: d, by how much C_d falls at the drag crisis, at most C_d0; 0: there is none.
+        crisis_speed: u_c [m/s], at which half of it has gone.
 
     Raises:
         UserError: A value is out of range.
@@ -52,12 +57,19 @@ class Air:
     lift_half_ratio: float = 0.25
     wind: Vector = (0.0, 0.0, 0.0)
     spin_decay: float = 0.0
+    drag_drop: float = 0.0
+    crisis_speed: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in (*_AT_LEAST_ZERO, 'lift_half_ratio'):
+        for name in (*_AT_LEAST_ZERO, 'lift_half_ratio', 'crisis_speed'):
             above = name not in _AT_LEAST_ZERO
             value = checked_number(f'{name} of the air', getattr(self, name), above=above)
             object.__setattr__(self, name, value)
+        if self.drag_drop > self.drag_coefficient:
+            raise UserError(
+                f'drag_drop of the air is {self.drag_drop:g}, expected at most its '
+                f'drag_coefficient, {self.drag_coefficient:g}'
+            )
         object.__setattr__(self, 'wind', checked_vector('wind', self.wind))
 
     def displaced_mass(self, radius: ArrayLike) -> Array:
@@ -77,8 +89,8 @@ class Air:
             gravity: g [m/s^2], shape (3,).
 
         Returns:
-            Shape (n, 13): acceleration by weight and buoyancy, wind, rho A / 2 (m + rho V / 2),
-            r, C_d0, k, a, b, c.
+            Shape (n, 15): acceleration by weight and buoyancy, wind, rho A / 2 (m + rho V / 2),
+            r, C_d0, k, a, b, c, d, 1 / u_c^2.
         """
         radius, mass = np.asarray(radius, np.float64), np.asarray(mass, np.float64)
         effective = self.effective_mass(radius, mass)
@@ -89,6 +101,8 @@ class Air:
             self.lift_coefficient,
             self.lift_half_ratio,
             self.spin_decay,
+            self.drag_drop,
+            self.crisis_speed**-2,
         )
         return np.column_stack(
             [

@@ -224,7 +224,9 @@ class Scene:
         if self.sphere_contact is not None:
             mapping['sphere_contact'] = to_mapping(self.sphere_contact)
         if self.air is not None:
-            mapping['air'] = to_mapping(self.air)
+            mapping['air'] = air = to_mapping(self.air)
+            if self.air.drag_drop == 0.0:
+                del air['drag_drop'], air['crisis_speed']
         if self.tracker is not None:
             mapping['tracker'] = _tracker_mapping(self.tracker)
         if self.obstacles:

@@ -132,6 +132,7 @@ class Similarity:
             density=air.density * self.length**3,
             wind=self._velocity(air.wind),
             spin_decay=air.spin_decay * self.time,
+            crisis_speed=air.crisis_speed * self.time / self.length,
         )
 
     def to_model(self, state: State) -> State:

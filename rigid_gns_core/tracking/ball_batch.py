@@ -171,7 +171,7 @@ def estimate_balls(
     jump that no surface explains, but of a single frame.
 
     Args:
-        balls: Rows of `ball_path`, shape (n, 14).
+        balls: Rows of `ball_path`, shape (n, 16).
         planes: See there, shape (planes, 14).
         laws: Of each ball, shape (n, planes, 8).
         noise: s, q, kappa of `model_error`.

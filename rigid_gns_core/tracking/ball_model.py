@@ -29,7 +29,7 @@ class BallModel:
     """Laws of one ball.
 
     Args:
-        ball: Flight and inertia factor, shape (1, 14).
+        ball: Flight and inertia factor, shape (1, 16).
         planes: Rows of `surface_rows`, shape (planes, PLANE).
         laws: Shape (planes, 8).
         surfaces: Number of surfaces that stay, the first of the rows.

@@ -3,7 +3,7 @@
 
 """Path of one ball through a scene at given times: flight, impacts, sliding and rolling.
 
-It depends on a start and on three arrays: `ball`, shape (1, 14), a row of `Air.flight` and the
+It depends on a start and on three arrays: `ball`, shape (1, 16), a row of `Air.flight` and the
 inertia factor, `planes` of `ball_surfaces` and `laws` of `ball_contact`.
 """
 
@@ -222,7 +222,7 @@ def path(
     Returns:
         Number of impacts, and the plane that the ball is on at the end, or FREE.
     """
-    flight, inertia = flight_at(ball, 0), ball[0, 13]
+    flight, inertia = flight_at(ball, 0), ball[0, 15]
     place, count = place_of(start, begin, on, planes, flight.radius), 0
     for i in range(len(stamps)):
         place, count = advance(

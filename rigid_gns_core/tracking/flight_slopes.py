@@ -15,7 +15,7 @@ import math
 
 from .ball_path import LONGEST
 from .jit import in_place
-from ..kernels.flight import Flight, spin_after
+from ..kernels.flight import Flight, past_crisis, spin_after
 from ..kernels.vector import cross, dot, length, minus, plus, times, Vector
 from ..scenes.state import Array
 
@@ -27,7 +27,7 @@ def acceleration_gradients(velocity: Vector, spin: Vector, flight: Flight) -> tu
     """Gradients of `acceleration` over velocity and over spin, as rows.
 
     With u = v - wind, t = w x u, T = r |t|: a = g' - d u + l t, with the drag
-    d = q (C |u| + k T / |u|) and the lift l = q a r |u|^2 / (T + b |u|^2).
+    d = q ((C - D f) |u| + k T / |u|) and the lift l = q a r |u|^2 / (T + b |u|^2).
     """
     u = minus(velocity, flight.wind)
     square = dot(u, u)
@@ -43,6 +43,11 @@ def acceleration_gradients(velocity: Vector, spin: Vector, flight: Flight) -> tu
     level = flight.load * flight.drag * per_speed
     drag = level * square + slope * twist
     drag_v = plus(times(level - slope * twist * per_speed * per_speed, u), times(slope, twist_v))
+    if flight.drag_drop != 0.0:  # d f / d |u| is 8 f (1 - f) / |u|
+        past = past_crisis(square, flight)
+        lost = flight.load * flight.drag_drop * past * per_speed
+        drag -= lost * square
+        drag_v = minus(drag_v, times(lost * (9.0 - 8.0 * past), u))
     drag_w = times(slope, twist_w)
     below = 1.0 / (twist + flight.lift_half_ratio * square)
     lift = flight.load * flight.lift * flight.radius * square * below

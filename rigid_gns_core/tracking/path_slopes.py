@@ -111,7 +111,7 @@ def path_and_slopes(
 
     The last axis is the part of the start, held where `varied`, shape (9,), is 0.
     """
-    flight, inertia = flight_at(ball, 0), ball[0, 13]
+    flight, inertia = flight_at(ball, 0), ball[0, 15]
     place, count = place_of(start, begin, on, planes, flight.radius), 0
     slope, work = np.zeros((9, 9)), np.zeros((9, 9))
     scratch = np.zeros((1, 3))

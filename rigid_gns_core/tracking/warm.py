@@ -55,7 +55,7 @@ def warm_up_identification() -> None:
     noise = np.array([1e-3, 1e-2, 0.02])
     with compiling():
         found = estimate_ball(model, noise, None, times, places)
-        none = np.zeros((0, 1, 14)), np.zeros((0, 1, PLANE)), np.zeros((0, 1, 8)), np.zeros(0)
+        none = np.zeros((0, 1, 16)), np.zeros((0, 1, PLANE)), np.zeros((0, 1, 8)), np.zeros(0)
         laws = (model.ball, model.planes, model.laws)
         ends = np.zeros((9, 9)), np.zeros(9)
         frames = (float(times[0]), times, places)

@@ -36,7 +36,8 @@ def textbook(scene: Scene, velocity: np.ndarray, spin: np.ndarray) -> np.ndarray
     twist = np.linalg.norm(turning)
     ratio = r * twist / size**2
     force = (m - air.density * volume) * np.array(scene.gravity)
-    drag = air.drag_coefficient + air.drag_slope * ratio
+    past = (size / air.crisis_speed) ** 8
+    drag = air.drag_coefficient + air.drag_slope * ratio - air.drag_drop * past / (1 + past)
     force -= air.density * area / 2 * drag * size * u
     lift = air.lift_coefficient * ratio / (ratio + air.lift_half_ratio)
     force += air.density * area / 2 * lift * size**2 * turning / max(twist, 1e-300)
@@ -102,6 +103,24 @@ def test_flight_is_exact_to_a_tenth_of_a_millimetre(seed: int, wind: tuple, near
     assert_allclose(found.positions[:, 0], expected, atol=1e-5)
     decayed = spin * np.exp(-0.2 * times[-1])
     assert_allclose(found.angular_velocities[-1, 0], decayed, rtol=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_drag_falls_at_the_crisis(seed: int) -> None:
+    """A volleyball that slows down through it: within 1e-6 m after a second."""
+    generator = np.random.default_rng(seed)
+    velocity = np.array([12.0, *generator.uniform(-5, 5, 2)])
+    spin = generator.normal(size=3) * 20
+    air = Air(1.2, 0.45, 0.15, 0.5, 0.3, drag_drop=0.28, crisis_speed=9.5)
+    scene = replace(BALL, radius=0.105, mass=0.27, air=air)
+    start = np.array([0.0, 0.0, 2.0])
+    found = roll(scene, start, velocity, spin, steps=30)
+    expected = reference(scene, start, velocity, spin, found.dt * np.arange(31))
+    assert_allclose(found.positions[:, 0], expected, atol=1e-6)
+    without = roll(
+        replace(scene, air=replace(air, drag_drop=0.0)), start, velocity, spin, steps=30
+    )
+    assert np.linalg.norm(without.positions[-1] - found.positions[-1]) > 0.3
 
 
 @pytest.mark.parametrize('seed', range(4))

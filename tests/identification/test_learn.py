@@ -11,7 +11,7 @@ from csv_balls import RADIUS, shots
 from launched_balls import GIVEN, launched, NOISE, TRUE
 import numpy as np
 import pytest
-from rigid_gns_core import ContactLaw, Plane, Scene, UserError
+from rigid_gns_core import Air, ContactLaw, load_simulator, Plane, Scene, UserError
 from rigid_gns_core.data.tracks import Track
 from rigid_gns_core.identification.coverage import fit_coverage
 from rigid_gns_core.identification.first_look import shown_noise, shown_restitution
@@ -147,6 +147,29 @@ def test_a_fitted_law_takes_the_place_of_materials() -> None:
     rows = BallModel.of(scene)
     np.testing.assert_allclose(rows.laws, Laws(given).models_at(values)[0].laws, atol=1e-12)
     np.testing.assert_allclose(rows.ball, Laws(given).models_at(values)[0].ball, atol=1e-12)
+
+
+def test_a_drag_crisis_is_found() -> None:
+    """Of 12 throws of a volleyball through it, with 3 mm of noise; drag is never below 0."""
+    air = Air(drag_coefficient=0.45, drag_drop=0.28, crisis_speed=9.5)
+    scene = Scene(surfaces=(), radius=0.105, mass=0.27, inertia_factor=2 / 3, air=air)
+    rng, simulator, tracks = np.random.default_rng(2), load_simulator(), []
+    for number in range(12):
+        velocity = [rng.uniform(6.0, 14.0), 0.0, rng.uniform(1.0, 5.0)]
+        run = simulator.rollout(scene, [[0.0, 0.0, 2.0]], [velocity], steps=24)
+        places = run.positions + rng.normal(0.0, 3e-3, run.positions.shape)
+        tracks.append(Track(f'{number}', run.times, places, None, ('0',)))
+    laws = Laws(replace(scene, air=None))
+    found = stretches(pieces(tracks, scene, ['0'], laws.models, 3e-3), laws.models, 3e-3)
+    names = ('air.drag_coefficient', 'air.drag_drop', 'air.crisis_speed')
+    fit = JointFit(laws, found, np.array([3e-3, 1e-5, 1e-3]), None)
+    fitted = fit.fit([laws.start_of(name) for name in names], {})
+    for name, true in zip(names, (0.45, 0.28, 9.5), strict=True):
+        assert abs(fitted.values[name] - true) < 4 * fitted.errors[name], name
+    # of the drop's prior of 0.2, and of that of the speed of 4 m/s
+    assert fitted.errors['air.drag_drop'] < 0.1 and fitted.errors['air.crisis_speed'] < 1.5
+    below = laws.air_at({'air.drag_coefficient': 0.2, 'air.drag_drop': 0.5})
+    assert below is not None and below.drag_drop == 0.2
 
 
 def test_a_fit_has_the_restitution_that_its_scene_has() -> None:

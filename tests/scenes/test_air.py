@@ -92,6 +92,8 @@ def test_air_of_no_density_is_a_vacuum() -> None:
         ({'drag_coefficient': 'a lot'}, "drag_coefficient of the air is 'a lot'"),
         ({'wind': (1.0, 2.0)}, 'wind is .*, expected three finite numbers'),
         ({'spin_decay': np.nan}, 'spin_decay of the air is nan'),
+        ({'crisis_speed': 0.0}, 'crisis_speed of the air is 0, expected greater than 0'),
+        ({'drag_drop': 0.5}, 'drag_drop of the air is 0.5, expected at most its drag_coeff'),
     ],
 )
 def test_bad_air_is_refused(values: dict, message: str) -> None:
@@ -107,12 +109,16 @@ def test_air_that_is_none_of_ours_is_refused() -> None:
 def test_a_scene_in_air_is_read_back_to_the_bit() -> None:
     scene = replace(BALL, air=replace(BALL.air, density=1.2 + 1e-15, wind=(0.1, 0.2, 1 / 3)))
     assert Scene.from_mapping(scene.to_mapping()) == scene
+    assert 'drag_drop' not in scene.to_mapping()['air']
+    scene = replace(scene, air=replace(scene.air, drag_drop=0.3, crisis_speed=1 / 3))
+    assert Scene.from_mapping(scene.to_mapping()) == scene
     assert 'air' not in Scene().to_mapping()
     assert Scene.from_mapping({'air': {}}).air == Air()
 
 
 def test_air_in_the_units_of_a_model() -> None:
-    scene = replace(BALL, gravity=(3.0, 1.0, -8.0))
+    air = replace(BALL.air, drag_drop=0.2, crisis_speed=8.0)
+    scene = replace(BALL, gravity=(3.0, 1.0, -8.0), air=air)
     similarity, scaled = in_units(scene, ModelUnits(1.0, 9.81, 0.1))
     velocity, spin = np.array([8.0, -3.0, 2.0]), np.array([100.0, 20.0, -60.0])
     turn, length, time = similarity.rotation, similarity.length, similarity.time

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rigid_gns_core import Air, ContactLaw, Plane, Scene
@@ -130,6 +132,8 @@ def test_a_ball_rolls_into_a_cushion_and_over_an_end() -> None:
 AIR = Air(
     drag_coefficient=0.4, drag_slope=0.3, lift_coefficient=0.4, spin_decay=0.3, wind=(1, 2, 0)
 )
+# half of the drag goes within the speeds of these starts
+CRISIS = replace(AIR, drag_drop=0.2, crisis_speed=4.0)
 GRIP = ContactLaw(restitution=0.9, friction=0.3, rolling_friction=0.01)
 # flight and a bounce; a bounce that slides and rolls into a cushion; flight with gaps
 STARTS = {
@@ -170,7 +174,7 @@ def test_slopes_on_a_surface_are_those_of_differences(
         )
 
 
-@pytest.mark.parametrize('air', [None, AIR])
+@pytest.mark.parametrize('air', [None, AIR, CRISIS])
 @pytest.mark.parametrize('name', STARTS)
 def test_slopes_are_those_of_differences(name: str, air: Air | None) -> None:
     """Against central differences with wide steps: 1e-4 of the largest slope."""
