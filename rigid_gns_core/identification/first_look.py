@@ -24,9 +24,8 @@ _SIDE, _NEXT = 6, 1
 _LOW, _SLOW = 0.01, 0.3
 # a restitution that so many bounces show
 _FEWEST = 3
-# frames are no flight where a line leaves less than this part of what a parabola leaves, squared,
-# and the sagitta of a flight is so many times what the line leaves: else they do not tell
-_STRAIGHT, _TOLD = 0.5, 4.0
+# frames are no flight where a line leaves less than this part of what a parabola leaves, squared
+_STRAIGHT = 0.5
 
 
 def shown_restitution(laws: Laws, found: Sequence[Stretch], group: int) -> float | None:
@@ -80,8 +79,10 @@ def _speed(times: Array, heights: Array, pull: float) -> float | None:
     found = np.linalg.lstsq(line, fall, rcond=None)[0]
     rest = heights - line @ np.linalg.lstsq(line, heights, rcond=None)[0]
     off = fall - line @ found
-    told = pull * float(np.ptp(times)) ** 2 / 8.0 > _TOLD * float(np.sqrt(np.mean(rest**2)))
-    straight = told and rest @ rest < _STRAIGHT * (off @ off)
+    # a ball that rolls is taken for one that falls and rises only if it is seen this seldom; one
+    # that hardly bounces, seen 300 times a second, is squashed for some of the frames
+    seldom = abs(pull) * float(np.ptp(times)) > _SLOW
+    straight = seldom and rest @ rest < _STRAIGHT * (off @ off)
     return None if straight else float(found[1])
 
 
