@@ -24,14 +24,16 @@ MOST_CONTACTS = 32
 # parts of the window that are tried, until one is met to this loss per coordinate: what the laws
 # do not know, as a net or a racket, may be in it; and a loss at which another guess is made
 _PARTS, _MET, _DOUBTED = (1.0, 0.6, 0.35, 0.15), 4.0, 1.5
-# and where the newest frames are missed by all of them, so many of the last frames: fewer than
+# and where the best of them has passed the newest frames by, so many of the last ones: fewer than
 # `FEWEST` if they tell a velocity, as they are so far apart [s]
 _LAST, APART = (4, 3, 2), 0.015
 _STEPS, _GROWTH, _GATE = 8, 2.0, 6.0
 # a ball this near to what is no plane at rest, and as slow as a hop, lies on it [m]
 _HOP = 1e-3
-# the last frame may be off, but not with one of so many before it
-_MISSED = 3
+# one frame at the end may be off, so many are not
+_MISSED = 2
+# nor is the last one with one of so many before it; it is so far off a blow [radii]
+_NEWEST, _FAR = 3, 0.1
 
 
 @in_place
@@ -101,12 +103,12 @@ def _estimate(
     first: int,
     state_out: Array,
     covariance_out: Array,
-) -> tuple[int, float, int, float]:
+) -> tuple[int, float, int, float, bool]:
     """Estimate from all frames of a window; the guess is from `frames`, the first fit to `first`.
 
     Returns:
         Surface that the ball is on at the end, or FREE; loss per coordinate, number of impacts,
-        and the loss with that of dropped frames.
+        the loss with that of dropped frames, and whether the path has passed the newest frames by.
     """
     on = surface_of_start(ball, planes, times, positions, noise[0])
     guess, start = np.zeros(6), np.zeros(9)
@@ -157,10 +159,14 @@ def _estimate(
             for c in range(3):
                 state_out[3 + c] -= speed * normal[c]
     doubt = loss + 4.0 * (1.0 - weights.mean())
-    # where the ball is by now, the path is not
-    if weights[-1] == 0.0 and weights[-1 - _MISSED : -1].min() == 0.0:
+    if weights[-_MISSED:].max() == 0.0:  # where the ball is by now, the path is not
         doubt += 2.0 * _MET  # it yields to any part that is met
-    return where, loss, contacts, doubt
+    off = 0.0
+    for c in range(3):
+        off = max(off, abs(state_out[c] - positions[-1, c]))
+    passed = off > _FAR * ball[0, 7] and weights[-1] == 0.0
+    passed = passed and weights[-1 - _NEWEST : -1].min() == 0.0
+    return where, loss, contacts, doubt, passed
 
 
 @in_place
@@ -232,12 +238,12 @@ def estimate_window(
         was found; index of the first frame that was used, number of impacts.
     """
     m, best, quality = len(times), -1, math.inf
-    on, loss, contacts = FREE, math.inf, 0
+    on, loss, contacts, passed = FREE, math.inf, 0, False
     state, covariance = np.zeros(9), np.zeros((9, 9))
     other, other_covariance, unknown = np.zeros(9), np.zeros((9, 9)), np.zeros(4)
     for tried in range(len(_PARTS) + len(_LAST)):
         begin, last = _begin(times, tried), tried >= len(_PARTS)
-        if last and (quality < 2.0 * _MET or begin == 0):
+        if last and (not passed or begin == 0):
             continue
         if not last and best >= 0 and m - begin < _FEW:
             continue
@@ -287,7 +293,7 @@ def estimate_window(
         # half as good at most, since fewer frames are met more easily
         if one[3] < (0.5 * quality if best >= 0 else math.inf):
             best, quality = begin, one[3]
-            on, loss, contacts = one[0], one[1], one[2]
+            on, loss, contacts, passed = one[0], one[1], one[2], one[4]
             state_out[:] = state
             covariance_out[:] = covariance
         if quality < _MET:
