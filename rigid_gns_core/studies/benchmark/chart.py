@@ -26,7 +26,7 @@ STYLES = {
     'Bullet': ('#e69f00', 'o'),
     'MuJoCo': ('#009e73', 's'),
     'Rapier': ('#d55e00', 'v'),
-    'Jolt': ('#e69f00', '<'),
+    'Jolt': ('#6a3d9a', '<'),
     'LAMMPS': ('#56b4e9', 'P'),
     'GNS': ('#cc79a7', 'D'),
 }
