@@ -45,6 +45,12 @@ class Heard(Node):
     def hear(self, message: Any) -> None:
         self.said.append(message.data)
 
+    def waiting(self) -> list[str]:
+        """The message that the topic holds, if there is one, as a quick call takes it."""
+        with self.topic.handle:
+            message = self.topic.handle.take_message(String, False)
+        return [] if message is None else [message[0].data]
+
     def answer(self, _: Any, response: Any) -> Any:
         self.said.append('service')
         return response
@@ -93,10 +99,7 @@ def test_quick_calls_take_the_place_of_callbacks(spun: Spun) -> None:
     taken: list[str] = []
 
     def take() -> None:
-        with node.topic.handle:
-            message = node.topic.handle.take_message(String, False)
-        if message is not None:
-            taken.append(message[0].data)
+        taken.extend(node.waiting())
 
     def ring() -> None:
         node.timer.cancel()
@@ -121,10 +124,7 @@ def test_what_subscriptions_gave_is_settled_before_all_else(spun: Spun) -> None:
     taken: list[str] = []
 
     def take() -> None:
-        with node.topic.handle:
-            message = node.topic.handle.take_message(String, False)
-        if message is not None:
-            taken.append(message[0].data)
+        taken.extend(node.waiting())
 
     def settle() -> None:
         node.said += taken
