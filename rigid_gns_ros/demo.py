@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import signal
@@ -111,6 +112,23 @@ class NodeProcess:
         return DemoError(f'the {self.name} {what}; the end of {self.log}:\n{shown}')
 
 
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM wait for the end of the context; in the main thread."""
+    came: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number in numbers:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
 def run_demo(folder: Path, duration: float) -> int:
     """Run both nodes on the box, then on a table tennis ball, and evaluate what they recorded.
 
@@ -180,12 +198,14 @@ def run_nodes(
     processes: list[NodeProcess] = []
     try:
         print('demo: starting the simulator', flush=True)
-        simulator = NodeProcess('simulator_node', folder, simulating, environment)
-        processes.append(simulator)
+        with uninterrupted():  # a node that runs is one that is stopped
+            simulator = NodeProcess('simulator_node', folder, simulating, environment)
+            processes.append(simulator)
         simulator.wait_for('ready: ', 60.0)
         print('demo: starting the tracker', flush=True)
-        tracker = NodeProcess('tracker_node', folder, tracking, environment)
-        processes.append(tracker)
+        with uninterrupted():
+            tracker = NodeProcess('tracker_node', folder, tracking, environment)
+            processes.append(tracker)
         tracker.wait_for('ready: ', 30.0)
         simulator.wait_for('started from stamp', 20.0)
         if duration is None:
