@@ -196,17 +196,17 @@ def run_nodes(
     """
     environment = node_environment(folder)
     processes: list[NodeProcess] = []
-    try:
-        print('demo: starting the simulator', flush=True)
+
+    def started(name: str, parameters: dict[str, str], patience: float) -> NodeProcess:
+        print(f'demo: starting the {name}', flush=True)
         with uninterrupted():  # a node that runs is one that is stopped
-            simulator = NodeProcess('simulator_node', folder, simulating, environment)
-            processes.append(simulator)
-        simulator.wait_for('ready: ', 60.0)
-        print('demo: starting the tracker', flush=True)
-        with uninterrupted():
-            tracker = NodeProcess('tracker_node', folder, tracking, environment)
-            processes.append(tracker)
-        tracker.wait_for('ready: ', 30.0)
+            processes.append(NodeProcess(f'{name}_node', folder, parameters, environment))
+        processes[-1].wait_for('ready: ', patience)
+        return processes[-1]
+
+    try:
+        simulator = started('simulator', simulating, 60.0)
+        tracker = started('tracker', tracking, 30.0)
         simulator.wait_for('started from stamp', 20.0)
         if duration is None:
             while not tracker.ended():

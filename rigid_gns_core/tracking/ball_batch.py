@@ -214,8 +214,7 @@ def estimate_balls(
         if not learned:
             own_noise[0] = with_stamp_noise(own_times[:count], places[:count], noise[0])
         hits = find_kinks(ball, planes, own_times[:count], places[:count], own_noise[0], kinks)
-        first = kinks[hits - 1] if hits else 0
-        jump = first
+        jump = first = kinks[hits - 1] if hits else 0
         if count - first < fewest:
             count, first = _without_lone(
                 ball, planes, own_noise[0], count, fewest, own_times, places, frames, kinks
@@ -227,9 +226,8 @@ def estimate_balls(
             elif worst == np.inf:
                 continue
             else:
-                first = (
-                    0  # a jump may be of stamps that jitter; if not, the newest frames are missed
-                )
+                # a jump may be of stamps that jitter; if not, the newest frames are missed
+                first = 0
         motion_before(times, positions, seen, balls[:, 7], i, frames[first:count], before)
         ends_out[i, 1], loss, _, _ = estimate_window(
             ball,

@@ -7,6 +7,7 @@ import json
 import os
 from pathlib import Path
 
+from killed_writes import killed_at
 import numpy as np
 import pytest
 from rigid_gns_core.files.checkpoint import (
@@ -138,21 +139,11 @@ def test_a_save_that_is_killed_between_its_files_can_be_finished(tmp_path, monke
     """Of three files that are put in place, a kill before any leaves the old pair or the new."""
     old, new = ({'w': np.full(3, value, np.float32)} for value in (1.0, 2.0))
     card = dict.fromkeys(CARD_KEYS, '')
-    replace_file = os.replace
     for last in (1, 2, 3):
         path = tmp_path / f'{last}'
         save_weights(path, old, card)
-        count = 0
-
-        def killed(source, target, last=last):
-            nonlocal count
-            count += 1
-            if count == last:
-                raise MemoryError
-            replace_file(source, target)
-
         with monkeypatch.context() as patched:
-            patched.setattr(os, 'replace', killed)
+            patched.setattr(os, 'replace', killed_at(last))
             patched.setattr(Path, 'unlink', lambda *_, **__: None)  # a kill cleans nothing
             with pytest.raises(MemoryError):
                 save_weights(path, new, card)

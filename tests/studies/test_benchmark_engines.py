@@ -15,9 +15,10 @@ from rigid_gns_core.prediction.load import load_simulator
 from rigid_gns_core.scenes.plane import Plane
 from rigid_gns_core.scenes.scene import Scene
 from rigid_gns_core.scenes.state import Array, State
-from rigid_gns_core.studies.benchmark.jolt_engine import _as_pairs
-from rigid_gns_core.studies.benchmark.node_engine import describe_scene
+from rigid_gns_core.studies.benchmark.jolt_engine import _as_pairs, JoltSettings, JoltSpheres
+from rigid_gns_core.studies.benchmark.node_engine import describe_scene, NodeSpheres
 from rigid_gns_core.studies.benchmark.peers import all_peers, OwnSpheres, Run
+from rigid_gns_core.studies.benchmark.rapier_engine import RapierSettings, RapierSpheres
 from rigid_gns_core.studies.benchmark.scenes import FRAME
 
 TOSSED = State(
@@ -44,27 +45,20 @@ def mujoco(scene: Scene, start: State, substeps: int = 12) -> Run:
 
 
 def rapier(scene: Scene, start: State, substeps: int = 6) -> Run:
-    from rigid_gns_core.studies.benchmark.rapier_engine import (
-        load_rapier,
-        RapierSettings,
-        RapierSpheres,
-    )
-
-    try:
-        load_rapier()
-    except ModuleNotFoundError as error:
-        pytest.skip(str(error))
+    skip_where_absent(RapierSpheres)
     return RapierSpheres(scene, start, FRAME, RapierSettings(substeps))
 
 
 def jolt(scene: Scene, start: State, substeps: int = 6) -> Run:
-    from rigid_gns_core.studies.benchmark.jolt_engine import JoltSettings, JoltSpheres, load_jolt
+    skip_where_absent(JoltSpheres)
+    return JoltSpheres(scene, start, FRAME, JoltSettings(substeps))
 
+
+def skip_where_absent(kind: type[NodeSpheres]) -> None:
     try:
-        load_jolt()
+        kind.version()
     except ModuleNotFoundError as error:
         pytest.skip(str(error))
-    return JoltSpheres(scene, start, FRAME, JoltSettings(substeps))
 
 
 def lammps(scene: Scene, start: State) -> Run:

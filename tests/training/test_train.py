@@ -8,6 +8,7 @@ import json
 import os
 import signal
 
+from killed_writes import killed_at
 import numpy as np
 import pytest
 from rigid_gns_core.data.common_scene import common_scene
@@ -179,20 +180,10 @@ def test_a_run_that_is_killed_loses_little(tmp_path, monkeypatch):
 def test_a_run_killed_as_it_writes_goes_on_to_the_same_files(tmp_path, monkeypatch):
     """Killed before and after each file is put in its place; signals leave half of the losses."""
     Trainer(CONFIG, RECORDS, HELD_OUT, tmp_path / 'whole').run()
-    replace_file = os.replace
     for last in range(1, 8):
         folder = tmp_path / f'{last}'
-        count = 0
-
-        def killed(source, target, last=last):
-            nonlocal count
-            count += 1
-            if count == last:
-                raise MemoryError
-            replace_file(source, target)
-
         with monkeypatch.context() as patched:
-            patched.setattr(os, 'replace', killed)
+            patched.setattr(os, 'replace', killed_at(last))
             with pytest.raises(MemoryError):
                 Trainer(CONFIG, RECORDS, HELD_OUT, folder).run()
         (folder / '.state.safetensors.1.tmp').touch()  # what a kill leaves

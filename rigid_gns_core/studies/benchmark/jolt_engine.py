@@ -9,12 +9,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from .node_engine import describe_scene, load_package, NodeSpheres
+from .node_engine import describe_scene, NodeSpheres
 from ...errors import UserError
 from ...scenes.scene import Scene
 from ...scenes.state import State
-
-PACKAGE = 'jolt-physics'
 
 
 @dataclass(frozen=True)
@@ -32,11 +30,6 @@ class JoltSettings:
     position_steps: int = 2
 
 
-def load_jolt() -> str:
-    """Version of Jolt's package; ModuleNotFoundError: Node.js or it is not installed."""
-    return load_package('Jolt', PACKAGE)
-
-
 class JoltSpheres(NodeSpheres):
     """A live Jolt scene that is advanced frame by frame.
 
@@ -51,17 +44,13 @@ class JoltSpheres(NodeSpheres):
         FloatingPointError: Its process ended.
     """
 
-    peer, package, script = 'Jolt', PACKAGE, Path(__file__).with_suffix('.js')
+    peer, package = 'Jolt', 'jolt-physics'
+    script = Path(__file__).with_suffix('.js')
 
     def __init__(self, scene: Scene, start: State, dt: float, settings: JoltSettings) -> None:
         step = dt / settings.substeps
         described = describe_scene(self.peer, scene, start, step)
         super().__init__(len(start), {**_as_pairs(described), 'step': step, **asdict(settings)})
-
-
-def describe(settings: JoltSettings) -> dict[str, Any]:
-    """Settings for the report."""
-    return {'engine': PACKAGE, 'version': load_jolt(), **asdict(settings)}
 
 
 def _as_pairs(described: dict[str, Any]) -> dict[str, Any]:

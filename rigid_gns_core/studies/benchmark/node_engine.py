@@ -8,6 +8,7 @@ A package is found where npm installs it, in the folder that the benchmark runs 
 
 from __future__ import annotations
 
+from dataclasses import asdict
 import json
 from pathlib import Path
 import shutil
@@ -21,7 +22,7 @@ from ...scenes.scene import Scene
 from ...scenes.state import Array, State
 
 
-def load_package(peer: str, package: str) -> str:
+def package_version(peer: str, package: str) -> str:
     """Version of a package.
 
     Args:
@@ -59,6 +60,16 @@ class NodeSpheres:
     peer: ClassVar[str]
     package: ClassVar[str]
     script: ClassVar[Path]
+
+    @classmethod
+    def version(cls) -> str:
+        """Version of its package; ModuleNotFoundError: Node.js or the package is not installed."""
+        return package_version(cls.peer, cls.package)
+
+    @classmethod
+    def describe(cls, settings: Any) -> dict[str, Any]:
+        """Settings, a dataclass, for the report."""
+        return {'engine': cls.package, 'version': cls.version(), **asdict(settings)}
 
     def __init__(self, count: int, described: dict[str, Any]) -> None:
         self._count = count

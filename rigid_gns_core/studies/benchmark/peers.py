@@ -14,13 +14,11 @@ import warnings
 import numpy as np
 
 from .bullet_engine import BulletSpheres
-from .jolt_engine import describe as describe_jolt
-from .jolt_engine import JoltSettings, JoltSpheres, load_jolt
+from .jolt_engine import JoltSettings, JoltSpheres
 from .lammps_engine import describe as describe_lammps
 from .lammps_engine import LammpsSpheres, load_lammps
 from .mujoco_engine import describe, load_mujoco, MujocoSettings, MujocoSpheres
-from .rapier_engine import describe as describe_rapier
-from .rapier_engine import load_rapier, RapierSettings, RapierSpheres
+from .rapier_engine import RapierSettings, RapierSpheres
 from .scenes import FRAME
 from ...errors import UserError
 from ...files.checkpoint import LAWS
@@ -173,13 +171,13 @@ def _mujoco(substeps: tuple[int, ...]) -> list[Peer]:
 
 
 def _rapier(substeps: tuple[int, ...]) -> list[Peer]:
-    load_rapier()
-    return [_at('Rapier', n, RapierSpheres, RapierSettings(n), describe_rapier) for n in substeps]
+    kind = RapierSpheres
+    return [_at(kind.peer, n, kind, RapierSettings(n), kind.describe) for n in substeps]
 
 
 def _jolt(substeps: tuple[int, ...]) -> list[Peer]:
-    load_jolt()
-    return [_at('Jolt', n, JoltSpheres, JoltSettings(n), describe_jolt) for n in substeps]
+    kind = JoltSpheres
+    return [_at(kind.peer, n, kind, JoltSettings(n), kind.describe) for n in substeps]
 
 
 def _at(

@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from .node_engine import describe_scene, load_package, NodeSpheres
+from .node_engine import describe_scene, NodeSpheres
 from ...scenes.scene import Scene
 from ...scenes.state import State
-
-PACKAGE = '@dimforge/rapier3d-simd-compat'
 
 
 @dataclass(frozen=True)
@@ -27,11 +24,6 @@ class RapierSettings:
 
     substeps: int = 6
     iterations: int = 4
-
-
-def load_rapier() -> str:
-    """Version of Rapier; ModuleNotFoundError: Node.js or the package is not installed."""
-    return load_package('Rapier', PACKAGE)
 
 
 class RapierSpheres(NodeSpheres):
@@ -48,15 +40,11 @@ class RapierSpheres(NodeSpheres):
         FloatingPointError: Its process ended.
     """
 
-    peer, package, script = 'Rapier', PACKAGE, Path(__file__).with_suffix('.js')
+    peer, package = 'Rapier', '@dimforge/rapier3d-simd-compat'
+    script = Path(__file__).with_suffix('.js')
 
     def __init__(self, scene: Scene, start: State, dt: float, settings: RapierSettings) -> None:
         step = dt / settings.substeps
         # it integrates in each iteration
         described = describe_scene(self.peer, scene, start, step / settings.iterations)
         super().__init__(len(start), {**described, 'step': step, **asdict(settings)})
-
-
-def describe(settings: RapierSettings) -> dict[str, Any]:
-    """Settings for the report."""
-    return {'engine': PACKAGE, 'version': load_rapier(), **asdict(settings)}

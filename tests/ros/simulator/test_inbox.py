@@ -23,6 +23,7 @@ from visualization_msgs.msg import MarkerArray
 T0, DT = 1_000_123_456_789, 100_000_000  # [ns], as in conftest.py
 Falling = Callable[..., np.ndarray]
 Simulated = Callable[..., Any]
+Started = Callable[..., 'Taking']
 
 
 class Taking:
@@ -58,29 +59,37 @@ class Taking:
         return len(self.simulation.topics.inbox)
 
 
-def test_frames_wait_for_what_the_executor_calls_next(
+@pytest.fixture(name='started')
+def started_fixture(
     simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> Started:
+    """`started(parameters)`: after its first frame."""
+
+    def start(**parameters: Any) -> Taking:
+        setup = simulated(**parameters)
+        setup.start(falling(0.0))
+        return Taking(setup, falling, monkeypatch)
+
+    return start
+
+
+def test_frames_wait_for_what_the_executor_calls_next(
+    started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    setup = simulated()
-    setup.start(falling(0.0))
-    taking = Taking(setup, falling, monkeypatch)
+    taking = started()
     arrivals: list[int] = []
     monkeypatch.setattr(taking.simulation._intake, 'record', lambda _, now: arrivals.append(now))
     taking.take(1, 2)
-    setup.clock.set(T0 + DT // 4)
+    taking.setup.clock.set(T0 + DT // 4)
     assert taking.waiting == 2 and taking.newest == 0 and not arrivals
-    setup.node.settle()
+    taking.setup.node.settle()
     assert taking.waiting == 0 and taking.newest == 2
     assert arrivals == [T0, T0]  # when they came, not when they were processed
     assert taking.simulation.window.counts['accepted'] == 3
 
 
-def test_so_many_frames_wait_at_most(
-    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    setup = simulated()
-    setup.start(falling(0.0))
-    taking = Taking(setup, falling, monkeypatch)
+def test_so_many_frames_wait_at_most(started: Started) -> None:
+    taking = started()
     for number in range(1, MOST):
         taking.take(number)
     assert taking.waiting == MOST - 1 and taking.newest == 0
@@ -92,24 +101,17 @@ def test_so_many_frames_wait_at_most(
     'parameters', [{'start': 'every'}, {'start': 'diverged'}, {'learn': True}], ids=str
 )
 def test_frames_that_something_follows_from_do_not_wait(
-    simulated: Simulated,
-    falling: Falling,
-    monkeypatch: pytest.MonkeyPatch,
-    parameters: dict[str, Any],
+    started: Started, parameters: dict[str, Any]
 ) -> None:
-    setup = simulated(**parameters)
-    setup.start(falling(0.0))
-    taking = Taking(setup, falling, monkeypatch)
+    taking = started(**parameters)
     taking.take(1, 2)
     assert taking.waiting == 0 and taking.newest == 2
 
 
 def test_by_every_frames_wait_and_are_not_fitted_while_another_one_is_expected(
-    simulated: Simulated, falling: Falling, monkeypatch: pytest.MonkeyPatch
+    started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    setup = simulated(start='every')
-    setup.start(falling(0.0))
-    taking = Taking(setup, falling, monkeypatch)
+    taking = started(start='every')
     predictor, compared = taking.simulation.predictor, []
     fit = predictor.has_diverged
     monkeypatch.setattr(predictor, 'has_diverged', lambda: compared.append(taking.newest) or fit())
@@ -118,10 +120,10 @@ def test_by_every_frames_wait_and_are_not_fitted_while_another_one_is_expected(
     taking.take(2)
     taking.take(3)
     assert taking.newest == 1 and taking.waiting == 2
-    setup.node.settle()
+    taking.setup.node.settle()
     assert taking.newest == 3 and not compared
     taking.take(203)
-    setup.node.settle()
+    taking.setup.node.settle()
     assert compared == [203]  # frames are 200 ms apart now
     taking.take(204)
     assert taking.newest == 204 and not taking.waiting
@@ -163,15 +165,10 @@ def test_frames_do_not_wait_where_futures_or_markers_are_heard_or_nothing_is_pre
 
 @pytest.mark.parametrize('down', [False, True], ids=['closed', 'after a signal'])
 def test_frames_that_wait_at_the_end_are_in_the_bag(
-    simulated: Simulated,
-    falling: Falling,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    down: bool,
+    started: Started, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, down: bool
 ) -> None:
-    setup = simulated(record=str(tmp_path / 'bag'))
-    setup.start(falling(0.0))
-    taking = Taking(setup, falling, monkeypatch)
+    taking = started(record=str(tmp_path / 'bag'))
+    setup = taking.setup
     monkeypatch.setattr(taking.simulation.topics.inbox, 'may_wait', lambda: True)
     frames = taking.take(1, 2, 3)
     assert taking.waiting == 3
