@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -161,9 +162,10 @@ class TrackingWindow:
 
     @property
     def interval(self) -> float:
-        """Time between the newest two frames [s]; 0: there is one at most."""
-        stamps = self._tracks.stamps
-        return float(stamps[-1] - stamps[-2]) * 1e-9 if len(stamps) > 1 else 0.0
+        """Shortest time between two of the newest three frames [s]; 0: there is one at most."""
+        stamps = self._tracks.stamps[-3:].tolist()
+        apart = [after - before for before, after in pairwise(stamps)]
+        return min(apart, default=0) * 1e-9
 
     def clear(self) -> None:
         """Drop all frames and tracks."""

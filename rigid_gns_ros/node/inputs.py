@@ -25,6 +25,7 @@ from rigid_gns_core.messages.poses import decode_pose_array
 from rigid_gns_core.tracking.single_balls import SingleBalls
 from sensor_msgs.msg import PointCloud2
 
+from .clock_jumps import simulated
 from .executor import Quick
 from .inbox import Inbox
 from .lost_messages import LostMessages
@@ -48,6 +49,7 @@ _SINGLE: dict[str, tuple[Any, Convert]] = {
     'PointStamped': (PointStamped, pose_array_of_point),
 }
 _OBJECTS = 'tracked_objects'
+_LONGEST = 1_000_000_000  # that a message lies in the queue [ns]
 
 
 def inputs_of(tracker: str, balls: Sequence[str]) -> dict[str, tuple[Any, Convert]]:
@@ -99,7 +101,7 @@ class Input:
         options: Which QoS policies are parameters.
         inbox: Where messages wait.
         on_tracked: Called with the bytes of each message, what converts them to a PoseArray, and
-            when it was taken, by the node's clock [ns].
+            when it came, by the node's clock [ns].
         on_lost: Called with a topic, its queue's depth and the numbers of messages that were lost
             now and so far.
         convert: See `on_tracked`.
@@ -157,7 +159,7 @@ class Input:
 
     def _drain_quickly(self) -> None:
         self.drain()
-        self._inbox.settle(now=False)
+        self._inbox.settle()
 
     def _take(self) -> tuple[bytes, Mapping[str, Any]] | None:
         own = self._subscription
@@ -177,4 +179,9 @@ class Input:
         if lost := self.lost.take(information.get('publication_sequence_number')):
             self._on_lost(self.topic, self.depth, lost, self.lost.total)
         now = self._node.get_clock().now().nanoseconds
-        self._inbox.put(partial(self._on_tracked, cdr, self._convert, now))
+        # it may have lain in the queue; where the middleware does not tell how long, or by another
+        # clock, it has come now
+        came = int(information.get('received_timestamp') or 0)
+        if simulated(self._node) or not 0 <= now - came <= _LONGEST:
+            came = now
+        self._inbox.put(partial(self._on_tracked, cdr, self._convert, came))

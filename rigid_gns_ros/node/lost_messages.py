@@ -56,5 +56,5 @@ def lost_text(topic: str, depth: int, total: int) -> str:
     return (
         f'tracked messages were lost on the way or in the queue, {total} so far; where the node '
         f'is too busy to take them in time, give it a longer queue than {depth}: '
-        f'-p qos_overrides.{topic}.subscription.depth:=50'
+        f'-p qos_overrides.{topic}.subscription.depth:=100'
     )

@@ -108,12 +108,11 @@ class Predictions:
         if predictor.pending is not None:
             self._alarm.set(predictor.due_ns)
 
-    def waits_longer_than(self, interval: float) -> bool:
-        """Whether, with `every`, it is longer than a time [s] until the next one is computed."""
-        left = self._alarm.left
-        if self._predictor.pending is not None:
-            left += self._predictor.period_ns // 2 * 1e-9
-        return self._predictor.every and 0 < interval < left
+    @property
+    def left(self) -> float:
+        """With `every`, the time until the next one is computed [s]."""
+        half = 0 if self._predictor.pending is None else self._predictor.period_ns // 2
+        return self._alarm.left + half * 1e-9
 
     def _computed(self, prediction: Prediction) -> None:
         self._report_steps(prediction.step_times)

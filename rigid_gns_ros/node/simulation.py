@@ -20,7 +20,7 @@ from rigid_gns_core.messages.poses import encode_string
 from rigid_gns_core.tracking.usable_frames import seconds
 
 from .alarm import Alarm
-from .clock_jumps import ClockWatch
+from .clock_jumps import ClockWatch, simulated
 from .diagnostics import Diagnostics
 from .executor import Quick
 from .futures import Futures
@@ -38,6 +38,9 @@ from .topics import NodeTopics
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+# the alarm rings at least so long after a queue of frames is taken; processing takes half of it [s]
+_BEFORE = 4e-3
 
 
 class Simulation:
@@ -116,7 +119,6 @@ class Simulation:
             listeners=self._bodies.listeners,
         )
         self._intake.record = self.topics.received
-        self.topics.inbox.may_wait = self._may_wait
         self._markers = MarkerPublisher(self.topics.markers, model, self.window, gap)
         self.predictions = Predictions(
             node,
@@ -157,7 +159,7 @@ class Simulation:
     def close(self) -> str:
         """Stop and finish the bag; a line of counts, for the log."""
         self._alarm.cancel()
-        self.topics.inbox.settle()
+        self.topics.drain()
         self.futures.close()
         self.learning.close()
         bag = self.topics.close()
@@ -172,29 +174,37 @@ class Simulation:
     ) -> None:
         """Process a message of a tracker, which `convert` makes a PoseArray.
 
-        `arrival`: when it was taken, by the node's clock [ns]; None: now.
+        `arrival`: when it came, by the node's clock [ns]; None: now.
         """
         if self._intake.active:
             now = self._now()
             self._check_clock(now)
             self._intake.take(cdr, convert, now if arrival is None else arrival)
 
-    def _may_wait(self) -> bool:
-        """Whether nothing follows from the newest frame before the alarm rings."""
-        predictor, futures = self.predictor, self.futures
+    @property
+    def lull(self) -> float:
+        """How long frames may lie in the middleware's queues [s], as nothing follows from them.
+
+        They are taken before the alarm rings. With `every`, the last one before a computation is
+        taken when it comes, to be fitted ahead.
+        """
+        predictor, futures, interval = self.predictor, self.futures, self.window.interval
         if (
             predictor.forecast is None
             or predictor.resync.start == 'diverged'
             or (self.paused or self.learning.on or self._markers.watched)
             or (futures.seconds and futures.heard)
+            or self._bodies.listeners
+            or simulated(self._node)
         ):
-            return False
-        return not predictor.every or self._another_comes
+            return 0.0
+        lull = min(self.topics.patience * interval, self._alarm.left - _BEFORE)
+        return min(lull, self.predictions.left - interval) if predictor.every else lull
 
     @property
     def _another_comes(self) -> bool:
         """Whether, with `every`, a newer frame is expected before the next computation."""
-        return self.predictions.waits_longer_than(self.window.interval)
+        return self.predictor.every and 0 < self.window.interval < self.predictions.left
 
     def _on_accepted(self, now: int, restarted: bool) -> None:
         """Go on with the newest frame of the window."""

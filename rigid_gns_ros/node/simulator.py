@@ -63,10 +63,14 @@ class SimulatorNode(ManagedNode):
         """See `executor`."""
         return self.simulation.quick if self._configured else {}
 
-    def settle(self) -> None:
+    def lull(self) -> float:
+        """See `executor`."""
+        return self.simulation.lull if self._configured else 0.0
+
+    def drain(self) -> None:
         """See `executor`."""
         if self._configured:
-            self.simulation.topics.inbox.settle()
+            self.simulation.topics.drain()
 
     def configure(self) -> None:
         """Load scene and model, and make topics and services."""

@@ -38,9 +38,13 @@ _CHANGEABLE = (
 )
 
 
+# messages of a tracker that the middleware keeps: those of a period of predictions, and more
+DEPTH = 32
+
+
 def sensor_data() -> QoSProfile:
-    """New QoS profile: best effort, depth 5; new since overrides change it in place."""
-    return QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    """New QoS profile: best effort; new since overrides change it in place."""
+    return QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def overridable() -> QoSOverridingOptions:
@@ -169,6 +173,11 @@ class NodeTopics:
         for own in self._inputs:
             own.drain()
         self.inbox.settle()
+
+    @property
+    def patience(self) -> float:
+        """Number of messages that may lie in each queue: half of what it holds."""
+        return min(own.depth for own in self._inputs) / 2
 
     @property
     def overtaken(self) -> bool:

@@ -61,18 +61,18 @@ def test_frames_that_the_queue_dropped_are_counted(
     tracked.send(falling(0.0), T0)
     topics, diagnostics = node.simulation.topics, node.simulation.diagnostics
     bench.until(lambda: node.simulation.window.stamp_ns == T0, 'the first frame')
-    # 20 while nobody takes them, into a queue of 5; the newest stays
+    # 60 while nobody takes them, into a queue of half of that; the newest stays
     codec = PoseArrayCodec('world', 3)
-    for k in range(1, 21):
-        tracked.publisher.publish(codec.encode(falling(0.01 * k), T0 + k * DT // 10))
-    last = T0 + 20 * DT // 10
+    for k in range(1, 61):
+        tracked.publisher.publish(codec.encode(falling(0.01 * k), T0 + k * DT // 50))
+    last = T0 + 60 * DT // 50
     bench.until(lambda: node.simulation.window.stamp_ns == last, 'the last frame')
     accepted = node.simulation.window.counts['accepted']
-    assert accepted < 21
+    assert accepted < 61
     lost = topics._inputs[0].lost.total
-    assert lost == diagnostics.lost == 21 - accepted  # none without a count
-    assert f'{21 - accepted} so far' in log()
-    assert 'qos_overrides./tracked_poses.subscription.depth:=50' in log()
+    assert lost == diagnostics.lost == 61 - accepted  # none without a count
+    assert f'{61 - accepted} so far' in log()
+    assert 'qos_overrides./tracked_poses.subscription.depth:=100' in log()
 
 
 @pytest.mark.parametrize(
