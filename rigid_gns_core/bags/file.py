@@ -8,11 +8,10 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from .metadata import qos_profiles, RecordedFile, RecordedTopic, to_yaml
+from .metadata import qos_yaml, RecordedFile, RecordedTopic
 from ..messages.definitions import full_text, type_hash
 
 LIBRARY = 'rigid_gns_ros'  # in the header: its sequence numbers count messages without a gap
@@ -61,7 +60,7 @@ class BagFile:
             'cdr',
             self._schemas[topic.type_name],
             {
-                'offered_qos_profiles': to_yaml(qos_profiles(topic.qos, topic.depth)),
+                'offered_qos_profiles': qos_yaml(topic.qos, topic.depth),
                 'topic_type_hash': type_hash(topic.type_name),
             },
         )
@@ -81,9 +80,9 @@ class BagFile:
         self._writer.flush()
         self._pending = 0
 
-    def finish(self, information: dict[str, Any]) -> None:
-        """Write the metadata of the bag so far and the index, and close the file."""
-        self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
+    def finish(self, information: str) -> None:
+        """Write the metadata of the bag so far, as YAML, and the index, and close the file."""
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': information})
         self._writer.finish()
         self._stream.flush()
         os.fsync(self._raw.fileno())

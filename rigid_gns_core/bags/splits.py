@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 from .file import BagFile
-from .metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
+from .metadata import information_yaml, metadata_yaml, RecordedFile, RecordedTopic
 
 
 class SplitBag:
@@ -74,7 +73,7 @@ class SplitBag:
         # atomically: a bag with half a metadata.yaml is worse than one without
         temporary = self.folder / 'metadata.yaml.tmp'
         with open(temporary, 'w', encoding='utf-8') as file:
-            file.write(to_yaml({'rosbag2_bagfile_information': information}))
+            file.write(metadata_yaml(information))
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, self.folder / 'metadata.yaml')
@@ -111,5 +110,5 @@ class SplitBag:
         self._file.add(topic.name, cdr, log_time_ns, sequence)
         topic.count += 1
 
-    def _information(self) -> dict[str, Any]:
-        return bag_information([*self._finished, self._file.information], self._topics)
+    def _information(self) -> str:
+        return information_yaml([*self._finished, self._file.information], self._topics)

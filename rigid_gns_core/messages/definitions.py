@@ -11,6 +11,7 @@ them with the installed share/<package>/msg/*.msg and *.json.
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from ..errors import UserError
@@ -53,6 +54,7 @@ def type_hash(type_name: str) -> str:
         ) from None
 
 
+@cache
 def full_text(type_name: str) -> str:
     """Text of a type followed by the texts of all that it consists of, as rosbag2 stores it."""
     return (SCHEMAS / f'{type_name.replace("/msg/", ".")}.msg').read_bytes().decode()

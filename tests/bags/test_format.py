@@ -10,6 +10,12 @@ import sys
 from mcap.reader import make_reader
 import numpy as np
 import pytest
+from rigid_gns_core.bags.metadata import (
+    information_yaml,
+    metadata_yaml,
+    RecordedFile,
+    RecordedTopic,
+)
 from rigid_gns_core.bags.reader import read_bag
 from rigid_gns_core.messages import definitions
 import yaml
@@ -155,3 +161,24 @@ def test_bags_of_other_recorders_are_read(tmp_path, mode, poses_cdr):
     bag = read_bag(tmp_path / 'bag')
     assert bag.warnings == ()
     assert bag.topics['/tracked_poses'].messages == [poses_cdr(k) for k in range(3)]
+
+
+@pytest.mark.parametrize('files', [0, 1, 3])
+def test_metadata_are_what_pyyaml_would_write(files: int) -> None:
+    """Their text is put together from parts, of which what stays from split to split is kept."""
+    names = ['bag_0.mcap', "it's: #1.mcap", 'ü.mcap'][:files]
+    written = [
+        RecordedFile(name, 7 * k, 10**18 + k, 10**18 + 5 * k) for k, name in enumerate(names)
+    ]
+    topics = [
+        RecordedTopic('/a', 'std_msgs/msg/String', 'latched', count=3),
+        RecordedTopic('/b', 'geometry_msgs/msg/PoseArray', 'sensor_data', depth=32),
+    ][:files]
+    text = metadata_yaml(information_yaml(written, topics))
+    content = yaml.safe_load(text)
+    assert yaml.safe_dump(content, sort_keys=False, default_flow_style=False) == text
+    information = content['rosbag2_bagfile_information']
+    assert information['relative_file_paths'] == names
+    assert [file['message_count'] for file in information['files']] == [0, 7, 14][:files]
+    told = information['topics_with_message_count']
+    assert [topic['message_count'] for topic in told] == [3, 0][: len(topics)]

@@ -18,7 +18,7 @@ from safetensors.numpy import save
 from .bags import falling, mutated_bag, small_bag
 from .hdf5 import mutated_hdf5
 from .mutations import mutated_bytes, mutated_text, Mutation
-from ...bags.metadata import bag_information, RecordedFile, RecordedTopic, to_yaml
+from ...bags.metadata import information_yaml, metadata_yaml, RecordedFile, RecordedTopic
 from ...bags.reader import read_bag
 from ...bags.topics import find_topics
 from ...data.csv_tracks import read_csv_tracks
@@ -74,8 +74,7 @@ def _trajectories() -> list[bytes]:
 
 def _metadata() -> list[bytes]:
     file, topic = RecordedFile('bag_0.mcap'), RecordedTopic('/tracked_poses', _POSES, 'reliable')
-    information = bag_information([file], [topic])
-    return [to_yaml({'rosbag2_bagfile_information': information}).encode()]
+    return [metadata_yaml(information_yaml([file], [topic])).encode()]
 
 
 _POSES = 'geometry_msgs/msg/PoseArray'
