@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 rigid_gns maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Restitution of two balls, by forecasts through their collisions.
+"""Restitution and friction of two balls, by forecasts through their collisions.
 
 Parabolas on both sides of a collision (`collisions`) need frames that are dense beside the time in
 which a struck ball stops sliding. Forecasts need only the laws: each starts from the frames before
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
@@ -29,13 +30,16 @@ from ..tracking.state_estimate import estimate_state, StateEstimate
 _BEFORE, _AFTER, _FEWEST, _LATER = 0.4, 0.35, 4, 3
 # balls that approach each other slower tell little [m/s]
 _SLOW = 0.3
-# collisions that tell a restitution, at most so many, and the values that are tried
+# collisions that tell a value, at most so many, and the values that are tried
 _TELL, _MOST = 6, 100
-_TRIED = np.linspace(0.0, 1.0, 21)
+_TRIED = {'restitution': np.linspace(0.0, 1.0, 21), 'friction': np.linspace(0.0, 0.6, 13)}
 # draws of collisions for the standard error
 _DRAWS = 200
 # as of a term: the logarithm of the error is lower by this at least, and by more than its error
 _WORTH = 0.003
+
+
+Name = Literal['restitution', 'friction']
 
 
 @dataclass(frozen=True)
@@ -53,10 +57,10 @@ class Ahead:
     places: Array
 
 
-def told_restitution(
-    scene: Scene, tracks: Sequence[Track], noise: float
+def told_by_forecasts(
+    scene: Scene, tracks: Sequence[Track], noise: float, name: Name
 ) -> tuple[float, float] | None:
-    """Restitution of two balls with which forecasts are best, and its standard error.
+    """Value of a contact of two balls with which forecasts are best, and its standard error.
 
     None: too few collisions are seen, balls differ, or forecasts are no better with it than with
     that of the scene by more than an error bar.
@@ -65,14 +69,17 @@ def told_restitution(
         scene: Scene with learned laws.
         tracks: Tracks of several balls.
         noise: Standard deviation of a coordinate [m].
+        name: Of the value.
     """
     if scene.sphere_count is not None:
         return None
     found = _ahead(scene, tracks, noise)
     if len(found) < _TELL:
         return None
-    simulator = load_simulator()
-    costs = np.stack([_costs(simulator, with_restitution(scene, e), found, noise) for e in _TRIED])
+    simulator, tried = load_simulator(), _TRIED[name]
+    costs = np.stack(
+        [_costs(simulator, with_value(scene, name, e), found, noise) for e in tried.tolist()]
+    )
     before = _costs(simulator, scene, found, noise)
     best = int(costs.mean(axis=1).argmin())
     changes = costs[best] - before
@@ -82,27 +89,32 @@ def told_restitution(
     rng, draws = np.random.default_rng(0), np.empty(_DRAWS)
     for k in range(_DRAWS):
         chosen = rng.integers(0, len(found), len(found))
-        draws[k] = _lowest(costs[:, chosen].mean(axis=1))
-    step = float(_TRIED[1] - _TRIED[0])
-    return _lowest(costs.mean(axis=1)), max(float(draws.std()), 0.3 * step)
+        draws[k] = _lowest(tried, costs[:, chosen].mean(axis=1))
+    step = float(tried[1] - tried[0])
+    return _lowest(tried, costs.mean(axis=1)), max(float(draws.std()), 0.3 * step)
 
 
-def with_restitution(scene: Scene, value: float) -> Scene:
-    """The scene with another restitution of two balls."""
-    friction = float(np.mean(scene.friction)) ** 2
-    law = scene.sphere_contact or ContactLaw(friction=friction)
-    return replace(scene, sphere_contact=replace(law, restitution=value))
+def with_value(scene: Scene, name: Name, value: float) -> Scene:
+    """The scene with another restitution or friction of two balls."""
+    law = scene.sphere_contact or ContactLaw(
+        restitution=float(np.mean(scene.restitution)) ** 2,
+        friction=float(np.mean(scene.friction)) ** 2,
+    )
+    changed = (
+        replace(law, restitution=value) if name == 'restitution' else replace(law, friction=value)
+    )
+    return replace(scene, sphere_contact=changed)
 
 
-def _lowest(costs: Array) -> float:
-    """Place of the lowest cost, by a parabola through it and its neighbours."""
+def _lowest(tried: Array, costs: Array) -> float:
+    """Value of the lowest cost, by a parabola through it and its neighbours."""
     k = int(costs.argmin())
-    value, step = float(_TRIED[k]), float(_TRIED[1] - _TRIED[0])
+    value, step = float(tried[k]), float(tried[1] - tried[0])
     if 0 < k < len(costs) - 1:
         left, low, right = (float(one) for one in costs[k - 1 : k + 2])
         bend = left - 2.0 * low + right
         value += 0.5 * step * (left - right) / bend if bend > 0.0 else 0.0
-    return float(f'{np.clip(value, 0.0, 1.0):.4g}')
+    return float(f'{np.clip(value, 0.0, tried[-1]):.4g}')
 
 
 def _ahead(scene: Scene, tracks: Sequence[Track], noise: float) -> list[Ahead]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .collision_forecasts import told_restitution, with_restitution
+from .collision_forecasts import Name, told_by_forecasts, with_value
 from .collisions import shown_collisions, usual_restitution
 from .correction_fit import CorrectionFit, kept, Missed, missed_by
 from .coverage import fit_coverage
@@ -148,31 +148,32 @@ def learn(
 def _with_collisions(
     learned: Learned, tracks: Sequence[Track], radius: float, noise: float
 ) -> Learned:
-    """The same with the restitution of two balls, where enough collisions show it.
+    """The same with restitution and friction of two balls, where enough collisions show them.
 
-    As parabolas on both sides show it, unless forecasts through collisions are better by more than
-    an error bar with another.
+    Restitution as parabolas on both sides show it, unless forecasts through collisions are better
+    by more than an error bar with another; friction by forecasts.
     """
     shown = shown_collisions(tracks, radius)
     value, error = usual_restitution(shown) if len(shown) else (0.0, np.inf)
     if np.isfinite(error):
-        learned = _of_balls(learned, value, error)
-    told = told_restitution(learned.scene, tracks, noise)
+        learned = _of_balls(learned, 'restitution', value, error)
+    told = told_by_forecasts(learned.scene, tracks, noise, 'restitution')
     if told is not None:
-        return _of_balls(learned, *told)
-    if len(shown) and not np.isfinite(error):
+        learned = _of_balls(learned, 'restitution', *told)
+    elif len(shown) and not np.isfinite(error):
         note = f'{len(shown)} collisions of two balls show, too few to tell their restitution'
-        return replace(learned, notes=(*learned.notes, note))
-    return learned
+        learned = replace(learned, notes=(*learned.notes, note))
+    told = told_by_forecasts(learned.scene, tracks, noise, 'friction')
+    return learned if told is None else _of_balls(learned, 'friction', *told)
 
 
-def _of_balls(learned: Learned, value: float, error: float) -> Learned:
-    """The same with a restitution of two balls, in the fits without a part of the tracks, too."""
+def _of_balls(learned: Learned, name: Name, value: float, error: float) -> Learned:
+    """The same with a value of two balls, in the fits without a part of the tracks, too."""
     left_out = tuple(
-        replace(part, scene=with_restitution(part.scene, value)) for part in learned.left_out
+        replace(part, scene=with_value(part.scene, name, value)) for part in learned.left_out
     )
-    told = learned.parameters | {'balls.restitution': Told(value, error, '')}
-    scene = with_restitution(learned.scene, value)
+    told = learned.parameters | {f'balls.{name}': Told(value, error, '')}
+    scene = with_value(learned.scene, name, value)
     return replace(learned, scene=scene, parameters=told, left_out=left_out)
 
 

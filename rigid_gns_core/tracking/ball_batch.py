@@ -7,48 +7,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from .ball_window import APART, estimate_window
+from .ball_window import APART, estimate_window, FEWEST
+from .crossed_blows import blow_before
 from .jit import compiled, entry
 from .kinks import find_kinks
+from .pair_blow import not_crossed
 from .spin_windows import SpinWindows
 from .stamp_noise import with_stamp_noise
-from .struck import motion_before
+from .struck import last_near, motion_before, striker_of
 from ..kernels.neighbours import Flags, Indices
 from ..scenes.state import Array
 
-# two balls nearer than this many sums of radii may have touched
-_NEAR = 1.04
 # an estimate that must meet the frames is not farther from the last one [deviations]; it is
 # doubted, not discarded, up to so many times the loss and this distance
 _OFF, _DOUBTED = 6.0, 2.5
 # a step so many times as fast as those before shows no blow
 _WILD = 3.0
-
-
-@compiled
-def _last_near(positions: Array, seen: Flags, radii: Array, begin: int, near_out: Indices) -> None:
-    """First frame after the last in which another ball was near, or `begin`, shape (n,).
-
-    A ball that is not seen is where it was.
-    """
-    m, n = seen.shape
-    places, known = np.zeros((n, 3)), np.zeros(n, dtype=np.bool_)
-    near_out[:] = begin
-    for frame in range(m):
-        for i in range(n):
-            if seen[frame, i]:
-                places[i] = positions[frame, i]
-                known[i] = True
-        if frame < begin:
-            continue
-        for i in range(n):
-            for j in range(i):
-                reach = _NEAR * (radii[i] + radii[j])
-                apart = 0.0
-                for c in range(3):
-                    apart += (places[i, c] - places[j, c]) ** 2
-                if known[i] and known[j] and apart < reach * reach:
-                    near_out[i] = near_out[j] = frame + 1
 
 
 @compiled
@@ -151,6 +125,7 @@ def estimate_balls(
     balls: Array,
     planes: Array,
     laws: Array,
+    pairs: Array,
     noise: Array,
     windows: SpinWindows,
     times: Array,
@@ -174,6 +149,7 @@ def estimate_balls(
         balls: Rows of `ball_path`, shape (n, 16).
         planes: See there, shape (planes, 14).
         laws: Of each ball, shape (n, planes, 8).
+        pairs: Of two balls, see `pair_blow.PAIR`, shape (n, n, PAIR).
         noise: s, q, kappa of `model_error`.
         windows: Prior of spins.
         times: Rising times [s], shape (m,).
@@ -190,25 +166,37 @@ def estimate_balls(
             are met, shape (n, 3); the first is -1 where there is no estimate.
     """
     m, n = seen.shape
-    near = np.zeros(n, dtype=np.int64)
-    _last_near(positions, seen, balls[:, 7], begin, near)
+    near, met = np.zeros(n, dtype=np.int64), np.zeros((n, 2), dtype=np.int64)
+    last_near(positions, seen, balls[:, 7], begin, near, met)
     taken = _fastest(times, positions, seen, near, most)
     own_times, places, own_noise = np.zeros(m), np.zeros((m, 3)), noise.copy()
     kinks, frames, before = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros(4)
     state, covariance = np.zeros(9), np.zeros((9, 9))
     for i in range(n):
-        count, last = 0, -1
         ends_out[i, 0] = -1
         if not taken[i]:
             continue
-        for frame in range(near[i], m):
+        start, crossed = near[i], not_crossed()
+        for back in range(2):  # the newest frame of an approach may be after the blow
+            if learned and met[i, 1] >= 0 and crossed.time == np.inf:
+                crossed = blow_before(
+                    balls, planes, laws, pairs, noise, windows, times, positions, seen, begin,
+                    i, met[i, 1], met[i, 0] - back, times[m - 1],
+                )  # fmt: skip
+            since = np.searchsorted(times, crossed.time)
+            if seen[since:, i].any():
+                start = since
+            else:
+                crossed = not_crossed()
+        count, last = 0, -1
+        for frame in range(start, m):
             if seen[frame, i]:
                 own_times[count] = times[frame]
                 places[count] = positions[frame, i]
                 frames[count] = frame
                 count, last = count + 1, frame
-        tell = count >= 2 and own_times[count - 1] - own_times[0] >= APART
-        if count < fewest and not (learned and tell):
+        goes_on = crossed.time < np.inf
+        if count < fewest and not goes_on and not (learned and count >= 2):
             continue
         ball = balls[i : i + 1]
         if not learned:
@@ -221,14 +209,29 @@ def estimate_balls(
             )
             last = frames[count - 1]
         if first < 0:
-            if learned and own_times[count - 1] - own_times[jump] >= APART:
+            if goes_on or (learned and count - jump >= 2):
                 first = jump
             elif worst == np.inf:
                 continue
             else:
                 # a jump may be of stamps that jitter; if not, the newest frames are missed
                 first = 0
-        motion_before(times, positions, seen, balls[:, 7], i, frames[first:count], before)
+        own_frames = frames[first:count]
+        before[:] = 0.0
+        if first > 0:  # there was another blow since
+            crossed = not_crossed()
+        if len(own_frames) > 1:
+            other = striker_of(times, positions, seen, balls[:, 7], i, own_frames)
+            motion_before(times, positions, seen, balls[:, 7], i, other, own_frames, before)
+            if learned and other >= 0 and own_frames[0] > begin and crossed.time == np.inf:
+                crossed = blow_before(
+                    balls, planes, laws, pairs, noise, windows, times, positions, seen, begin,
+                    i, other, own_frames[0], times[own_frames[0]],
+                )  # fmt: skip
+        told = len(own_frames) >= FEWEST
+        told = told or times[own_frames[-1]] - times[own_frames[0]] >= APART
+        if not told and crossed.time == np.inf:
+            continue
         ends_out[i, 1], loss, _, _ = estimate_window(
             ball,
             planes,
@@ -237,6 +240,7 @@ def estimate_balls(
             windows,
             True,
             before,
+            crossed,
             own_times[first:count],
             places[first:count],
             state,

@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
 from .ball_contact import FREE
 from .ball_model import BallModel
-from .ball_path import path
+from .ball_path import path, start_of
 from .ball_window import estimate_window, MOST_CONTACTS
 from .jit import plain
+from .pair_blow import Crossed
 from .path_slopes import path_and_slopes
 from .start_guess import ALL, first_frames, guess_start, prior_of_guess
 from .start_prior import StartPrior
@@ -91,6 +93,7 @@ def estimate_ball(
         windows,
         prior is not None,
         np.zeros(4),
+        Crossed(math.inf, np.zeros(9), np.zeros((9, 9))),
         times,
         positions,
         state,
@@ -123,11 +126,8 @@ def forecast_ball(
     count = len(stamps)
     states, slopes = np.zeros((count, 9)), np.zeros((count, 9, 9))
     impacts = np.zeros((MOST_CONTACTS, 3))
-    start, change = estimate.state.copy(), np.eye(9)
-    if estimate.on != FREE:  # the path takes what comes to the spin of rolling
-        normal, moving = model.planes[estimate.on, 9:12], model.belt(estimate.on)
-        start[6:] -= np.cross(normal, start[3:6] - moving) / model.radius
-        change[6:, 3:6] = -_crossing(normal) / model.radius
+    start, change = np.zeros(9), np.zeros((9, 9))
+    start_of(plain(estimate.state), model.planes, estimate.on, model.radius, start, change)
     found, _ = path_and_slopes(
         start,
         ALL,
@@ -169,9 +169,3 @@ def sampled_covariances(
     apart = places - places.mean(axis=0)
     spread: Array = np.einsum('ska,skb->kab', apart, apart) / (samples - 1)
     return spread
-
-
-def _crossing(vector: Array) -> Array:
-    """Matrix of the product of a vector and another."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -194,6 +194,36 @@ def put_state(place: Place, states_out: Array, i: int) -> None:
 
 
 @entry
+def start_of(
+    state: Array, planes: Array, on: int, radius: float, start_out: Array, slope_out: Array
+) -> None:
+    """Start of a path from a state: on a surface, of the spin what comes to that of rolling.
+
+    Args:
+        state: Position, velocity, angular velocity, shape (9,).
+        planes: See the module.
+        on: Plane that the ball is on, or FREE.
+        radius: Of the ball [m].
+        start_out: The start, see `path`, shape (9,).
+        slope_out: How it moves with the state, shape (9, 9).
+    """
+    start_out[:] = state
+    slope_out[:] = 0.0
+    for k in range(9):
+        slope_out[k, k] = 1.0
+    if on == FREE:
+        return
+    n = normal_of(planes, on)
+    rolls = cross(n, minus((state[3], state[4], state[5]), belt(planes, on)))
+    for k in range(3):
+        start_out[6 + k] -= rolls[k] / radius
+        a, b = (k + 1) % 3, (k + 2) % 3
+        # (n x v)_k = n_a v_b - n_b v_a
+        slope_out[6 + k, 3 + b] -= n[a] / radius
+        slope_out[6 + k, 3 + a] += n[b] / radius
+
+
+@entry
 def path(
     start: Array,
     begin: float,

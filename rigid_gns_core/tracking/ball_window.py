@@ -11,8 +11,10 @@ import numpy as np
 
 from .ball_contact import FREE, HOPPING
 from .ball_fit import fit_start
+from .ball_path import start_of
 from .ball_surfaces import AT_REST, facing, KIND, SOLID
 from .jit import compiled, entry, in_place
+from .pair_blow import Crossed, not_crossed
 from .spin_windows import SpinWindows
 from .start_guess import first_frames, guess_start, prior_of_window, surface_of_start
 from ..kernels.vector import dot, length, minus, row
@@ -89,6 +91,36 @@ def _keep_spin(
 
 
 @compiled
+def _go_on(
+    ball: Array, planes: Array, on: int, crossed: Crossed, mean: Array, precision: Array
+) -> None:
+    """Prior of a path that begins with a blow; that of its start on a surface is kept beside it.
+
+    Args:
+        ball: As `path` takes it, as the next.
+        planes: See there.
+        on: Surface that the ball is on, or FREE.
+        crossed: State just after the blow.
+        mean: Of the prior that is known of the place of a surface; overwritten.
+        precision: See there.
+    """
+    start, change = np.zeros(9), np.zeros((9, 9))
+    start_of(crossed.mean, planes, on, ball[0, 7], start, change)
+    found = np.linalg.inv(change @ crossed.covariance @ change.T)
+    if on != FREE:
+        off = away = 0.0
+        for c in range(3):
+            off += planes[on, 9 + c] * (start[c] - mean[c])
+            away += planes[on, 9 + c] * start[3 + c]
+        for c in range(3):
+            start[c] -= off * planes[on, 9 + c]
+            start[3 + c] -= away * planes[on, 9 + c]
+    precision[6:, :] = 0.0
+    precision += found
+    mean[:] = start
+
+
+@compiled
 def _estimate(
     ball: Array,
     planes: Array,
@@ -97,6 +129,7 @@ def _estimate(
     windows: SpinWindows,
     spinning: bool,
     before: Array,
+    crossed: Crossed,
     times: Array,
     positions: Array,
     frames: int,
@@ -119,13 +152,18 @@ def _estimate(
         _keep_spin(ball, planes[on], guess, before, mean, precision)
     start[:6] = guess
     start[6:] = mean[6:]
+    begin = times[0]
+    if crossed.time <= begin:
+        _go_on(ball, planes, on, crossed, mean, precision)
+        start[:] = mean
+        begin = crossed.time
     weights = np.ones(len(times))
     loss, contacts, where = fit_start(
         start,
         mean,
         precision,
         np.ones(9) if spinning else np.repeat(np.array([1.0, 1.0, 0.0]), 3),
-        times[0],
+        begin,
         times,
         positions,
         ball,
@@ -212,6 +250,7 @@ def estimate_window(
     windows: SpinWindows,
     spinning: bool,
     before: Array,
+    crossed: Crossed,
     times: Array,
     positions: Array,
     state_out: Array,
@@ -228,6 +267,8 @@ def estimate_window(
         spinning: Whether the ball may spin; if not, it does not in the air, and rolls on a
             surface.
         before: Of a ball that was struck before the first frame, see `struck`; 0: it was not.
+        crossed: Its state just after that; where no path from there meets the frames, one from
+            the first frame is tried.
         times: Rising times of the frames [s], shape (m,), `FEWEST` or more.
         positions: Centres [m], shape (m, 3).
         state_out: State, shape (9,).
@@ -261,6 +302,7 @@ def estimate_window(
             windows,
             spinning,
             known,
+            crossed if begin == 0 else not_crossed(),
             seen,
             places,
             frames,
@@ -269,8 +311,12 @@ def estimate_window(
             covariance,
         )
         doubted = best < 0 and one[3] > _DOUBTED
-        if doubted and _begins_near(ball, planes, seen, places, frames + FEWEST):
-            # an impact may be in the frames of the first guess
+        goes_on = begin == 0 and crossed.time < math.inf
+        told = m >= FEWEST or times[-1] - times[0] >= APART
+        if doubted and (
+            told if goes_on else _begins_near(ball, planes, seen, places, frames + FEWEST)
+        ):
+            # an impact may be in the frames of the first guess, or the blow was another
             again = _estimate(
                 ball,
                 planes,
@@ -279,10 +325,11 @@ def estimate_window(
                 windows,
                 spinning,
                 known,
+                not_crossed(),
                 seen,
                 places,
-                FEWEST,
-                FEWEST,
+                frames if goes_on else FEWEST,
+                frames if goes_on else FEWEST,
                 other,
                 other_covariance,
             )

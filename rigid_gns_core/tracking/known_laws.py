@@ -24,6 +24,7 @@ from .ball_surfaces import KIND, MOVES
 from .ball_window import FEWEST
 from .jit import plain
 from .motion_models import Motion
+from .pair_blow import pair_rows
 from .pose_noise import rotating
 from .spin_windows import SpinWindows
 from .start_correction import StartCorrection
@@ -65,6 +66,7 @@ class KnownLaws:
 
     Args:
         models: Of each ball.
+        pairs: Laws of two balls, see `pair_blow.PAIR`, shape (n, n, PAIR).
         windows: Prior of spins.
         tracker: Noise, drift and memory.
         learned: Whether the tracker was learned; if not, its noise is only a guess.
@@ -74,6 +76,7 @@ class KnownLaws:
     """
 
     models: tuple[BallModel, ...]
+    pairs: Array
     windows: SpinWindows
     tracker: Tracker
     learned: bool
@@ -93,7 +96,8 @@ class KnownLaws:
         else:
             prior = StartPrior.of(tracker.spins)
         own = None if tracker.correction is None else StartCorrection.of(tracker.correction)
-        known = cls(models, prior.windows, tracker, scene.tracker is not None, own)
+        pairs = pair_rows(scene, [min(s, count - 1) for s in spheres], count)
+        known = cls(models, pairs, prior.windows, tracker, scene.tracker is not None, own)
         if np.isinf(most_balls(scene)):
             return known
         return replace(known, fewest=_FEWEST, worst=_WORST)
@@ -156,6 +160,7 @@ class KnownLaws:
             balls,
             planes,
             laws,
+            self.pairs,
             np.array([noise, tracker.drift, tracker.impact]),
             self.windows,
             plain(times),

@@ -92,7 +92,7 @@ def guess_start(
             t = times[i] - times[0]
             place = positions[i, c] - 0.5 * t * t * pull
             mean += place / n
-            slope += (t - middle) * place / span
+            slope += (t - middle) * place / span if span > 0.0 else 0.0
         guess_out[c], guess_out[3 + c] = mean - middle * slope, slope
     if on == FREE:
         return

@@ -39,7 +39,7 @@ from .topics import NodeTopics
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# the alarm rings at least so long after a queue of frames is taken; processing takes half of it [s]
+# the alarm rings so long after a queue of frames is taken, at least: to process it takes half [s]
 _BEFORE = 4e-3
 
 

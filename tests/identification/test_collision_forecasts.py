@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rigid_gns_core import ContactLaw, load_simulator, Plane, Scene, State
 from rigid_gns_core.data.tracks import Track
-from rigid_gns_core.identification.collision_forecasts import told_restitution, with_restitution
+from rigid_gns_core.identification.collision_forecasts import told_by_forecasts, with_value
 from rigid_gns_core.identification.collisions import shown_collisions
 from rigid_gns_core.scenes.tracker import Tracker
 
@@ -50,7 +50,7 @@ def tracks() -> list[Track]:
 
 def test_forecasts_tell_a_restitution_that_parabolas_do_not(tracks: list[Track]) -> None:
     assert not len(shown_collisions(tracks, RADIUS))
-    told = told_restitution(with_restitution(SCENE, 0.36), tracks, NOISE)
+    told = told_by_forecasts(with_value(SCENE, 'restitution', 0.36), tracks, NOISE, 'restitution')
     assert told is not None
     value, error = told
     # 16 collisions, each to about 0.1
@@ -58,7 +58,17 @@ def test_forecasts_tell_a_restitution_that_parabolas_do_not(tracks: list[Track])
 
 
 def test_a_restitution_that_forecasts_as_well_stays(tracks: list[Track]) -> None:
-    assert told_restitution(SCENE, tracks, NOISE) is None
-    assert told_restitution(with_restitution(SCENE, 0.36), tracks[:3], NOISE) is None
+    assert told_by_forecasts(SCENE, tracks, NOISE, 'restitution') is None
+    other = with_value(SCENE, 'restitution', 0.36)
+    assert told_by_forecasts(other, tracks[:3], NOISE, 'restitution') is None
     unlike = replace(SCENE, radius=(RADIUS, RADIUS))
-    assert told_restitution(unlike, tracks, NOISE) is None
+    assert told_by_forecasts(unlike, tracks, NOISE, 'restitution') is None
+
+
+def test_forecasts_tell_a_friction(tracks: list[Track]) -> None:
+    told = told_by_forecasts(with_value(SCENE, 'friction', 0.5), tracks, NOISE, 'friction')
+    assert told is not None
+    value, error = told
+    # blows off the middle by up to half a radius, each told to about 0.2
+    assert abs(value - 0.1) < 0.15 and 0.005 < error < 0.15
+    assert told_by_forecasts(SCENE, tracks, NOISE, 'friction') is None
