@@ -11,12 +11,12 @@ import numpy as np
 
 from .ball_contact import FREE, HOPPING
 from .ball_fit import fit_start
-from .ball_path import start_of
 from .ball_surfaces import AT_REST, facing, KIND, SOLID
 from .jit import compiled, entry, in_place
 from .pair_blow import Crossed, not_crossed
 from .spin_windows import SpinWindows
 from .start_guess import first_frames, guess_start, prior_of_window, surface_of_start
+from .struck_prior import go_on, keep_spin
 from ..kernels.vector import dot, length, minus, row
 from ..scenes.state import Array
 
@@ -67,59 +67,6 @@ def _may_touch(ball: Array, planes: Array, times: Array, positions: Array) -> bo
     return False
 
 
-@in_place
-def _keep_spin(
-    ball: Array, plane: Array, guess: Array, before: Array, mean: Array, precision: Array
-) -> None:
-    """Prior of the spin along a surface of a ball that had that of rolling before a blow.
-
-    Told as what comes to that of rolling now: n x (v_before - v) / r.
-    """
-    radius, about = ball[0, 7], 0.0
-    for a in range(3):
-        for k in range(3):
-            about += plane[9 + a] * precision[6 + a, 6 + k] * plane[9 + k]
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        slip = plane[9 + b] * (before[c] - guess[3 + c])
-        slip -= plane[9 + c] * (before[b] - guess[3 + b])
-        mean[6 + a] = slip / radius
-        for k in range(3):
-            across = plane[9 + a] * plane[9 + k]
-            along = (1.0 if a == k else 0.0) - across
-            precision[6 + a, 6 + k] = along * (radius / before[3]) ** 2 + across * about
-
-
-@compiled
-def _go_on(
-    ball: Array, planes: Array, on: int, crossed: Crossed, mean: Array, precision: Array
-) -> None:
-    """Prior of a path that begins with a blow; that of its start on a surface is kept beside it.
-
-    Args:
-        ball: As `path` takes it, as the next.
-        planes: See there.
-        on: Surface that the ball is on, or FREE.
-        crossed: State just after the blow.
-        mean: Of the prior that is known of the place of a surface; overwritten.
-        precision: See there.
-    """
-    start, change = np.zeros(9), np.zeros((9, 9))
-    start_of(crossed.mean, planes, on, ball[0, 7], start, change)
-    found = np.linalg.inv(change @ crossed.covariance @ change.T)
-    if on != FREE:
-        off = away = 0.0
-        for c in range(3):
-            off += planes[on, 9 + c] * (start[c] - mean[c])
-            away += planes[on, 9 + c] * start[3 + c]
-        for c in range(3):
-            start[c] -= off * planes[on, 9 + c]
-            start[3 + c] -= away * planes[on, 9 + c]
-    precision[6:, :] = 0.0
-    precision += found
-    mean[:] = start
-
-
 @compiled
 def _estimate(
     ball: Array,
@@ -149,12 +96,12 @@ def _estimate(
     guess_start(ball, planes, times, positions, on, frames, guess)
     prior_of_window(planes, guess, on, spinning, windows, mean, precision)
     if on != FREE and before[3] > 0.0:
-        _keep_spin(ball, planes[on], guess, before, mean, precision)
+        keep_spin(ball, planes[on], guess, before, mean, precision)
     start[:6] = guess
     start[6:] = mean[6:]
     begin = times[0]
     if crossed.time <= begin:
-        _go_on(ball, planes, on, crossed, mean, precision)
+        go_on(ball, planes, on, crossed, mean, precision)
         start[:] = mean
         begin = crossed.time
     weights = np.ones(len(times))
