@@ -305,11 +305,9 @@ class Simulation:
                 if predictor.forecast is not None and predictor.pending is None:
                     predictor.has_diverged()  # so that the error is known, if no frame told it
                     self.predictions.compute()
-            return
-        now = self._now()
-        if self._tracker_is_gone(now):
-            return
-        self.predictions.publish_due(now)
+        elif not self._tracker_is_gone(now := self._now()):
+            self.predictions.publish_due(now)
+        self.futures.resume()
 
     def _give_up(self, error: PredictionError) -> None:
         self.forget('restart')
