@@ -149,9 +149,9 @@ def table_shot(frames: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def test_few_frames_after_a_blow_are_not_alone(frames: int) -> None:
     """By N frames at intervals h since alone a velocity is off by s / h sqrt(12 / (N (N^2 - 1))).
 
-    With the motions before and the blow it is off by less than two thirds of that, and as well known
-    as told: of 60 velocities the mean square in deviations is 1 within 0.3 (two deviations of a
-    chi-squared of 120 degrees of freedom), less what the laws leave open, which is not there.
+    With the motions before and the blow it is off by less than two thirds of that, and as well
+    known as told: of 60 velocities the mean square in deviations is 1 within 0.3 (two deviations
+    of a chi-squared of 120 degrees of freedom), less what the laws leave open, which is not there.
     """
     off, told = [], []
     for seed in range(30):
