@@ -379,50 +379,22 @@ def test_a_job_like_a_short_one_is_computed_at_once(
 
 
 def test_a_job_that_takes_long_to_make_waits_where_little_time_is_left(
-    bench_of: Bench, model: Forecaster, falling: Falling, monkeypatch: pytest.MonkeyPatch
+    bench_of: Bench, model: Forecaster, falling: Falling
 ) -> None:
     """A prediction that is due in less time than a recent job took to make is not held up."""
-    clock, begun = [0.0], []
-    monkeypatch.setattr(horizon.time, 'perf_counter', lambda: clock[0])
-    monkeypatch.setattr(horizon, 'SHARE', 0.0)  # all by its thread
+    begun: list[int] = []
 
-    def make(stamp_ns: int, seconds: float) -> Job:
+    def make(stamp_ns: int) -> Job:
         begun.append(stamp_ns)
-        clock[0] += seconds
         return job(model, falling(0.0), stamp_ns, 2)
 
     own = bench_of.horizon
-    own.request(lambda: make(0, 0.004), left=0.003)  # none was made before
-    assert begun == [0] and bench_of.next()
-    own.request(lambda: make(1, 0.001), left=0.003)
-    own.request(lambda: make(2, 0.001), left=-0.003)  # it is overdue
-    assert begun == [0] and own.busy
-    own.resume(0.003)
-    assert begun == [0, 2] and bench_of.next()
-    own.request(lambda: make(3, 0.001), left=0.005)
-    assert begun == [0, 2, 3] and bench_of.next()
-    own.request(lambda: make(4, 0.001))  # none is due
-    assert begun == [0, 2, 3, 4] and bench_of.next()
-
-
-def test_the_time_to_make_a_job_is_none_that_is_left(
-    bench_of: Bench, model: Forecaster, falling: Falling, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = [0.0]
-    monkeypatch.setattr(horizon.time, 'perf_counter', lambda: clock[0])
-    monkeypatch.setattr(horizon, 'SHARE', np.inf)
-
-    def make(seconds: float) -> Job:
-        clock[0] += seconds
-        return job(model, falling(0.0), 0, 3)
-
-    own = bench_of.horizon
-    own.request(lambda: make(0.0))
-    assert bench_of.next()
-    own.request(lambda: make(0.1), left=1.0)
-    assert own.take()  # at once
-    own.request(lambda: make(0.1), left=0.1)
-    assert bench_of.next()  # by its thread
+    own._making.append(0.004)
+    own.request(lambda: make(1), left=0.003)
+    own.request(lambda: make(2), left=-0.003)  # it is overdue
+    assert not begun and own.busy
+    own.resume()
+    assert begun == [2] and bench_of.next()
 
 
 def test_what_is_cancelled_never_comes(
