@@ -391,7 +391,7 @@ def test_a_job_that_takes_long_to_make_waits_where_little_time_is_left(
     own = bench_of.horizon
     own._making.append(0.004)
     own.request(lambda: make(1), left=0.003)
-    own.request(lambda: make(2), left=-0.003)  # it is overdue
+    own.request(lambda: make(2), left=0.002)
     assert not begun and own.busy
     own.resume()
     assert begun == [2] and bench_of.next()
