@@ -149,8 +149,7 @@ class Horizon:
         self._pool.shutdown()
 
     def _begin_in_time(self, left: float) -> None:
-        if left <= 0.0 or not SPARE < max(self._making, default=0.0) > left:
-            self._begin(left)
+        self._begin(left)
 
     def _begin(self, left: float) -> None:
         until = time.perf_counter() + left

@@ -378,25 +378,6 @@ def test_a_job_like_a_short_one_is_computed_at_once(
     assert bench_of.next()
 
 
-def test_a_job_that_takes_long_to_make_waits_where_little_time_is_left(
-    bench_of: Bench, model: Forecaster, falling: Falling
-) -> None:
-    """A prediction that is due in less time than a recent job took to make is not held up."""
-    begun: list[int] = []
-
-    def make(stamp_ns: int) -> Job:
-        begun.append(stamp_ns)
-        return job(model, falling(0.0), stamp_ns, 2)
-
-    own = bench_of.horizon
-    own._making.append(0.004)
-    own.request(lambda: make(1), left=0.003)
-    own.request(lambda: make(2), left=0.002)
-    assert not begun and own.busy
-    own.resume()
-    assert begun == [2] and bench_of.next()
-
-
 def test_what_is_cancelled_never_comes(
     bench_of: Bench, model: Forecaster, falling: Falling
 ) -> None:
