@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future as Result
 from concurrent.futures import ThreadPoolExecutor
@@ -30,7 +29,6 @@ BLOCK = 10e-3
 # two, and this [s] less than the executor has: beside the executor, one thread with Python's lock
 # waits for the other, and a future of one ball takes twice as long
 SHARE, SPARE = 0.6, 1e-3
-RECENT = 32  # jobs that tell how long one takes to make
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,6 @@ class Horizon:
         self._cancelled = threading.Event()
         self._last: Future | None = None
         self._begun = 0.0  # when a job was begun last [s]
-        self._making: deque[float] = deque(maxlen=RECENT)  # how long jobs took to make [s]
 
     @property
     def busy(self) -> bool:
@@ -111,16 +108,11 @@ class Horizon:
         Args:
             make: Makes the job when its turn comes, so that dropped requests cost nothing; returns
                 None where there is nothing to compute.
-            left: How long this call may take [s]; 0: that is not known. Where a recent job took
-                longer to make, this one waits for `resume`.
+            left: How long this call may take, the making included [s].
         """
         superseded, self._waiting = self._waiting is not None, make
-        self._begin_in_time(left)
-        return not superseded
-
-    def resume(self, left: float = 0.0) -> None:
-        """Begin the job that waits, if none runs; `left` is as of `request`."""
         self._begin(left)
+        return not superseded
 
     def take(self, left: float = 0.0) -> Future | None:
         """The result, where it is ready; the waiting job is begun then, as by `request`.
@@ -134,7 +126,7 @@ class Horizon:
         self._running = None
         future = None if running.exception() else running.result()
         self._last = future or self._last
-        self._begin_in_time(left)
+        self._begin(left)
         return running.result()
 
     def cancel(self) -> None:
@@ -148,21 +140,18 @@ class Horizon:
         self.cancel()
         self._pool.shutdown()
 
-    def _begin_in_time(self, left: float) -> None:
-        self._begin(left)
-
     def _begin(self, left: float) -> None:
         until = time.perf_counter() + left
         while self._running is None and self._waiting is not None:
-            making = time.perf_counter()
             make, self._waiting = self._waiting, None
             job = make()
-            before, now = self._begun, time.perf_counter()
-            self._making.append(now - making)
             if job is None:
                 continue
-            job, self._begun = replace(job, first=self._first(job)), now
-            if self._is_short(job, min(until - now - SPARE, SHARE * (now - before))):
+            job = replace(job, first=self._first(job))
+            before, self._begun = self._begun, time.perf_counter()
+            if self._is_short(
+                job, min(until - self._begun - SPARE, SHARE * (self._begun - before))
+            ):
                 self._running = Result()
                 try:
                     self._running.set_result(compute(job, self._cancelled.is_set))

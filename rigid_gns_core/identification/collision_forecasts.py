@@ -38,7 +38,6 @@ _DRAWS = 200
 # as of a term: the logarithm of the error is lower by this at least, and by more than its error
 _WORTH = 0.003
 
-
 Name = Literal['restitution', 'friction']
 
 
@@ -100,10 +99,7 @@ def with_value(scene: Scene, name: Name, value: float) -> Scene:
         restitution=float(np.mean(scene.restitution)) ** 2,
         friction=float(np.mean(scene.friction)) ** 2,
     )
-    changed = (
-        replace(law, restitution=value) if name == 'restitution' else replace(law, friction=value)
-    )
-    return replace(scene, sphere_contact=changed)
+    return replace(scene, sphere_contact=replace(law, **{name: value}))
 
 
 def _lowest(tried: Array, costs: Array) -> float:

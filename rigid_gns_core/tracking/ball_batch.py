@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .ball_window import APART, estimate_window, FEWEST
-from .crossed_blows import blow_before
+from .crossed_blows import blow_before, frames_of
 from .jit import compiled, entry
 from .kinks import find_kinks
 from .pair_blow import not_crossed
@@ -177,24 +177,21 @@ def estimate_balls(
         if not taken[i]:
             continue
         start, crossed = near[i], not_crossed()
-        for back in range(2):  # the newest frame of an approach may be after the blow
-            if learned and met[i, 1] >= 0 and crossed.time == np.inf:
-                crossed = blow_before(
-                    balls, planes, laws, pairs, noise, windows, times, positions, seen, begin,
-                    i, met[i, 1], met[i, 0] - back, times[m - 1],
-                )  # fmt: skip
-            since = np.searchsorted(times, crossed.time)
+        # the newest frame of an approach may be after the blow
+        for back in range(2 if learned and met[i, 1] >= 0 else 0):
+            if crossed.time < np.inf:
+                break
+            crossed = blow_before(
+                balls, planes, laws, pairs, noise, windows, times, positions, seen, begin,
+                i, met[i, 1], met[i, 0] - back, times[m - 1],
+            )  # fmt: skip
+            since = int(np.searchsorted(times, crossed.time))
             if seen[since:, i].any():
                 start = since
             else:
                 crossed = not_crossed()
-        count, last = 0, -1
-        for frame in range(start, m):
-            if seen[frame, i]:
-                own_times[count] = times[frame]
-                places[count] = positions[frame, i]
-                frames[count] = frame
-                count, last = count + 1, frame
+        count = frames_of(times, positions, seen, i, start, own_times, places, frames)
+        last = frames[count - 1] if count else -1
         goes_on = crossed.time < np.inf
         if count < fewest and not goes_on and not (learned and count >= 2):
             continue

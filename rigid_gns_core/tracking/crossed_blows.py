@@ -13,7 +13,7 @@ from .kinks import find_kinks
 from .pair_blow import cross_blow, Crossed, not_crossed
 from .spin_windows import SpinWindows
 from .struck import last_near, NEAR
-from ..kernels.neighbours import Flags
+from ..kernels.neighbours import Flags, Indices
 from ..kernels.vector import length, minus, row
 from ..scenes.state import Array
 
@@ -39,6 +39,27 @@ def _is_nearer(
             hit += (places[frame, c] - after) ** 2
             missed += (places[frame, c] - before) ** 2
     return hit < missed
+
+
+@compiled
+def frames_of(
+    times: Array,
+    positions: Array,
+    seen: Flags,
+    ball: int,
+    first: int,
+    times_out: Array,
+    places_out: Array,
+    frames_out: Indices,
+) -> int:
+    """Frames from `first` on that show a ball: times, places and numbers; how many there are."""
+    count = 0
+    for frame in range(first, len(times)):
+        if seen[frame, ball]:
+            times_out[count], places_out[count] = times[frame], positions[frame, ball]
+            frames_out[count] = frame
+            count += 1
+    return count
 
 
 @compiled
@@ -87,14 +108,11 @@ def blow_before(
     last_near(positions[:m], seen[:m], balls[:, 7], begin, near, met)
     states, covariances, lasts = np.zeros((2, 9)), np.zeros((2, 9, 9)), np.zeros(2)
     on, kinks = np.zeros(2, dtype=np.int64), np.zeros(m, dtype=np.int64)
+    own_times, places, frames = np.zeros(m), np.zeros((m, 3)), np.zeros(m, dtype=np.int64)
     rows, own_laws = np.zeros((2, balls.shape[1])), np.zeros((2, laws.shape[1], laws.shape[2]))
     for k in range(2):
         i = ball if k == 0 else other
-        own_times, places, count = np.zeros(m), np.zeros((m, 3)), 0
-        for frame in range(near[i], m):
-            if seen[frame, i]:
-                own_times[count], places[count] = times[frame], positions[frame, i]
-                count += 1
+        count = frames_of(times[:m], positions, seen, i, near[i], own_times, places, frames)
         if count < FEWEST or until - own_times[count - 1] > _UNSEEN:
             return not_crossed()
         rows[k], own_laws[k] = balls[i], laws[i]

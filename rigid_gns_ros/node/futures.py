@@ -127,11 +127,6 @@ class Futures:
             self._diagnostics.future_superseded()
         self._on_ready()  # a short one is there, without a wake-up of the executor
 
-    def resume(self) -> None:
-        """Begin what waits, after a prediction that was due first."""
-        self._horizon.resume(self._left())
-        self._on_ready()
-
     def _begin(self) -> Job | None:
         """Job from the newest frame; None: no start, or the message would be too large."""
         window = self._window

@@ -307,7 +307,6 @@ class Simulation:
                     self.predictions.compute()
         elif not self._tracker_is_gone(now := self._now()):
             self.predictions.publish_due(now)
-        self.futures.resume()
 
     def _give_up(self, error: PredictionError) -> None:
         self.forget('restart')

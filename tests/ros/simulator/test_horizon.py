@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -376,6 +377,20 @@ def test_a_job_like_a_short_one_is_computed_at_once(
     monkeypatch.setattr(horizon, 'SHARE', 0.0)  # it leaves no time
     request(job(model, falling(0.0), 3, 4))
     assert bench_of.next()
+
+
+def test_the_time_to_make_a_job_is_none_that_is_left(
+    bench_of: Bench, model: Forecaster, falling: Falling, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def make(seconds: float) -> Job:
+        time.sleep(seconds)  # it may take longer, but never less
+        return job(model, falling(0.0), 0, 3)
+
+    monkeypatch.setattr(horizon, 'SHARE', np.inf)  # of any time
+    bench_of.horizon.request(lambda: make(0.0))
+    assert bench_of.next()
+    bench_of.horizon.request(lambda: make(0.05), left=0.05)
+    assert bench_of.next()  # by its thread
 
 
 def test_what_is_cancelled_never_comes(
