@@ -209,12 +209,20 @@ class Predictor:
         # without a newer frame it advances period by period, however late: a slow machine would
         # fall further behind if it computed several at once
         newer = self._window.full and self._newest > self.forecast.start_ns
-        reason = self._restart_reason or ('every' if self.every and newer else None)
+        reason = self._restart_reason
+        if self.every and newer and not reason and (paused or not self._catches_up(now)):
+            reason = 'every'
         if reason:
             self._restart_reason = None
             self.forecast = self._renewed(now, reason, paused=paused)
         self.pending = self._advance()
         return self.pending
+
+    def _catches_up(self, now: int) -> bool:
+        """Whether the last forecast goes on, as a new one would leave out a stamp of a stall."""
+        late = now - self.due_ns
+        left_out = late > self.period_ns or self._newest >= self._grid.stamp_ns
+        return left_out and self._pacer.catches_up(late, now)
 
     def _advance(self) -> Prediction:
         assert self.forecast is not None

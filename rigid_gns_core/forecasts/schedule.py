@@ -13,6 +13,8 @@ SNAP = 0.05
 # up half of a span of at least this time, in at least so many events
 OVERLOAD_NS = 3_000_000_000
 OVERLOAD_COUNT = 5
+# a stall up to so many periods long is caught up with, one in `OVERLOAD_NS`
+CATCH_UP = 3
 
 
 class Grid:
@@ -59,8 +61,9 @@ class Grid:
 class Pacer:
     """Decides whether a late prediction is published, and distinguishes overload from a stall.
 
-    Up to one period late, it is published; later, only if the last one was published at least a
-    period ago. So in overload every computed prediction is published, but no burst after a stall.
+    Up to one period late, it is published, and after a short stall up to `CATCH_UP`; later, only
+    if the last one was published at least a period ago. So in overload every computed prediction
+    is published, but no burst after a long stall.
 
     Args:
         period_ns: Time between predictions [ns].
@@ -74,6 +77,7 @@ class Pacer:
     def clear(self) -> None:
         """Forget the history, after a clock jump or a new start."""
         self._published_ns: int | None = None
+        self._stalled_ns: int | None = None  # when the last short stall was met
         self._late_count = 0
         self._late_since: tuple[int, int] = (
             0,
@@ -92,6 +96,16 @@ class Pacer:
         left_out = sum(each for _, each in skips) * self.period_ns
         self.overloaded |= spread and left_out >= span // 2
 
+    def catches_up(self, late_ns: int, now_ns: int) -> bool:
+        """Whether a prediction `late_ns` late at `now_ns` is one of those due in a short stall."""
+        longest = CATCH_UP * self.period_ns
+        long = self._late_count > 0 and self._late_since[1] > longest
+        if long or not 0 < late_ns <= longest:
+            return False
+        if self._stalled_ns is None or now_ns - self._stalled_ns > OVERLOAD_NS:
+            self._stalled_ns = now_ns
+        return now_ns - self._stalled_ns <= longest
+
     def admits(self, late_ns: int, now_ns: int) -> bool:
         """Whether to publish, at `now_ns`, a prediction that is `late_ns` late."""
         if late_ns <= self.period_ns:
@@ -104,7 +118,8 @@ class Pacer:
             if self._late_count >= OVERLOAD_COUNT and now_ns - since >= OVERLOAD_NS:
                 self.overloaded |= late_ns >= by
             last = self._published_ns
-            if last is not None and now_ns - last < self.period_ns:
+            apart = self.period_ns if last is None else now_ns - last
+            if apart < self.period_ns and not self.catches_up(late_ns, now_ns):
                 return False
         self._published_ns = now_ns
         return True

@@ -56,6 +56,33 @@ def test_overload_is_reported_once(falling: Callable[..., np.ndarray]) -> None:
     assert predictor.counts['skipped'] > 60
 
 
+@pytest.mark.parametrize(('stalled', 'skipped'), [(1.6, 0), (2.6, 0), (6.6, 7)])
+def test_no_stamp_of_a_short_stall_is_left_out(
+    falling: Callable[..., np.ndarray], stalled: float, skipped: int
+) -> None:
+    window, predictor = follower(lambda *_: None, pytest.fail)
+    stamps: list[int] = []
+    now, until, next_frame = START, START + 12 * PERIOD, START
+    while now < until:
+        while next_frame <= now:  # frames come four times a period, those of a stall after it
+            falls = falling((next_frame - START) * 1e-9)
+            window.add(PoseArrayFrame(next_frame, 'world', falls), now)
+            next_frame += PERIOD // 4
+        if predictor.forecast is None:
+            predictor.start(now, 'first')
+        predictor.compute(now)
+        now = max(now, predictor.due_ns)
+        if (taken := predictor.take_in_time(now)) is not None:
+            stamps.append(taken.stamp_ns)
+        now = max(now, predictor.due_ns + PERIOD // 2)
+        if len(stamps) == 3:
+            now += round(stalled * PERIOD)
+    assert predictor.counts['skipped'] == skipped
+    assert len(stamps) == (stamps[-1] - stamps[0]) // PERIOD + 1 - skipped
+    assert predictor.last_start is not None  # and each starts from the newest frame again
+    assert predictor.last_start.stamp_ns > stamps[-1] - PERIOD
+
+
 def test_a_tracker_whose_clock_stood_still_is_followed_again(
     falling: Callable[..., np.ndarray],
 ) -> None:

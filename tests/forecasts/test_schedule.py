@@ -67,6 +67,26 @@ def test_a_stall_makes_no_burst() -> None:
     assert [k for _, k in published[-3:]] == [117, 118, 119]
 
 
+@pytest.mark.parametrize(('stalled', 'left_out'), [(2.5, 0), (4.5, 3)])
+def test_a_short_stall_is_caught_up_with(stalled: float, left_out: int) -> None:
+    pacer = Pacer(PERIOD)
+    assert pacer.admits(0, 0)
+    now = round((1 + stalled) * PERIOD)  # those due meanwhile are ready at once after it
+    admitted = [pacer.admits(now - k * PERIOD, now) for k in range(1, 6) if k * PERIOD <= now]
+    assert admitted.count(False) == left_out
+    assert admitted[0] and admitted[-1]
+
+
+def test_one_short_stall_in_three_seconds_is_caught_up_with() -> None:
+    pacer = Pacer(PERIOD)
+    stalls = [0, 2_000_000_000, 3_500_000_000]
+    caught = [pacer.catches_up(PERIOD, at) for at in stalls]
+    assert caught == [True, False, True]
+    # what is in time, and what a long stall left, is not caught up with
+    assert not pacer.catches_up(0, 9_000_000_000)
+    assert not pacer.catches_up(4 * PERIOD, 9_000_000_000)
+
+
 def test_skipped_predictions_show_overload() -> None:
     """As with `start: every`, whose stamps move on to the present and so are in time again."""
     pacer = Pacer(PERIOD)
