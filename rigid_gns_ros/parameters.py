@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
-    """Declare all parameters of a table.
+    """Declare all parameters of a table; a node with one that cannot be is destroyed.
 
     Returns:
         Their values by name.
@@ -25,25 +25,13 @@ def declare(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
         UserError: An initial value has the wrong type, is out of range or is not allowed.
     """
     from rcl_interfaces.msg import SetParametersResult
-    from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 
-    values: dict[str, Any] = {}
-    for spec in table:
-        try:
-            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
-        except InvalidParameterTypeException as error:
-            raise UserError(
-                f'parameter {spec.name} has the wrong type: {error}; give {_wanted(spec.default)}'
-            ) from error
-        except InvalidParameterValueException as error:
-            raise UserError(
-                f'parameter {spec.name}: {error}; '
-                f'allowed: {spec.low:g} to {spec.high:g} {spec.unit}'.rstrip()
-            ) from error
-        value = node.get_parameter(spec.name).value
-        values[spec.name] = list(value) if isinstance(spec.default, list) else value
-        if problem := spec.problem(values[spec.name]):
-            raise UserError(f'parameter {problem}')
+    try:
+        values = {spec.name: _declare(node, spec) for spec in table}
+    except UserError:
+        # half built, it would end whenever its memory is collected, in any thread
+        node.destroy_node()
+        raise
     specs = {spec.name: spec for spec in table}
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
@@ -64,6 +52,27 @@ def declared(node: Node, table: tuple[ParameterSpec, ...]) -> dict[str, Any]:
         spec.name: list(values[spec.name]) if isinstance(spec.default, list) else values[spec.name]
         for spec in table
     }
+
+
+def _declare(node: Node, spec: ParameterSpec) -> Any:
+    from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+
+    try:
+        node.declare_parameter(spec.name, spec.default, _descriptor(spec))
+    except InvalidParameterTypeException as error:
+        raise UserError(
+            f'parameter {spec.name} has the wrong type: {error}; give {_wanted(spec.default)}'
+        ) from error
+    except InvalidParameterValueException as error:
+        raise UserError(
+            f'parameter {spec.name}: {error}; '
+            f'allowed: {spec.low:g} to {spec.high:g} {spec.unit}'.rstrip()
+        ) from error
+    found = node.get_parameter(spec.name).value
+    value = list(found) if isinstance(spec.default, list) else found
+    if problem := spec.problem(value):
+        raise UserError(f'parameter {problem}')
+    return value
 
 
 def _wanted(default: Value) -> str:
