@@ -13,8 +13,8 @@ SNAP = 0.05
 # up half of a span of at least this time, in at least so many events
 OVERLOAD_NS = 3_000_000_000
 OVERLOAD_COUNT = 5
-# a stall up to so many periods long is caught up with, one in `OVERLOAD_NS`
-CATCH_UP = 3
+# a stall up to so many periods long is caught up with, and so many of them in `OVERLOAD_NS`
+CATCH_UP = STALLS = 3
 
 
 class Grid:
@@ -77,7 +77,7 @@ class Pacer:
     def clear(self) -> None:
         """Forget the history, after a clock jump or a new start."""
         self._published_ns: int | None = None
-        self._stalled_ns: int | None = None  # when the last short stall was met
+        self._stalls: deque[int] = deque(maxlen=STALLS)  # when the last short ones were met
         self._late_count = 0
         self._late_since: tuple[int, int] = (
             0,
@@ -102,9 +102,13 @@ class Pacer:
         long = self._late_count > 0 and self._late_since[1] > longest
         if long or not 0 < late_ns <= longest:
             return False
-        if self._stalled_ns is None or now_ns - self._stalled_ns > OVERLOAD_NS:
-            self._stalled_ns = now_ns
-        return now_ns - self._stalled_ns <= longest
+        stalls = self._stalls
+        if stalls and now_ns - stalls[-1] <= longest:
+            return True
+        if len(stalls) == STALLS and now_ns - stalls[0] <= OVERLOAD_NS:
+            return False
+        stalls.append(now_ns)
+        return True
 
     def admits(self, late_ns: int, now_ns: int) -> bool:
         """Whether to publish, at `now_ns`, a prediction that is `late_ns` late."""
