@@ -29,6 +29,8 @@ from ..tracking.ball_window import MOST_CONTACTS
 from ..tracking.start_guess import first_frames
 
 _MOST_DAMPING = 1e4
+# a step that lowers the loss, -2 log L, by less is the last one
+_CONVERGED = 0.1
 # parts of a friction that are tried first
 _SCANNED = (0.35, 0.5, 0.7, 1.4)
 # a stretch that is met has this loss per coordinate at most; factor of growth of a first fit
@@ -68,7 +70,7 @@ class JointFit(Problem):
         parameters: Sequence[Parameter],
         values: Mapping[str, float],
         starts: Array | None = None,
-        rounds: int = 8,
+        rounds: int = 24,
         scan: bool = True,
     ) -> Fitted:
         """Fit parameters from values, others stay; with `scan` from several frictions."""
@@ -113,7 +115,7 @@ class JointFit(Problem):
             gain, total = total - loss, loss
             now, starts, losses = tried, ends, after
             damping = max(damping / 10.0, 1e-6)
-            if gain < 1e-4 * total:
+            if gain < _CONVERGED:
                 break
         normal = eliminated(self, free, now, starts)
         counts = np.array([3 * len(one.times) for one in self.found])
