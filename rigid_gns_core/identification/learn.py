@@ -338,8 +338,9 @@ def _notes(laws: Laws, ladder: Ladder, met: Met, told: dict[str, Told]) -> tuple
             term = line.name.removeprefix('without ')
             notes.append(f'{term}: left-out tracks are predicted no worse without it')
     for name, one in told.items():
-        width = laws.start_of(name).width
-        if one.error > 0.7 * width:
+        assumed = laws.start_of(name)
+        near = abs(one.value - assumed.start) < 2 * one.error
+        if near and one.error > 0.7 * assumed.width:
             notes.append(f'{name}: the data hardly tell it ({one.value:.3g} +- {one.error:.2g})')
     return tuple(notes)
 
