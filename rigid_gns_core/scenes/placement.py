@@ -190,15 +190,16 @@ def _clearance(scene: Scene, places: Array, radii: Array | float) -> Array:
     return np.asarray(apart - np.reshape(radii, (-1, 1)))
 
 
-def depths(scene: Scene, places: Array) -> Iterator[tuple[str, Array]]:
+def depths(scene: Scene, places: Array, tilt: float = 0.0) -> Iterator[tuple[str, Array]]:
     """How deep centres are where none can be [m], shape (n,), and in words where that is.
 
-    Behind each endless surface at rest and inside each obstacle; negative outside.
+    Behind each endless surface at rest, which may be tilted by up to `tilt` [rad] about its point,
+    and inside each obstacle; negative outside.
     """
     for index, plane in enumerate(scene.surfaces):
         if plane.is_half_space:
-            depth = (np.asarray(plane.point) - places) @ np.asarray(plane.normal)
-            yield f'behind surface {index}', depth
+            along, across, height = plane.axes @ (places - np.asarray(plane.point)).T
+            yield f'behind surface {index}', -height - tilt * np.hypot(along, across)
     for index, obstacle in enumerate(scene.obstacles):
         yield f'inside obstacle {index}', -obstacle.closest(places)[0]
 

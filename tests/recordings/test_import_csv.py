@@ -224,6 +224,30 @@ def test_good_tracks_of_hard_motions_pass(tmp_path: Path) -> None:
     assert len(load_tracks(tmp_path / 'data')) == 5
 
 
+def turned_far_away(rows: list[Row]) -> list[Row]:
+    """A frame tilted by 1.1 degrees, 20 m from its origin: the ground is 0.4 m lower there."""
+    return [
+        (*row[:3], float(str(row[3])) + 20.0, row[4], float(str(row[5])) - 0.02 * 20.0)
+        for row in rows
+    ]
+
+
+def false_place(rows: list[Row]) -> list[Row]:
+    """A single place that the tracker takes for the ball, 0.1 m under the lowest one."""
+    lowest = min(range(len(rows)), key=lambda index: float(str(rows[index][5])))
+    row = rows[lowest]
+    return [*rows[:lowest], (*row[:5], float(str(row[5])) - 0.1), *rows[lowest + 1 :]]
+
+
+@pytest.mark.parametrize('change', [turned_far_away, false_place])
+def test_a_tilted_frame_and_a_false_place_are_left_to_the_fit(
+    tmp_path: Path, change: Callable[[list[Row]], list[Row]]
+) -> None:
+    path = write_csv(tmp_path / 'far.csv', change(rows_of(shots(noise=NOISE))))
+    import_bags([path], tmp_path / 'data', ImportOptions(scene=write_scene(tmp_path)))
+    assert len(load_tracks(tmp_path / 'data')) == 4
+
+
 @pytest.mark.parametrize(
     ('options', 'message'),
     [

@@ -27,8 +27,9 @@ _COARSE = 2.0
 _JUMP, _FASTER = 2.0, 4.0
 # it is in two places where it returns to within this part of a step, in so many of its steps
 _RETURN, _RETURNS, _RETURNED = 0.3, 3, 0.1
-# a centre this deep behind an endless surface or in an obstacle does not fit the scene [radii]
-_BEHIND = 0.2
+# a centre this deep behind an endless surface or in an obstacle does not fit the scene [radii];
+# a tracker's frame, and so a surface, may be tilted by this [rad], and fewer places may be false
+_BEHIND, _TILT, _FALSE = 0.2, 0.03, 3
 
 
 class _Samples(NamedTuple):
@@ -160,9 +161,12 @@ def _behind(own: _Samples) -> _Found:
     allowed = _BEHIND * own.radius + 5.0 * own.noise
     if not len(own.places):
         return None
-    for where, depth in depths(own.scene, own.places):
-        place = int(depth.argmax())
-        if depth[place] > allowed:
+    for (where, depth), (_, past) in zip(
+        depths(own.scene, own.places), depths(own.scene, own.places, _TILT), strict=True
+    ):
+        place = int(past.argmax())
+        if (past > allowed).sum() >= _FALSE:
+            bound = allowed + depth[place] - past[place]
             far = depth[place] > 100 * own.radius
             remedy = (
                 'give --scale or --up where units or axes differ'
@@ -171,7 +175,7 @@ def _behind(own: _Samples) -> _Found:
             )
             return place, (
                 f'its centre is {depth[place]:.3g} m {where} of the scene, '
-                f'expected at most {allowed:.3g} m; {remedy}, or name the right --scene'
+                f'expected at most {bound:.3g} m; {remedy}, or name the right --scene'
             )
     return None
 
