@@ -63,8 +63,8 @@ def pose_array_of_cloud(cdr: bytes) -> bytes:
             f'PointCloud2: {count} points of {step} bytes, but {size} bytes of data in rows of '
             f'{row_step}; expected rows without padding'
         )
-    points = np.empty((count, 3))
-    for axis, name in enumerate('xyz'):
+    coordinates = []  # the message holds that many points only where each has its bytes
+    for name in 'xyz':
         offset, datatype = columns.get(name, (0, 0))
         kind = _FLOATS.get(datatype)
         if kind is None or offset + int(kind[1]) > step:
@@ -75,8 +75,8 @@ def pose_array_of_cloud(cdr: bytes) -> bytes:
         record = np.dtype(
             {'names': ['value'], 'formats': [order + kind], 'offsets': [offset], 'itemsize': step}
         )
-        points[:, axis] = np.frombuffer(data, record, count)['value']
-    return _of_points(frame_id, points, stamp)
+        coordinates.append(np.frombuffer(data, record, count)['value'].astype(np.float64))
+    return _of_points(frame_id, np.stack(coordinates, axis=1), stamp)
 
 
 def _of_points(frame_id: str, points: Array, stamp_ns: int) -> bytes:

@@ -104,6 +104,11 @@ def test_poses_and_points_of_one_ball(frame_id: str) -> None:
         ({'point_step': 8, 'width': 7, 'row_step': 56, 'data': bytes(56)}, 'no field y'),
         ({'row_step': 30, 'height': 3, 'width': 1}, None),
         ({'row_step': 25}, 'rows without padding'),
+        # so many points would not fit into memory
+        (
+            {'height': 2**31, 'width': 2**31, 'point_step': 0, 'row_step': 0, 'data': b''},
+            'no field x of float32 or float64 within points of 0 bytes',
+        ),
     ],
 )
 def test_clouds_that_cannot_be_read_are_named(change: dict[str, Any], message: str | None) -> None:
