@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from .rejected_frame import RejectedFrame
 from ..messages.poses import PoseArrayFrame
@@ -103,5 +104,4 @@ def _way(before: Array, after: Array) -> float:
     if not len(fewer):
         return 0.0
     # of each the nearest: in another order it is not the one at the same place
-    apart = np.linalg.norm(fewer[:, None] - more[None], axis=-1)
-    return float(apart.min(axis=1).max())
+    return float(cKDTree(more[:, :3]).query(fewer[:, :3])[0].max())

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from rigid_gns_core.messages.poses import PoseArrayCodec, PoseArrayFrame
 from rigid_gns_core.recordings.importing.import_bags import import_bags
 from rigid_gns_core.recordings.importing.options import ImportOptions
 from rigid_gns_core.scenes.state import Array
+from rigid_gns_core.tracking.repeats import Repeats
 from rigid_gns_core.tracking.usable_frames import RejectedFrame, usable_passes
 from rigid_gns_core.tracking.window import TrackingWindow
 from tracking_windows import tracking_window
@@ -139,3 +141,20 @@ def test_the_node_begins_anew_too(matched: bool, back: float) -> None:
     state = found.start()[1]
     velocities = VELOCITIES + np.array(SCENE.gravity) * 0.05 * 39
     np.testing.assert_allclose(state.velocities, velocities, atol=0.05)
+
+
+def test_repeats_of_many_spheres_take_no_memory_for_each_pair() -> None:
+    """Of 3000 all pairs took 0.6 GB and 3 s, of 100 000 they would not fit into memory."""
+    rng, repeats = np.random.default_rng(0), Repeats(0.02)
+    poses = np.concatenate(
+        [rng.normal(size=(3000, 3)), np.tile([0, 0, 0, 1.0], (3000, 1))], axis=1
+    )
+    for index in range(2):
+        repeats.took(PoseArrayFrame(START + index * 10**7, 'world', poses + 0.01 * index))
+    again = PoseArrayFrame(START + 2 * 10**7, 'world', poses + 0.01)
+    tracemalloc.start()
+    with pytest.raises(RejectedFrame, match='its poses are those of the frame'):
+        repeats.check(again)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100 * poses.nbytes
