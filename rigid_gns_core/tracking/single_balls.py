@@ -12,13 +12,16 @@ from ..scenes.state import Array
 
 # poses whose stamps are no further apart are of one frame of the tracker [ns]
 SAME_NS = 1_000_000
+# a stamp so much older is of a clock that was set, or a tracker that restarted [ns]
+_RESTART_NS = 1_000_000_000
 
 
 class SingleBalls:
     """Poses of `count` balls, each of which comes in a message of its own.
 
     A frame is complete when it has all of them. Where one is missing, it is when the next begins,
-    and NaN stands for that ball.
+    and NaN stands for that ball. One that waits when stamps go back is dropped: among the frames
+    after that it would be from the future, and these late.
     """
 
     def __init__(self, count: int) -> None:
@@ -39,7 +42,8 @@ class SingleBalls:
             or abs(stamp_ns - frame.stamp_ns) > SAME_NS
             or frame_id != frame.frame_id
         ):
-            ended, self._frame = frame, None
+            ended = frame if frame.stamp_ns - stamp_ns < _RESTART_NS else None
+            self._frame = None
         if self._frame is None:
             self._frame = PoseArrayFrame(stamp_ns, frame_id, np.full((self._count, 7), np.nan))
             self._there[:] = False

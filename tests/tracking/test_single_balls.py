@@ -45,3 +45,13 @@ def test_a_single_ball_is_a_frame_at_once() -> None:
         found = decode_pose_array(balls.add(0, STAMP + k, 'lab', pose))
         assert found.stamp_ns == STAMP + k
         np.testing.assert_array_equal(found.poses, pose[None])
+
+
+def test_a_frame_that_waits_is_dropped_where_stamps_go_back() -> None:
+    """As where a bag is played again: it would make all frames after it late ones."""
+    balls, own = SingleBalls(2), poses(2)
+    assert balls.add(1, STAMP, 'lab', own[1]) is None
+    assert balls.add(0, STAMP - 2 * 10**9, 'lab', own[0]) is None
+    found = decode_pose_array(balls.add(1, STAMP - 2 * 10**9, 'lab', own[1]))
+    assert found.stamp_ns == STAMP - 2 * 10**9
+    np.testing.assert_array_equal(found.poses, own)
