@@ -14,6 +14,7 @@ from .forecaster import Forecast, Forecaster, Prediction
 from .schedule import Grid, Pacer
 from .starts import Reason, Start
 from ..errors import UserError
+from ..messages.cdr import split_stamp
 from ..scenes.plane import Plane
 from ..tracking.usable_frames import seconds
 from ..tracking.window import TrackingWindow
@@ -227,6 +228,9 @@ class Predictor:
     def _advance(self) -> Prediction:
         assert self.forecast is not None
         try:
+            split_stamp(
+                self._grid.stamp_ns
+            )  # a frame's may fit where that of a prediction does not
             return self.forecast.advance_to(self._grid.stamp_ns)
         except (UserError, FloatingPointError) as error:
             raise PredictionError(

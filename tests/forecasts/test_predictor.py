@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from rigid_gns_core.forecasts.forecaster import Forecaster
-from rigid_gns_core.forecasts.predictor import Predictor, Resync
+from rigid_gns_core.forecasts.predictor import PredictionError, Predictor, Resync
 from rigid_gns_core.messages.poses import PoseArrayFrame
 from rigid_gns_core.scenes.scene_file import load_scene
 from rigid_gns_core.tracking.window import TrackingWindow
@@ -110,3 +110,15 @@ def test_a_tracker_whose_clock_stood_still_is_followed_again(
     assert warned == ['offset']
     assert set(ahead[-15:]) == {1}
     assert max(steps[-15:]) == 1
+
+
+def test_a_prediction_beyond_what_a_stamp_can_hold_is_named(
+    falling: Callable[..., np.ndarray],
+) -> None:
+    """A message has 32 bits of seconds, which the frame's own stamp may just fit into."""
+    window, predictor = follower(lambda *_: None, lambda _: None)
+    last = (2**31 - 1) * 10**9 + 950_000_000
+    window.add(PoseArrayFrame(last, 'world', falling(0.0)), START)
+    predictor.start(START, 'first')
+    with pytest.raises(PredictionError, match='2147483648.050000000 s failed: .* int32'):
+        predictor.compute(START)
