@@ -37,7 +37,7 @@ def on_jump(node: Node, callback: Callable[[int], None]) -> JumpHandle:
 
 
 class ClockWatch:
-    """Detects steps of the system clock by comparing it with the monotonic clock.
+    """Detects a change of `use_sim_time`, and steps of the system clock by the monotonic clock.
 
     rclpy reports jumps of simulated time only. A robot without a battery-backed clock boots with a
     time years ago, which is set when it reaches a time server.
@@ -49,6 +49,7 @@ class ClockWatch:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._apart: int | None = None  # difference of both clocks at the last call [ns]
+        self._simulated, self._now = simulated(node), 0  # at the last call
 
     def jump_ns(self, now: int) -> int:
         """Step of the clock since the last call [ns]; 0: it was not set.
@@ -56,8 +57,12 @@ class ClockWatch:
         Args:
             now: Time of the node's clock [ns].
         """
-        if simulated(self._node):
+        was, self._simulated = self._simulated, simulated(self._node)
+        last, self._now = self._now, now
+        if self._simulated != was:
             self._apart = None
+            return now - last or 1  # another clock, even if it happens to tell the same time
+        if self._simulated:
             return 0
         before, self._apart = self._apart, now - time.monotonic_ns()
         ahead = 0 if before is None else self._apart - before
