@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+_MOST = 100  # publishers that are told apart
+
 
 class LostMessages:
     """Counts gaps in the sequence numbers of one topic.
@@ -46,6 +48,7 @@ class LostMessages:
         if before is not None:
             self._newest.remove(before)
         self._newest.append(number)
+        del self._newest[:-_MOST]  # some make a new publisher for each message
         lost = 0 if before is None else number - before - 1
         self.total += lost
         return lost

@@ -92,3 +92,10 @@ def test_gaps_in_the_numbers_are_losses(
 ) -> None:
     found = LostMessages(lambda: publishers)
     assert sum(found.take(number) for number in numbers) == found.total == lost
+
+
+def test_numbers_of_publishers_that_have_gone_are_forgotten() -> None:
+    """Some make a publisher for each message."""
+    found = LostMessages(lambda: 1)
+    assert not any(found.take(1) for _ in range(1000))
+    assert len(found._newest) <= 100
