@@ -31,7 +31,8 @@ class ManagedNode(LifecycleNodeMixin, ClosingNode):
         LifecycleNodeMixin.__init__(self)
         self._starting = False
         self._failure: Exception | None = None
-        self._kept: set[int] = set()  # what is there before `configure`
+        # what is there before the first `configure`; None: nothing else is there yet
+        self._kept: set[int] | None = None
 
     @abstractmethod
     def configure(self) -> None:
@@ -128,6 +129,8 @@ class ManagedNode(LifecycleNodeMixin, ClosingNode):
 
     def _destroy(self) -> None:
         """Destroy what `configure` made in the node."""
+        if self._kept is None:
+            return
         for entities, destroy in self._entities():
             for entity in entities:
                 if id(entity) not in self._kept:

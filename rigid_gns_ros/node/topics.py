@@ -5,21 +5,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TwistWithCovarianceStamped
-from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rigid_gns_core.bags.metadata import Qos
 from rigid_gns_core.bags.writer import BagWriter
-from rigid_gns_core.errors import UserError
 from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -28,6 +25,7 @@ from .executor import Quick
 from .inbox import Inbox
 from .inputs import Convert, Input
 from .moving_surfaces import Listener
+from .topic_names import TopicNames
 
 # QoS policies that parameters may override, as qos_overrides./tracked_poses.subscription.depth
 _CHANGEABLE = (
@@ -50,15 +48,6 @@ def sensor_data() -> QoSProfile:
 def overridable() -> QoSOverridingOptions:
     """Options that declare the QoS policies of a topic as parameters."""
     return QoSOverridingOptions(_CHANGEABLE)
-
-
-@contextmanager
-def _named_overrides(topic: str) -> Iterator[None]:
-    """Turn errors of a topic's QoS parameters into UserError."""
-    try:
-        yield
-    except (RuntimeError, InvalidParameterTypeException) as error:
-        raise UserError(f'qos_overrides of {topic}: {error}') from error
 
 
 class NodeTopics:
@@ -96,6 +85,7 @@ class NodeTopics:
         self._recorded: list[
             tuple[str, str, Qos, int]
         ] = []  # name, type, QoS and depth of each recorded topic
+        self._names = TopicNames(node)
         self._early: dict[str, bytes] = {}  # last messages before the first time on /clock
         self.recorded_bytes = 0  # of messages passed to the bag
         self.predicted = self._publisher(PoseArray, 'predicted_poses')
@@ -195,7 +185,7 @@ class NodeTopics:
     def _subscription(self, kind: Any, name: str, *convert: Convert) -> str:
         """Hear a tracker's topic, recorded as a PoseArray on tracked_poses; its resolved name."""
         profile = sensor_data()
-        with _named_overrides(name):
+        with self._names.made(name, kind):
             own = Input(
                 self._node,
                 kind,
@@ -220,7 +210,7 @@ class NodeTopics:
                 self._record(own.topic, cdr, now)
 
         profile = sensor_data()
-        with _named_overrides(name):
+        with self._names.made(name, kind):
             own = Input(
                 self._node, kind, name, profile, overridable(), self.inbox, heard, lambda *_: None
             )
@@ -256,7 +246,7 @@ class NodeTopics:
             reliability=ReliabilityPolicy.RELIABLE,
             durability=durability,
         )
-        with _named_overrides(name):
+        with self._names.made(name, kind):
             publisher = self._node.create_publisher(
                 kind, name, profile, qos_overriding_options=overridable()
             )

@@ -87,7 +87,7 @@ class Transforms:
         """
         if self._kind is None:
             raise UserError("parameter tracker is 'tf', which needs the ROS package tf2_msgs")
-        self._balls = {name: ball for ball, name in enumerate(balls)}
+        self._balls = {name.lstrip('/'): ball for ball, name in enumerate(balls)}
         self._together, self._take_balls = SingleBalls(len(balls)), take
         self._hear_all()
 

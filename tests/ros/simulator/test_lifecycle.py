@@ -149,3 +149,15 @@ def test_what_cannot_be_configured_is_said_and_it_can_be_shut_down(
     assert not own.change('configure') and own.state == 'unconfigured'
     assert 'nosuch' in log()
     assert own.change('shutdown') and own.state == 'finalized'
+
+
+def test_it_can_be_shut_down_before_it_is_configured(bench: Any) -> None:
+    own = Supervised(bench)
+    assert own.change('shutdown') and own.state == 'finalized'
+
+
+def test_a_topic_that_cannot_be_is_said_in_one_line(bench: Any, log: Callable[[], str]) -> None:
+    own = Supervised(bench, tracker='PoseStamped', balls='ball 1')
+    assert not own.change('configure') and own.state == 'unconfigured'
+    said = log()
+    assert 'Invalid topic name: ' in said and "'ball 1'" in said and 'Traceback' not in said
