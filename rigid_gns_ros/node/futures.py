@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 SIZE = 104  # pose and twist of a sphere at one time in the message [bytes]
 MOST = 100_000_000  # largest message, as it is copied several times [bytes]
+MOST_DRAWN = 1_000_000_000  # states of all samples, which are in memory at once [bytes]
 
 
 class Futures:
@@ -151,6 +152,13 @@ class Futures:
             self._none(
                 f'a future of {steps} steps of {len(state)} spheres would be a message of '
                 f'{size / 1e6:.0f} MB, the bound is {MOST / 1e6:.0f} MB; lower horizon'
+            )
+            return None
+        if self.samples and (drawn := (1 + self.samples) * size) > MOST_DRAWN:
+            self._none(
+                f'{self.samples} samples of {steps} steps of {len(state)} spheres would take '
+                f'{drawn / 1e9:.3g} GB, the bound is {MOST_DRAWN / 1e9:g} GB; lower samples or '
+                'horizon'
             )
             return None
         spread = None

@@ -160,9 +160,10 @@ class Simulation:
         """Stop and finish the bag; a line of counts, for the log."""
         self._alarm.cancel()
         self.topics.drain()
-        self.futures.close()
+        self.futures.cancel()
         self.learning.close()
         bag = self.topics.close()
+        self.futures.close()  # last: draws take many seconds, in which a supervisor may kill
         counts = {**self.predictor.counts, 'rejected': self.diagnostics.rejected}
         text = ', '.join(f'{count} {name}' for name, count in counts.items())
         return text + (f'; {bag}' if bag else '')

@@ -173,3 +173,20 @@ def test_the_bag_is_split_and_holds_the_overridden_qos(
     assert topics['/predicted_poses']['reliability'] == 'reliable'
     assert topics['/simulator/start']['durability'] == 'transient_local'
     assert '/predicted_markers' not in topics
+
+
+def test_the_bag_is_finished_before_a_future_that_takes_long(
+    simulated: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Draws of a spread cannot be cancelled, and a launch file kills after some seconds."""
+    simulation = simulated(record=str(tmp_path / 'bag'), horizon=1.0).node.simulation
+    there: list[bool] = []
+    finish = simulation.futures.close
+
+    def close() -> None:
+        there.append((tmp_path / 'bag' / 'metadata.yaml').exists())
+        finish()
+
+    monkeypatch.setattr(simulation.futures, 'close', close)
+    simulation.close()
+    assert there == [True]

@@ -215,3 +215,15 @@ def test_planes_and_samples_change_while_the_node_runs(
     (own,) = json.loads(heard.crossings[-1].data)['planes']['net']
     assert own['probability'] == 1.0 and own['time_deviation'] == 0.0
     assert not heard.deviations and not heard.branches
+
+
+def test_samples_that_would_not_fit_into_memory_are_refused(
+    simulated: Simulated, falling: Callable[..., Any], log: Callable[[], str]
+) -> None:
+    setup = simulated(horizon=60.0, samples=10_000, velocity_window=1)
+    heard = Heard(setup)
+    setup.start(falling(0.0))
+    setup.bench.until(lambda: 'lower samples or horizon' in log(), 'the warning')
+    # 10 001 states of 3 spheres, 104 bytes each, at 601 times
+    assert '10000 samples of 600 steps of 3 spheres would take 1.88 GB' in log()
+    assert not heard.deviations
