@@ -228,9 +228,7 @@ class Predictor:
     def _advance(self) -> Prediction:
         assert self.forecast is not None
         try:
-            split_stamp(
-                self._grid.stamp_ns
-            )  # a frame's may fit where that of a prediction does not
+            split_stamp(self._grid.stamp_ns)  # that of its frame may fit where this does not
             return self.forecast.advance_to(self._grid.stamp_ns)
         except (UserError, FloatingPointError) as error:
             raise PredictionError(

@@ -104,4 +104,4 @@ def _way(before: Array, after: Array) -> float:
     if not len(fewer):
         return 0.0
     # of each the nearest: in another order it is not the one at the same place
-    return float(cKDTree(more[:, :3]).query(fewer[:, :3])[0].max())
+    return float(cKDTree(more).query(fewer)[0].max())
