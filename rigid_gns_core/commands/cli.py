@@ -38,7 +38,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         'rigid_gns_core.commands.import_bags',
         'make a data set of the tracked poses in bags and CSV files',
     ),
-    'calibrate': ('rigid_gns_core.commands.calibrate', 'fit materials to tracked poses'),
+    'calibrate': (
+        'rigid_gns_core.commands.calibrate',
+        'fit air, contacts, spins and the frame to tracked positions, or materials to poses',
+    ),
     'generate': (
         'rigid_gns_core.commands.generate',
         'generate Bullet trajectories into a folder of HDF5 files',
@@ -46,7 +49,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     'train': ('rigid_gns_core.commands.train', 'train a simulator from a YAML recipe'),
     'benchmark': (
         'rigid_gns_core.commands.benchmark',
-        'speed against error, beside Bullet and MuJoCo',
+        'speed against error, beside Bullet, MuJoCo and what other engines are installed',
     ),
     'hard-cases': (
         'rigid_gns_core.commands.hard_cases',
